@@ -76,7 +76,7 @@ def _draft(folder: Path, output: Path, factor: float) -> None:
 
 def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) -> bool:
     from checked_files.yaml_file import load_yaml
-    from hil.report.acceptance_page import checked, write_page
+    from hil.report.further_pages import checked, write_acceptance_page
     from hil.results.acceptance import judge
     from hil.results.acceptance_file import Limits, write_junit
     from hil.results.model import Model
@@ -90,7 +90,7 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
     with working("judging the run by the limits"):
         run, model = Run.open(folder), Model.load(folder)
         checks = judge(run, model, bounds)
-        write_page(output / PAGE, run, checks, stated)
+        write_acceptance_page(output / PAGE, run, checks, stated)
     write_junit(output / JUNIT, run.robot.name, model.provenance.measured, checks)
     say_simulated(run)
     show(checked(checks), out)

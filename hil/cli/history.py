@@ -83,9 +83,9 @@ def history(
         say(f"history in {json_file}")
     if page is not None:
         with working("drawing the page"):
-            from hil.report.history_page import write_page
+            from hil.report.further_pages import write_history_page
 
-            write_page(page, found)
+            write_history_page(page, found)
         say(f"page in {page}")
     if fail_on_change and newest:
         raise typer.Exit(CHANGED)

@@ -30,11 +30,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-STRETCHES = 500
-"""Of a recording, at most."""
-FINE = 1e-4
-"""What values are rounded to, as share of the greatest."""
-
 
 def carried(campaign: Iterable[Measured], robot: Robot, ids: Collection[str]) -> str:
     """Recordings of the measurements `ids`, compressed; empty where there is none."""
@@ -47,7 +42,7 @@ def carried(campaign: Iterable[Measured], robot: Robot, ids: Collection[str]) ->
 
 
 def _recording(motion: RecordedMotion, recording: Recording, robot: Robot) -> dict[str, object]:
-    every = max(1, -(-recording.n_samples // STRETCHES))
+    every = max(1, -(-recording.n_samples // 500))  # stretches at most
     return {
         "words": f"{motion.kind}, {motion.axes_in_words}",
         "duration": round(float(recording.time[-1] - recording.time[0]), 4),
@@ -80,12 +75,12 @@ def _extremes(values: Array, every: int) -> Array:
 
 
 def _packed(values: Array) -> dict[str, object]:
-    """Whole multiples of a fine step; what is missing is as before."""
+    """Whole multiples of 1e-4 of the greatest; what is missing is as before."""
     there = np.isfinite(values)
     last = np.maximum.accumulate(np.where(there, np.arange(len(values)), 0))
     filled = np.nan_to_num(values[last])
     reach = float(np.abs(filled).max(initial=0.0))
-    return packed(filled, FINE * reach if reach > 0 else 1.0)
+    return packed(filled, 1e-4 * reach if reach > 0 else 1.0)
 
 
 Downloads = tuple[tuple[str, str, str], ...]

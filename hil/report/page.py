@@ -64,7 +64,7 @@ def report(run: Run, figures: Path | None = None) -> Path:
     whole = read(run)
     top, sections, model = _content(whole)
     path = run.path / NAME
-    write_file(path, _html(whole, top, sections, downloads(model) if model else ()).encode())
+    write_html(path, NAME, **_values(whole, top, sections, downloads(model) if model else ()))
     if figures is not None:
         _write_figures(figures, _plots(sections))
     return path
@@ -90,24 +90,36 @@ def _plots(sections: Iterable[Section]) -> list[Plot]:
     return [plot for each in sections for plot in each.plots if isinstance(plot, Plot)]
 
 
-def _html(whole: ReportedRun, top: Header, sections: Sequence[Section], files: Downloads) -> str:
+def write_html(path: Path, template: str, **values: object) -> None:
+    """Write a page, whole or not at all, with when and by which version it is written."""
+    about = {"written": now(), "version": versions()["canopen-robot-identification"]}
+    write_file(path, _templates().get_template(template).render(**values, **about).encode())
+
+
+def _templates() -> Environment:
     templates = environment(*TEMPLATES)
     templates.filters["when"] = when
+    return templates
+
+
+def _values(
+    whole: ReportedRun, top: Header, sections: Sequence[Section], files: Downloads
+) -> dict[str, object]:
+    templates = _templates()
     lead = next((each.plots[0] for each in sections if each.leads and each.plots), None)
     script = (TEMPLATES[0] / "report.js").read_text(encoding="utf-8")
     behind = frozenset[str]().union(*(plot.chart.ids for plot in _plots(sections)))
-    return templates.get_template(NAME).render(
-        top=top,
-        lead=lead,
-        sections=[(section, _text(templates, section, lead)) for section in sections],
-        downloads=files,
-        script=Markup(script),  # noqa: S704 - our own
-        script_source=f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'",
-        recordings=carried(whole.campaign, whole.robot, behind),
-        run=whole.source,
-        written=now(),
-        version=versions()["canopen-robot-identification"],
-    )
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return {
+        "top": top,
+        "lead": lead,
+        "sections": [(section, _text(templates, section, lead)) for section in sections],
+        "downloads": files,
+        "script": Markup(script),  # noqa: S704 - our own
+        "script_source": f"'sha256-{digest}'",
+        "recordings": carried(whole.campaign, whole.robot, behind),
+        "run": whole.source,
+    }
 
 
 def _text(templates: Environment, section: Section, lead: Plot | Picture | None) -> str:

@@ -18,28 +18,22 @@ from matplotlib.figure import Figure
 
 from hil.estimation.intervals import TWICE
 from hil.report import VALIDATION
+from hil.report.charts.axis import drawn
 from hil.report.charts.chart import GRID, INK, MEASURED, MODEL, MUTED
 from hil.results.tracking import PASSES, following_error, trajectories
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from matplotlib.axes import Axes
-    from matplotlib.gridspec import GridSpec
-    from numpy.typing import NDArray
 
     from hil.results.predicted_torques import PredictedTorque
     from hil.results.verdict import Validation
     from hil.runs.run import Run
     from hil.watching.trace import Trace
 
-    Array = NDArray[np.float64]
-
-WIDTH = 10.0
-"""Of a figure [inch]; reports scale it to the page."""
-DPI = 160
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
     "axes.titley": 1.0,  # else every draw looks for a place above all that stands there
@@ -60,104 +54,52 @@ def plotting() -> Iterator[None]:
 
 
 def image(figure: Figure, kind: str) -> bytes:
-    """Write a figure as ``svg`` or ``png``."""
+    """Write a figure as ``svg`` or ``png``, the latter with 160 points an inch."""
     FigureCanvasAgg(figure)
     content = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else None
-    figure.savefig(content, format=kind, dpi=DPI, metadata=metadata)
+    figure.savefig(content, format=kind, dpi=160, metadata=metadata)
     return content.getvalue()
 
 
-def panels_in_rows(
-    n: int, height: float, strip: float = 0.0
-) -> tuple[Figure, list[tuple[Axes, ...]]]:
-    """A figure with `n` panels, up to three in a row, each with a strip of details below or not."""
+def _panels(n: int, height: float, strip: float = 0.0) -> tuple[Figure, list[tuple[Axes, ...]]]:
+    """A figure with `n` panels, up to three in a row, each with a strip of details below or not.
+
+    It is 10 inches wide, or 6 for one panel, with fixed margins; reports scale it to the page.
+    """
     columns = 2 if n == 4 else min(max(n, 1), 3)
     rows = max(-(-n // columns), 1)
-    width = WIDTH if columns > 1 else 0.6 * WIDTH
-    figure, grid = fixed_grid(width, 0.3 + height * rows, rows, columns)
+    width, height = 10.0 if columns > 1 else 6.0, 0.3 + height * rows
+    figure = Figure(figsize=(width, height))
+    inner = (width - 0.75 - (columns - 1) * 0.85) / columns, (height - 1.05) / rows
+    inner = inner[0], inner[1] - (rows - 1) / rows * 0.75
+    grid = figure.add_gridspec(
+        rows, columns,
+        left=0.65 / width, right=1 - 0.1 / width, bottom=0.5 / height, top=1 - 0.55 / height,
+        wspace=0.85 / inner[0], hspace=0.75 / inner[1],
+    )  # fmt: skip
     panels: list[tuple[Axes, ...]] = []
     for k in range(n):
         cell = grid[divmod(k, columns)]
         if strip:
-            inner = cell.subgridspec(2, 1, height_ratios=[1.0, strip], hspace=0.12)
-            above = figure.add_subplot(inner[0])
-            panels.append((above, figure.add_subplot(inner[1], sharex=above)))
+            below = cell.subgridspec(2, 1, height_ratios=[1.0, strip], hspace=0.12)
+            above = figure.add_subplot(below[0])
+            panels.append((above, figure.add_subplot(below[1], sharex=above)))
         else:
             panels.append((figure.add_subplot(cell),))
     return figure, panels
 
 
-def fixed_grid(
-    width: float, height: float, rows: int, columns: int, ratios: Sequence[float] | None = None
-) -> tuple[Figure, GridSpec]:
-    """A figure and its grid with fixed margins [inch]; a layout engine takes most of the time."""
-    figure = Figure(figsize=(width, height))
-    inner = (width - 0.75 - (columns - 1) * 0.85) / columns, (height - 1.05) / rows
-    inner = inner[0], inner[1] - (rows - 1) / rows * 0.75
-    grid = figure.add_gridspec(
-        rows, columns, width_ratios=ratios,
-        left=0.65 / width, right=1 - 0.1 / width, bottom=0.5 / height, top=1 - 0.55 / height,
-        wspace=0.85 / inner[0], hspace=0.75 / inner[1],
-    )  # fmt: skip
-    return figure, grid
-
-
-def legend(figure: Figure, panel: Axes) -> None:
+def _legend(figure: Figure, panel: Axes) -> None:
     """Explain the marks of `panel` above all panels."""
     handles, labels = panel.get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper right", ncols=len(handles))
 
 
-POINTS = 1500
-"""Of a line, at most."""
-APART = 0.5
-"""Time between samples from which on no line joins them [s]."""
-
-
-def drawn(time: Array) -> tuple[slice, Array, Array]:
-    """Which samples are drawn, when since the first [s], and NaN after a hole, 0 elsewhere."""
-    shown = slice(None, None, max(1, -(-len(time) // POINTS)))
-    t = time[shown] - time[0]
-    return shown, t, np.where(np.diff(t, prepend=t[:1]) > APART, np.nan, 0.0)
-
-
-def draw_prediction(
-    panel: Axes,
-    strip: Axes,
-    time: Array,
-    measured: Array,
-    predicted: Array,
-    half_width: Array | None = None,
-) -> None:
-    """Draw a prediction beside what was measured, and the residual in the strip below.
-
-    Parameters
-    ----------
-    time, measured, predicted : ndarray, shape (n,)
-        [s], [N m or N].
-    half_width : ndarray, shape (n,), optional
-        Of the 95 % interval of the prediction [N m or N].
-    """
-    shown, t, hole = drawn(time)
-    residual = (measured - predicted)[shown] + hole
-    panel.plot(t, measured[shown] + hole, color=MEASURED, label="measured")
-    panel.plot(t, predicted[shown] + hole, "--", color=MODEL, label="predicted")
-    panel.tick_params(labelbottom=False)
-    strip.plot(t, residual, color=MUTED, linewidth=0.7)
-    if half_width is not None:
-        width, below = half_width[shown], predicted[shown] - half_width[shown]
-        look: dict[str, Any] = {"color": MODEL, "alpha": 0.25, "linewidth": 0}
-        panel.fill_between(t, below, below + 2 * width, label="95 % interval", **look)
-        strip.fill_between(t, -width, width, **look)
-    size = 1.1 * float(np.nanmax(np.abs(residual), initial=1e-9))
-    strip.set_ylim(-size, size)
-    strip.set_ylabel("residual")
-    strip.set_xlabel("time [s]")
-
-
-SHOWN = 20.0
-"""Of each axis's recordings, from where it moves first [s]."""
+def _written(path: Path, draw: Callable[[], Figure]) -> Path:
+    with plotting():
+        write_file(path, image(draw(), "png"))
+    return path
 
 
 class Drawn:
@@ -173,38 +115,53 @@ class Drawn:
             yield each
 
 
-def validation(found: Validation, first: dict[int, PredictedTorque]) -> Figure:
-    """Draw the first stretch of every axis, and below it the residual."""
-    figure, panels = panels_in_rows(len(found.axes), 2.6, strip=0.45)
-    for score, (above, below) in zip(found.axes, panels, strict=True):
-        each = first[score.axis - 1]
-        shown = each.time <= each.time[0] + SHOWN
-        width = TWICE * each.standard_error[shown]
-        draw_prediction(
-            above, below, each.time[shown], each.measured[shown], each.predicted[shown], width
-        )
-        above.set_ylabel(f"axis {score.axis} [{score.unit}]")
-        above.set_title(f"off by {score.relative:.1%}")
-    legend(figure, panels[0][0])
-    return figure
-
-
 def write_validation_plot(
     folder: Path, found: Validation, first: dict[int, PredictedTorque]
 ) -> Path:
-    """Draw a validation into a run's folder; return the file's path."""
-    path = folder / VALIDATION
-    with plotting():
-        write_file(path, image(validation(found, first), "png"))
-    return path
+    """Draw a validation into a run's folder; return the file's path.
+
+    Of every axis the first 20 s from where it moves first, and below it the residual; with the 95 %
+    interval of the prediction.
+    """
+    return _written(folder / VALIDATION, lambda: _validation(found, first))
 
 
-LABELS = {"neither": "neither", "velocity": "velocity", "both": "velocity and torque"}
-COLORS = {"neither": MUTED, "velocity": MODEL, "both": MEASURED}
+def _validation(found: Validation, first: dict[int, PredictedTorque]) -> Figure:
+    figure, panels = _panels(len(found.axes), 2.6, strip=0.45)
+    for score, (above, below) in zip(found.axes, panels, strict=True):
+        each = first[score.axis - 1]
+        begun = each.time <= each.time[0] + 20.0
+        shown, t, hole = drawn(each.time[begun])
+        measured, predicted = each.measured[begun][shown], each.predicted[begun][shown]
+        width, residual = TWICE * each.standard_error[begun][shown], measured - predicted + hole
+        above.plot(t, measured + hole, color=MEASURED, label="measured")
+        above.plot(t, predicted + hole, "--", color=MODEL, label="predicted")
+        below.plot(t, residual, color=MUTED, linewidth=0.7)
+        look: dict[str, Any] = {"color": MODEL, "alpha": 0.25, "linewidth": 0}
+        low = predicted - width
+        above.fill_between(t, low, low + 2 * width, label="95 % interval", **look)
+        below.fill_between(t, -width, width, **look)
+        size = 1.1 * float(np.nanmax(np.abs(residual), initial=1e-9))
+        below.set(ylim=(-size, size), ylabel="residual", xlabel="time [s]")
+        above.tick_params(labelbottom=False)
+        above.set_ylabel(f"axis {score.axis} [{score.unit}]")
+        above.set_title(f"off by {score.relative:.1%}")
+    _legend(figure, panels[0][0])
+    return figure
 
 
-def tracking(runs: dict[str, Run], delay: float) -> Figure:
-    """Draw the first period of the first trajectory; below it the smaller errors by themselves.
+PASS_LINES = {
+    "neither": ("neither", MUTED),
+    "velocity": ("velocity", MODEL),
+    "both": ("velocity and torque", MEASURED),
+}
+"""Label and colour of each pass of a tracking."""
+
+
+def write_tracking_plot(folder: Path, runs: dict[str, Run], delay: float) -> Path:
+    """Draw a tracking into a folder; return the file's path.
+
+    The first period of the first trajectory; below it the smaller errors by themselves.
 
     Parameters
     ----------
@@ -213,38 +170,36 @@ def tracking(runs: dict[str, Run], delay: float) -> Figure:
     delay : float
         See `hil.results.tracking`.
     """
+    return _written(folder / "tracking.png", lambda: _tracking(runs, delay))
+
+
+def _tracking(runs: dict[str, Run], delay: float) -> Figure:
     robot = runs[PASSES[0]].robot
-    figure, panels = panels_in_rows(robot.n_joints, 2.6, strip=0.8)
+    figure, panels = _panels(robot.n_joints, 2.6, strip=0.8)
     for name in PASSES:
         trajectory, recording = trajectories(runs[name])[0]
         time, error, _ = following_error(recording, trajectory, delay)
-        shown = time <= trajectory.period
+        shown, (label, colour) = time <= trajectory.period, PASS_LINES[name]
         for axis, (above, below) in enumerate(panels):
             for panel in (above,) if name == "neither" else (above, below):
-                panel.plot(
-                    time[shown], 1e3 * error[shown, axis], color=COLORS[name], label=LABELS[name]
-                )
+                panel.plot(time[shown], 1e3 * error[shown, axis], color=colour, label=label)
     for axis, (above, below) in enumerate(panels):
         above.set_title(f"axis {axis + 1}")
         above.set_ylabel(f"[m{robot.position_unit(axis)}]")
         above.tick_params(labelbottom=False)
         below.set_xlabel("time [s]")
-    legend(figure, panels[0][0])
+    _legend(figure, panels[0][0])
     return figure
 
 
-def write_tracking_plot(folder: Path, runs: dict[str, Run], delay: float) -> Path:
-    """Draw a tracking into a folder; return the file's path."""
-    path = folder / "tracking.png"
-    with plotting():
-        write_file(path, image(tracking(runs, delay), "png"))
-    return path
+def write_watch_plot(folder: Path, trace: Trace, units: tuple[str, ...] = ()) -> Path:
+    """Draw what is around each axis's first alarm, or the end of a watch; return the file."""
+    return _written(folder / "watch.png", lambda: _watch(trace, units))
 
 
-def watch(trace: Trace, units: tuple[str, ...] = ()) -> Figure:
-    """Draw what is around each axis's first alarm, or the end of the watch."""
+def _watch(trace: Trace, units: tuple[str, ...]) -> Figure:
     stretches = trace.stretches()
-    figure, panels = panels_in_rows(len(stretches), 2.3)
+    figure, panels = _panels(len(stretches), 2.3)
     for axis, (stretch, (panel,)) in enumerate(zip(stretches, panels, strict=True)):
         seen = np.where(np.isfinite(stretch.threshold), stretch.threshold, np.nan)
         low, high = (stretch.predicted + side * seen for side in (-1, 1))
@@ -260,13 +215,5 @@ def watch(trace: Trace, units: tuple[str, ...] = ()) -> Figure:
         panel.set_ylabel(f"torque [{units[axis]}]" if units else "torque")
     if panels:
         shown = max(panels, key=lambda each: len(each[0].get_lines()))
-        legend(figure, shown[0])
+        _legend(figure, shown[0])
     return figure
-
-
-def write_watch_plot(folder: Path, trace: Trace, units: tuple[str, ...] = ()) -> Path:
-    """Draw a watch into a folder; return the file's path."""
-    path = folder / "watch.png"
-    with plotting():
-        write_file(path, image(watch(trace, units), "png"))
-    return path

@@ -137,28 +137,28 @@ def _colour(colour: str) -> str:
 
 SCALE = 78.0
 """Height of the names of the columns and of the scale of colours below them."""
-FEW = 20
-"""Rows up to which there is room for figures."""
-_STEP = 12.0
-"""Width of a tenth of the scale."""
 
 
 def matrix_in(
     matrix: Matrix, left: float, top: float, size: float, explanation: str
 ) -> Iterator[str]:
-    """Draw a matrix into a square with its names around, and below it the scale of colours."""
+    """Draw a matrix into a square with its names around, and below it the scale of colours.
+
+    Up to 20 rows leave room for figures.
+    """
     n = len(matrix.names)
+    few = n <= 20
     cell = size / n
     for i, name in enumerate(matrix.names):
         yield text(left - 5, top + (i + 0.65) * cell, name, "end")
-        if n <= FEW:
+        if few:
             yield text(left + (i + 0.5) * cell, top + size + 13, name, "middle")
     for i, j in np.ndindex(n, n):
         value = float(matrix.values[i, j])
         x, y = left + j * cell, top + i * cell
         if abs(value) >= 0.005:
             yield _cell(x, y, cell, cell, value)
-        if n <= FEW and i != j and abs(value) >= 0.05:
+        if few and i != j and abs(value) >= 0.05:
             yield text(x + cell / 2, y + 0.65 * cell, signed(f"{value:.1f}"), "cell")
     yield from _scale(left + size / 2, top + size + 26, explanation)
 
@@ -171,8 +171,9 @@ def _cell(x: float, y: float, width: float, height: float, value: float) -> str:
 
 
 def _scale(middle: float, top: float, explanation: str) -> Iterator[str]:
+    step = 12.0
     for k in range(-10, 11):
-        yield _cell(middle + (k - 0.5) * _STEP, top, _STEP, 9, k / 10)
+        yield _cell(middle + (k - 0.5) * step, top, step, 9, k / 10)
     for value in (-1, -0.5, 0, 0.5, 1):
-        yield text(middle + 10 * value * _STEP, top + 21, signed(f"{value:g}"), "middle")
+        yield text(middle + 10 * value * step, top + 21, signed(f"{value:g}"), "middle")
     yield text(middle, top + 38, explanation, "middle")

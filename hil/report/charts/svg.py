@@ -21,14 +21,8 @@ if TYPE_CHECKING:
 
     from hil.report.charts.chart import Chart, Panel
 
-RIGHT, TOP, BOTTOM = 16.0, 22.0, 36.0
-"""Margins around the field of a panel, beside its own on the left."""
-BETWEEN = 9.0
-"""A panel and the strip below it."""
-APART = 55.0
-"""Marks along a horizontal axis, about."""
-ABOVE = 26.0
-"""Marks along a vertical axis, about."""
+RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 22.0, 36.0, 9.0
+"""Margins around the field of a panel, beside its own on the left, and of the strip below it."""
 
 
 def panels(chart: Chart) -> list[Markup]:
@@ -58,7 +52,7 @@ def drawn(panel: Panel) -> Iterator[str]:
     both = [*panel.items, *(panel.below.items if panel.below else ())]
     reach = shown(both, panel.x_range, along=True, decades=panel.decades)
     x = Axis(*reach, panel.left, panel.width - RIGHT, panel.decades)
-    marks = x.marks(int((x.end - x.begin) / APART), whole=panel.whole)
+    marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
     top = bottom = TOP
     if panel.title:
@@ -77,7 +71,7 @@ def _field(panel: Panel, x: Axis, top: float, along: list[float]) -> Iterator[st
     """Draw the field inside a pair of axes, with the marks of the vertical one."""
     bottom = top + panel.height
     y = Axis(*shown(panel.items, panel.y_range, along=False, decades=False), bottom, top)
-    marks = y.marks(max(2, int(panel.height / ABOVE)))
+    marks = y.marks(max(2, int(panel.height / 26.0)))  # about so far apart
     up = text_of(marks if panel.rows is None else panel.rows, y)
     across = f"{number(x.begin)} {{}}H{number(x.end)}"
     grid = [f"M{number(at)} {number(top)}V{number(bottom)}" for at in along]
@@ -99,12 +93,6 @@ def _svg(width: float, height: float, content: str) -> Markup:
 
 
 STYLE = Path(__file__).parent / "chart.css"
-WIDE = 1080.0
-"""Of a row of panels, at most."""
-LEGEND = 26.0
-"""Height of the legend."""
-LETTER = 6.2
-"""Width of a letter in it, about."""
 
 
 def file(chart: Chart) -> bytes:
@@ -127,11 +115,11 @@ def file(chart: Chart) -> bytes:
 
 
 def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
-    """Where each panel begins, row by row."""
-    x, y, row = 0.0, LEGEND if chart.legend else 0.0, 0.0
+    """Where each panel begins, below a legend of height 26, in rows of at most 1080."""
+    x, y, row = 0.0, 26.0 if chart.legend else 0.0, 0.0
     for panel in chart.panels:
         width, height = size_of(panel)
-        if x and x + width > WIDE:
+        if x and x + width > 1080.0:
             x, y, row = 0.0, y + row, 0.0
         yield x, y, panel
         x, row = x + width, max(row, height)
@@ -141,7 +129,7 @@ def _legend(chart: Chart) -> Iterator[str]:
     x = 52.0
     for label, item in chart.legend.items():
         yield _moved(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
-        x += 45.0 + LETTER * len(label)
+        x += 45.0 + 6.2 * len(label)  # about the width of a letter
 
 
 def _moved(x: float, y: float, content: str) -> str:

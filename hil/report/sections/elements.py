@@ -139,10 +139,6 @@ def _element(chosen: Sequence[tuple[int, LocalValue]], kind: ElementKind, robot:
     )
 
 
-NARROW = 4.0
-"""Range of a joint's positions up to which nothing shows over it [deg or mm]."""
-
-
 def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]) -> Chart:
     """Draw what the model leaves of every measurement, as torque; and how normal that is.
 
@@ -204,7 +200,7 @@ def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: Elem
 
 
 def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
-    """Panels of one axis, all with the same vertical axis."""
+    """Panels of one axis, all with the same vertical axis, over joints that vary by 4 deg or mm."""
     axis = own[0].axis
     left = np.array([value.value - value.model for value in own])
     mean = float(left.mean())
@@ -213,7 +209,7 @@ def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> 
     unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
     for joint, turns in enumerate(robot.revolute):
         shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
-        if np.ptp(shown) > NARROW:
+        if np.ptp(shown) > 4.0:
             yield Panel(
                 (
                     Rule(0.0, colour=MODEL),

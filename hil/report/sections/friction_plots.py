@@ -45,10 +45,6 @@ STYLES = {
     "stribeck": (PURPLE, "6 2 1 2"),
 }
 """Colour and line of each model."""
-PAUSE = 3.0
-"""Multiple of the usual interval between levels from which on a line is interrupted."""
-FEWEST = 4
-"""Speeds that make a characteristic."""
 
 
 def normalised(result: FrictionResult) -> Chart:
@@ -141,9 +137,9 @@ def _levels_in_time(drift: Drift) -> Iterator[Item]:
 
 
 def _interrupted(minutes: Array, fitted: Array) -> Array:
-    """Leave a gap where nothing was measured for long."""
+    """Leave a gap where nothing was measured for three times the usual interval."""
     pauses = np.diff(minutes, prepend=minutes[:1])
-    return np.where(pauses > PAUSE * np.median(pauses), np.nan, fitted)
+    return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
 
 
 def in_operation(result: FrictionResult) -> Chart:
@@ -169,13 +165,13 @@ def _in_operation(result: FrictionResult, axis: int) -> Panel:
 
 
 def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoint]]:
-    """Points of an axis, a new list beginning after every exercise; short lists left out."""
+    """Points of an axis, a new list after every exercise; those of fewer than 4 speeds left out."""
     lists: list[list[FrictionPoint]] = [[]]
     for point in sorted(result.of_axis(axis), key=lambda p: p.time):
         if result.planned[point.id].exercise:
             lists.append([])
         lists[-1].append(point)
-    return [each for each in lists if len({p.velocity for p in each}) >= FEWEST]
+    return [each for each in lists if len({p.velocity for p in each}) >= 4]
 
 
 def axes_in_operation(result: FrictionResult) -> list[int]:

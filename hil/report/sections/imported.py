@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.report.charts.axis import drawn
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, in_turn
-from hil.report.pictures import drawn
 from hil.report.section import Plot, Section
 from hil.results.recorded_torque import in_si, predict_recording
 from hil.results.tables import back_and_forth as strokes
@@ -124,12 +124,11 @@ def measured_and_predicted(torque: RecordedTorque, robot: Robot) -> Chart:
     )
 
 
-SHOWN = 6
-"""Recordings of an axis."""
-
-
 def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
-    """Torque of the rigid bodies over the position, measured and modelled, axis by axis."""
+    """Torque of the rigid bodies over the position, measured and modelled, axis by axis.
+
+    Of each axis the six recordings with the longest ways.
+    """
     axes = sorted({each.axis for each in half_sums})
     return Chart(
         tuple(
@@ -145,7 +144,7 @@ def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
 
 
 def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
-    longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:SHOWN]
+    longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:6]
     for each, colour in zip(longest, in_turn(len(longest)), strict=True):
         error = np.nan_to_num(each.standard_error)
         yield Points(each.q, each.measured, "o", colour, error=error, size=1.6)

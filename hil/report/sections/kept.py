@@ -250,15 +250,11 @@ def _elements(run: Sequence[ElementRecord], axis: int, *, loaded: bool) -> Itera
     )
 
 
-_LONG = 40
-"""Letters from which on names do not go into a legend."""
-
-
 def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
     """The paper's Fig. 7: a gravity torque by the robot file and by what was `found`."""
     angle = np.linspace(-np.pi, np.pi, 181)
     shown = np.degrees(angle)
-    name = found if len(found) < _LONG else "what was found"
+    name = found if len(found) < 40 else "what was found"  # letters that a legend has room for
     error = 2.0 * np.nan_to_num(phase.standard_error)
     return Chart(
         (

@@ -88,10 +88,6 @@ def correlations(run: IdentifiedRun) -> Section:
     return Section("Correlations of the parameters", "correlations.html", plots=(plot,))
 
 
-ROW = 19.0
-"""Height of a parameter's row."""
-
-
 def intervals(model: Model, check: Model | None, prediction: Prediction) -> Chart:
     """Draw 95 % intervals of all parameters, and where the published method has them.
 
@@ -100,6 +96,7 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
     """
     base = base_parameters(model.robot)
     order = [k for members in base.groups.values() for k in members]
+    height = max(19.0 * len(order), 120.0)
     effect = 100 * np.nan_to_num(prediction.relative_effect).max(axis=0)
     interval = model.interval(0.95)
     half = (interval[:, 1] - interval[:, 0]) / 2 / model.standard_errors * effect
@@ -124,7 +121,7 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
                 y_range=(0.3, len(order) + 0.7),
                 rows={float(row): base.names[k] for row, k in zip(rows, order, strict=True)},
                 width=530.0,
-                height=max(ROW * len(order), 120.0),
+                height=height,
             ),
             Panel(
                 (Points(np.zeros(len(axes)), axes, "o", error=TWICE * torques, along=True,
@@ -138,7 +135,7 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
                 },
                 width=420.0,
                 left=110.0,
-                height=max(ROW * len(order), 120.0),
+                height=height,
             ),
         )
     )  # fmt: skip

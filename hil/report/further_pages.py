@@ -1,6 +1,6 @@
-"""The page of a machine's history: one HTML file with tables and plots, and nothing outside it.
+"""Pages beside reports, one HTML file each: of an acceptance, to be signed, and of a history.
 
-Quantities are drawn over the runs, with intervals; what is marked stands out.
+A history draws quantities of a machine over its runs, with intervals; what is marked stands out.
 """
 
 from __future__ import annotations
@@ -12,44 +12,99 @@ import numpy as np
 
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
 from hil.report.header import when
-from hil.report.page import TEMPLATES
+from hil.report.page import write_html
 from hil.report.section import Plot
 from hil.results.changes import FALSE_ALARM
 from hil.results.history_file import half_width
-from hil.results.rounding import unit
+from hil.results.rounding import signed, unit
 from hil.results.tables import history as tables
-from hil.results.tables.html import environment
-from hil.runs.atomic_file import write_file
-from hil.runs.journal import now, versions
+from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from hil.results.acceptance_file import Check
     from hil.results.compared_runs import History
     from hil.results.quantities import Kind
+    from hil.results.tables.table import Row
+    from hil.runs.run import Run
+
+NOT_KNOWN = "not stated"
+
+
+def write_acceptance_page(
+    path: Path, run: Run, checks: Sequence[Check], stated: Mapping[str, str]
+) -> None:
+    """Write the page, whole or not at all; `stated`: facts that the run does not hold."""
+    sessions = run.journal.sessions
+    facts = {
+        **{name: text or NOT_KNOWN for name, text in stated.items()},
+        "Measured": when(sessions[-1].started) if sessions else NOT_KNOWN,
+        "Bus": sessions[-1].bus if sessions else NOT_KNOWN,
+    }
+    write_html(
+        path,
+        "acceptance.html",
+        robot=run.robot.name,
+        failed=sum(not check.passed for check in checks),
+        count=len(checks),
+        facts=facts.items(),
+        tables=[each for each in (checked(checks), _drives(run)) if each],
+        simulated=run.journal.simulated,
+    )
+
+
+def checked(checks: Sequence[Check]) -> Table:
+    """Checks as a table."""
+    return Table(
+        title="Checks",
+        columns=(
+            Column("check"),
+            *figures("value", "at least", "at most"),
+            Column("unit"),
+            Column(""),
+        ),
+        parts=(Part(tuple(map(_row, checks))),),
+    )
+
+
+def _row(check: Check) -> Row:
+    values = (check.value, check.least, check.most)
+    cells = ("" if each is None else _figure(each) for each in values)
+    return (check.name, *cells, unit(check.unit), "PASS" if check.passed else Marked("FAIL"))
+
+
+def _figure(value: float | str) -> str:
+    return value if isinstance(value, str) else signed(f"{value:.6g}")
+
+
+def _drives(run: Run) -> Table | None:
+    axes = next((session.axes for session in run.journal.sessions if session.axes), ())
+    rows: tuple[Row, ...] = tuple((axis.name, axis.identity) for axis in axes)
+    if not rows:
+        return None
+    return Table("Drives", (Column("axis"), Column("identity", folds=True)), (Part(rows),))
+
 
 _CAPTION = "Values with intervals of 95 %, thin lines with what temperature may add to friction."
 
 
-def write_page(path: Path, found: History) -> None:
+def write_history_page(path: Path, found: History) -> None:
     """Write the page, whole or not at all."""
-    templates = environment(*TEMPLATES)
-    templates.filters["when"] = when
-    text = templates.get_template("history.html").render(
+    write_html(
+        path,
+        "history.html",
         robot=found.robot.name,
         newest=found.runs[-1].label,
         marked=found.sentences(found.runs[-1]),
         tables=[table(found) for table in (tables.runs, tables.changes, tables.condition)],
-        plots=list(_plots(found)),
+        plots=list(_history_plots(found)),
         rate=f"{FALSE_ALARM:.0%}",
-        written=now(),
-        version=versions()["canopen-robot-identification"],
     )
-    write_file(path, text.encode())
 
 
-def _plots(found: History) -> Iterator[Plot]:
+def _history_plots(found: History) -> Iterator[Plot]:
     """A plot of each kind of quantity that the runs know."""
     names: dict[Kind, str] = {
         "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
@@ -64,9 +119,6 @@ def _plots(found: History) -> Iterator[Plot]:
                 f"{name} over time, a panel each",
                 f"{name} over time. {_CAPTION}",
             )
-
-
-DAY = 86400.0
 
 
 def over_time(found: History, places: Sequence[int]) -> Chart:
@@ -92,7 +144,7 @@ def _instants(found: History) -> tuple[np.ndarray, str]:
     if not all(stamps):
         return np.arange(1.0, len(stamps) + 1), "run"
     seconds = np.array([datetime.fromisoformat(stamp).timestamp() for stamp in stamps])
-    return (seconds - seconds[0]) / DAY, "days since the first run"
+    return (seconds - seconds[0]) / 86400.0, "days since the first run"
 
 
 def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:
