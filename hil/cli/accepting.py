@@ -15,9 +15,8 @@ from hil.cli.outputs import (
     refuse_no_folder,
     say_simulated,
 )
-from hil.terminal.console import out, say
+from hil.terminal.console import out, say, working
 from hil.terminal.printable import printable
-from hil.terminal.working import working
 
 commands = typer.Typer()
 PAGE, JUNIT = "acceptance.html", "acceptance.xml"

@@ -17,8 +17,7 @@ from hil.cli.arguments import bus_options, refuse_no_channel
 from hil.model.robot import ROBOTS
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
-from hil.terminal.keys import Keys
-from hil.terminal.operator import TerminalOperator
+from hil.terminal.keys import Keys, TerminalOperator
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

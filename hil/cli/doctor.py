@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.terminal.console import say
-from hil.terminal.working import working
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -21,8 +21,7 @@ from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_no_channel
 from hil.cli.outputs import new_file
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -10,9 +10,8 @@ import typer
 
 from hil.cli.arguments import Masses, Without, body_bounds
 from hil.cli.outputs import REFUSED, folder_to_write
-from hil.terminal.console import say
+from hil.terminal.console import say, working
 from hil.terminal.printable import printable
-from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -11,8 +11,7 @@ import typer
 from hil.cli.arguments import PlanWorkspace, RobotName, RunPath
 from hil.cli.measuring import run
 from hil.cli.outputs import NewPlan, refuse_unwritable, say_simulated
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

@@ -27,8 +27,7 @@ from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.outputs import file_to_write, folder_to_write
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
-from hil.terminal.console import say
-from hil.terminal.working import working
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

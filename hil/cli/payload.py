@@ -12,8 +12,7 @@ from typer.core import TyperGroup
 
 from hil.cli.arguments import ModelPath, RobotsBus, expand_records
 from hil.cli.outputs import folder_to_write, refuse_unwritable, say_simulated
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.cli.measuring import OnBus

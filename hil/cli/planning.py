@@ -18,8 +18,7 @@ from hil.cli.arguments import (
 )
 from hil.cli.outputs import NewPlan
 from hil.planning import LONGEST
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

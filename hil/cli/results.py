@@ -10,8 +10,7 @@ import typer
 
 from hil.cli.arguments import Masses, RunPath, Without, body_bounds
 from hil.cli.outputs import REFUSED, folder_to_write, refuse_unwritable, say_simulated
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.results.model import Model

@@ -10,8 +10,7 @@ from typer.core import TyperGroup
 
 from hil.cli.arguments import RobotName
 from hil.cli.outputs import new_file
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 
 class _ShowsByDefault(TyperGroup):

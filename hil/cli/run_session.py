@@ -18,7 +18,7 @@ from hil.runs.lock import locked
 from hil.runs.run_folder import RunFolder
 from hil.terminal.console import out, say
 from hil.terminal.interruption import interruptible, report
-from hil.terminal.keyboard_stop import HINT, KeyboardStop
+from hil.terminal.keys import HINT, KeyboardStop
 from hil.terminal.progress import shown
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from hil.cli.arguments import (
 )
 from hil.cli.measuring import OnBus
 from hil.cli.outputs import folder_to_write, say_simulated
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,8 +13,7 @@ import typer
 
 from hil.cli.arguments import RobotName
 from hil.cli.outputs import NewPlan
-from hil.terminal.console import say
-from hil.terminal.working import working
+from hil.terminal.console import say, working
 
 trajectory = typer.Typer(
     help="Conventional identification with periodic trajectories.", no_args_is_help=True

@@ -11,8 +11,7 @@ from hil.cli.arguments import RealTime, RobotsBus, RunPath, expand_records
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import REFUSED, refuse_unwritable, say_simulated
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.results.model import Model

@@ -10,8 +10,7 @@ import typer
 
 from hil.cli.arguments import RobotOption, WorkspaceOption
 from hil.cli.outputs import file_to_write, refuse_no_folder, refuse_unwritable
-from hil.terminal.console import say
-from hil.terminal.working import working
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -168,7 +167,7 @@ def _visuals(urdf: Path | None, robot: Robot) -> Sequence[Visual]:
 
 def _model(path: Path, robot: Robot) -> Model:
     from hil.results.model import Model
-    from hil.view.predicted import refuse_other_robot
+    from hil.view.along_motion import refuse_other_robot
 
     model = Model.load(path)
     refuse_other_robot(model, robot, str(path))

@@ -19,8 +19,7 @@ from hil.cli.arguments import (
 from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.measuring import OnBus
 from hil.cli.outputs import new_folder
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -127,7 +126,7 @@ def _pass(
 
     from hil.cli.measuring import measure
     from hil.cli.watch_view import WatchView
-    from hil.watching.watching_bus import WatchingBus
+    from hil.watching.watcher import WatchingBus
 
     view = WatchView(watcher, the_robot)
     measure(

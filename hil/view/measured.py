@@ -16,8 +16,8 @@ from hil.errors import NotEnoughData
 from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.set_points import set_points
-from hil.view.segment import Segment
-from hil.view.track import SHARE, Track, simplified
+from hil.view.segments import Segment
+from hil.view.tracks import SHARE, Track, simplified
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,11 +30,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
-
-BETWEEN = 1.0
-"""Time between two motions that were recorded elsewhere [s]."""
-ANGLE = 2e-5
-"""By how much a drawn position may be off [rad or m]."""
 
 
 class Measured(NamedTuple):
@@ -91,9 +86,9 @@ def _thinning(run: Run, most: int) -> int:
 
 
 def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
-    """Duration of the way from `place` to where a motion begins [s]."""
+    """Duration of the way from `place` to where a motion begins [s]; 1 s where it is not known."""
     if isinstance(motion, FreeMotion):
-        return BETWEEN
+        return 1.0
     start = np.where(np.isfinite(place), place, motion.start).tolist()
     return travel_time(robot, start, motion.start, 1.0) + SETTLING
 
@@ -151,12 +146,13 @@ def _tracks(
         np.concatenate([getattr(piece, name) for piece in pieces])
         for name in ("q", "qd", "tau", "set_point")
     )
+    angle = 2e-5  # by which a drawn position may be off [rad or m]
     known = bool(np.isfinite(planned).all())
     return (
-        _each(time, q, ANGLE),
+        _each(time, q, angle),
         _each(time, qd, SHARE * _greatest(qd)),
         _each(time, tau, SHARE * _greatest(tau)),
-        _each(time, planned, ANGLE) if known else None,
+        _each(time, planned, angle) if known else None,
     )
 
 

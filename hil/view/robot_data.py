@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-STEP = 0.7
-"""Way between two capsules of a swept volume, as share of the smallest radius."""
-
 
 def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object]:
-    """As a page has it; `visuals` are shown in place of the capsules."""
+    """As a page has it; `visuals` are shown in place of the capsules.
+
+    Two capsules of a swept volume are 0.7 of the smallest radius apart.
+    """
     shapes = capsules(robot)
     ways = np.maximum(shapes.reach.max(axis=0), shapes.radii.min())
     return {
@@ -33,7 +33,7 @@ def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object
         "up": _up(robot.gravity),
         "reach": float(reaches(robot).max()),
         "joints": [
-            _joint(robot, j) | {"step": float(STEP * shapes.radii.min() / ways[j])}
+            _joint(robot, j) | {"step": float(0.7 * shapes.radii.min() / ways[j])}
             for j in range(robot.n_joints)
         ],
         "meshes": [visual.data() for visual in visuals],

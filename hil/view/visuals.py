@@ -17,10 +17,8 @@ from hil.errors import FileError, Mismatch
 from hil.model.frames import inverse
 from hil.model.readers.axes_to_frames import difference, frames_of
 from hil.model.readers.urdf import UrdfReader
-from hil.view.mesh_files import read_triangles
-from hil.view.packed import packed
-from hil.view.primitives import box, cylinder, sphere
-from hil.view.thinned_mesh import FINEST, thinned
+from hil.view.meshes import FINEST, box, cylinder, read_triangles, sphere, thinned
+from hil.view.tracks import packed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
 
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
-    from hil.view.thinned_mesh import Mesh
+    from hil.view.meshes import Mesh
 
     Array = NDArray[np.float64]
 

@@ -14,8 +14,7 @@ from small_run import write_run
 from drivers.commissioning.verdict import Grade, Verdict
 from hil.cli import check_view
 from hil.results.identification import identify
-from hil.terminal.keys import Keys
-from hil.terminal.operator import TerminalOperator
+from hil.terminal.keys import Keys, TerminalOperator
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -25,8 +25,8 @@ from hil.cli.live import Shown, listeners, with_ports
 from hil.cli.measuring import OnBus, measure
 from hil.export.recordings.ros_messages import FAULT, OK, STALE, WARNING, RosMessages
 from hil.live import lines
+from hil.live.foxglove_server import TOPICS, RosLines
 from hil.live.listener import Listener, ListenerFailed
-from hil.live.ros_lines import TOPICS, RosLines
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.runs import SIMULATED

@@ -1,7 +1,8 @@
-"""What the time line distinguishes: the kinds of measurement, and motion that is not recorded."""
+"""Stretches of the time line: measurements, and the ways to them; their kinds and colours."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import chain, repeat
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,36 @@ from hil.planning.measurement import KINDS, ElementKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One stretch of time.
+
+    Attributes
+    ----------
+    kind : str
+        Of measurement, or ``travel`` or ``warm-up``.
+    words : str
+        What happens, for readers.
+    begin, end : float
+        [s].
+    axes : tuple of int
+        Whose torque is read, from 0.
+    recorded : bool
+        Whether it is a measurement.
+    problem : str, optional
+        Why the dry run refuses it.
+    """
+
+    kind: str
+    words: str
+    begin: float
+    end: float
+    axes: tuple[int, ...] = ()
+    recorded: bool = False
+    problem: str | None = None
+
 
 RECORDED_ELSEWHERE = str(FreeMotion.model_fields["kind"].default)
 BETWEEN = {"travel": "#6b7885", "warm-up": "#94722f"}
