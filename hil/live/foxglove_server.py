@@ -21,7 +21,6 @@ Stamps are the computer's clock, as in the lines; the bus's time is a value of t
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 from math import nan
@@ -43,6 +42,7 @@ from hil.export.recordings.ros_messages import (
     Diagnosis,
     RosMessages,
 )
+from hil.live.beside import begin_listening, url_host
 from hil.optional_packages import needed_for
 
 if TYPE_CHECKING:
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
 TOPICS = {"/joint_states": JOINT_STATE, "/diagnostics": DIAGNOSTICS, "/events": LOG}
 """Topics and the types of their messages."""
-_MILLISECOND = 1_000_000
 _STATES = {OK: "under power", STALE: "without power", FAULT: "stopped by a fault"}
 _REMARKS = {
     SampleFlag.MISSING: "no sample came",
@@ -86,7 +85,7 @@ class RosLines:
 
     def take(self, line: dict[str, Any]) -> Iterator[Said]:
         """Yield what a line says; lines of kinds that nobody shows say nothing."""
-        stamp = round(line["at"] * 1000) * _MILLISECOND
+        stamp = round(line["at"] * 1000) * 1_000_000
         if line["kind"] == "start":
             self._joints = line["robot"]["joints"]
             self._names = [f"joint{k}" for k in range(1, len(self._joints) + 1)]
@@ -158,42 +157,36 @@ def _told(line: dict[str, Any]) -> Iterator[tuple[int, str]]:
 
 
 OPTION, EXTRA = "--foxglove", "foxglove"
-NICE = 10
-"""By how much the run goes first."""
-BACKLOG = 256
-"""Messages that wait for one client; some 3 s of a run."""
-LAST_WORDS = 0.5
-"""How long clients may take to get the last messages [s]."""
 
 
 def main(address: str, port: str) -> None:
     """Serve until the end of standard input."""
-    os.nice(NICE)
+    say = begin_listening()
     try:
         messages = RosMessages(OPTION, EXTRA)
         server, channels = _served(messages, address, int(port))
     except FileError as error:
-        _say("failed", str(error))
+        say("failed", str(error))
         return
     except (OSError, RuntimeError) as error:
-        _say(
-            "failed",
-            f"Foxglove cannot be served on port {port} of {address}: {_reason(error)}; choose"
-            f" another with {OPTION} PORT, or 0 for a free one",
-        )
+        reason = str(error).removeprefix("FoxgloveError: ")
+        text = f"Foxglove cannot be served on port {port} of {address}: {reason}; choose another"
+        say("failed", f"{text} with {OPTION} PORT, or 0 for a free one")
         return
-    host = f"[{address}]" if ":" in address else address
-    _say("ready", f"Foxglove: open a connection to ws://{host}:{server.port}")
+    say("ready", f"Foxglove: open a connection to ws://{url_host(address)}:{server.port}")
     lines = RosLines(messages)
     for text in sys.stdin.buffer:
         for said in lines.take(json.loads(text)):
             channels[said.topic].log(said.data, log_time=said.stamp)
-    time.sleep(LAST_WORDS)
+    time.sleep(0.5)  # clients get the last messages
     server.stop()
 
 
 def _served(messages: RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
-    """Start the server; return it and its channels by topic."""
+    """Start the server; return it and its channels by topic.
+
+    256 messages may wait for one client, some 3 s of a run.
+    """
     with needed_for(OPTION, EXTRA):
         import foxglove  # noqa: PLC0415 - optional
     channels = {
@@ -205,18 +198,9 @@ def _served(messages: RosMessages, address: str, port: int) -> tuple[Any, dict[s
         for topic, kind in TOPICS.items()
     }
     server = foxglove.start_server(
-        name="hil run", host=address, port=port, message_backlog_size=BACKLOG
+        name="hil run", host=address, port=port, message_backlog_size=256
     )
     return server, channels
-
-
-def _reason(error: Exception) -> str:
-    return str(error).removeprefix("FoxgloveError: ")
-
-
-def _say(kind: str, text: str) -> None:
-    sys.stdout.write(json.dumps({"kind": kind, "text": text}) + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":
