@@ -10,6 +10,7 @@ import typer
 from hil.cli.arguments import RunPath
 from hil.cli.outputs import (
     REFUSED,
+    output_option,
     place_to_write,
     refuse_existing,
     refuse_no_folder,
@@ -26,13 +27,7 @@ PAGE, JUNIT = "acceptance.html", "acceptance.xml"
 def accept(
     folder: RunPath,
     output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            callback=place_to_write,
-            help="Folder of page and JUnit XML; file of a draft.",
-        ),
+        Path, output_option(place_to_write, "Folder of page and JUnit XML; file of a draft.")
     ],
     limits: Annotated[
         Path | None, typer.Option("--limits", help="File of limits that the run is judged by.")

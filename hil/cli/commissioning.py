@@ -8,7 +8,7 @@ it, and Ctrl-C does. Whatever ends a command, the axes stop and are switched off
 from __future__ import annotations
 
 import math
-from contextlib import closing
+from contextlib import closing, contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,7 +20,7 @@ from hil.cli.arguments import AxisName, Drives, DrivesBus, RealTime, Yes, expand
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     import can
     import numpy as np
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     from drivers.commissioning.verdict import Verdict
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.found_settings.keeping import SettingsKeeper
+    from hil.terminal.keys import TerminalOperator
 
     Array = NDArray[np.float64]
 
@@ -67,16 +69,13 @@ def check(
     from drivers.operator_tools.check import check as check_drives
     from drivers.operator_tools.check_powered import SmallMoves
     from hil.cli import bus_access
-    from hil.cli.drive_settings import keeper_of_bus
 
     drives = bus_access.selected(drives_file, axis)
     gravity = None if model is None else _gravity(model, drives)
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
-        bus_access.opened_bus(drives_file, drives, where) as bus,
-        bus_access.operator_at_terminal(agreed=yes) as operator,
+        _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
         bus_access.real_time_if(realtime, lock_step=getattr(bus, "lock_step", False)) as granted,
-        keeper_of_bus(where.interface, where.channel) as keeper,
         closing(
             check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
         ) as verdicts,
@@ -105,15 +104,10 @@ def jog(
     """Move one axis by a small relative way, slowly; no other axis is powered."""
     from drivers.operator_tools import jog as jogging
     from hil.cli import bus_access
-    from hil.cli.drive_settings import keeper_of_bus
 
     drives = bus_access.selected(drives_file)
     drive = bus_access.find_axis(drives, axis)
-    with (
-        bus_access.opened_bus(drives_file, drives, where) as bus,
-        bus_access.operator_at_terminal(agreed=yes) as operator,
-        keeper_of_bus(where.interface, where.channel) as keeper,
-    ):
+    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         way, velocity = _si(drive, by), _si(drive, speed)
         stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
     torque = drive.effort_unit
@@ -147,7 +141,6 @@ def home(
     from drivers.operator_tools import home as homing
     from drivers.operator_tools.jog import shown
     from hil.cli import bus_access
-    from hil.cli.drive_settings import keeper_of_bus
 
     drives = bus_access.selected(drives_file)
     drive = bus_access.find_axis(drives, axis)
@@ -155,13 +148,25 @@ def home(
         path = bus_access.drives_path(drives_file)
         raise FileError(f"{path}: {drive.name}: homing is missing; state method, position, speeds")
     how = drive.homing if method is None else drive.homing.model_copy(update={"method": method})
-    with (
-        bus_access.opened_bus(drives_file, drives, where) as bus,
-        bus_access.operator_at_terminal(agreed=yes) as operator,
-        keeper_of_bus(where.interface, where.channel) as keeper,
-    ):
+    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
     say(f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off")
+
+
+@contextmanager
+def _commanded(
+    drives_file: str, drives: DrivesFile, where: DrivesBus, *, agreed: bool
+) -> Iterator[tuple[can.BusABC, TerminalOperator, SettingsKeeper]]:
+    """Have the bus open, an operator at the terminal, and what the drives held kept."""
+    from hil.cli import bus_access
+    from hil.cli.drive_settings import keeper_of_bus
+
+    with (
+        bus_access.opened_bus(drives_file, drives, where) as bus,
+        bus_access.operator_at_terminal(agreed=agreed) as operator,
+        keeper_of_bus(where.interface, where.channel) as keeper,
+    ):
+        yield bus, operator, keeper
 
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:

@@ -28,7 +28,7 @@ from hil.runs.atomic_file import file_errors, write_file
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import can
 
@@ -65,12 +65,9 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
         write_file(path, content)
         bus_state.name_run(interface, channel, kept)  # from here on the drives are written to
 
-    with bus_state.bus_locked(interface, channel):
-        bus_state.refuse_left_behind(interface, channel, kept)
-        keeper = SettingsKeeper(kept, write, (interface, channel))
+    with _keeper_alone(interface, channel, kept, write, kept) as keeper:
         try:
-            with _reported(keeper):
-                yield keeper
+            yield keeper
         finally:
             if not keeper.unrestored and not bus_state.left_behind(kept):
                 bus_state.forget_run(interface, channel, kept)
@@ -88,17 +85,29 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
     if interface == SIMULATED:
         yield SettingsKeeper()
         return
-    channel = channel or ""
-    with bus_state.bus_locked(interface, channel):
-        bus_state.refuse_left_behind(interface, channel, None)
-        path = bus_state.state_file(interface, channel)
-        keeper = SettingsKeeper(path, bus_state.write_with_folder, (interface, channel))
+    path = bus_state.state_file(interface, channel := channel or "")
+    with _keeper_alone(interface, channel, path, bus_state.write_with_folder) as keeper:
         try:
-            with _reported(keeper):
-                yield keeper
+            yield keeper
         finally:
-            if path.exists() and not keeper.unrestored:
-                _remove_restored(path)
+            if path.exists() and not keeper.unrestored and load_found_settings(path).restored:
+                with file_errors(path, "removed"):
+                    path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _keeper_alone(
+    interface: str,
+    channel: str,
+    path: Path,
+    write: Callable[[Path, bytes], None],
+    ours: Path | None = None,
+) -> Iterator[SettingsKeeper]:
+    """Hold the lock of a bus, whose drives hold nothing of another session than `ours`."""
+    with bus_state.bus_locked(interface, channel):
+        bus_state.refuse_left_behind(interface, channel, ours)
+        with _reported(SettingsKeeper(path, write, (interface, channel))) as keeper:
+            yield keeper
 
 
 @contextmanager
@@ -156,9 +165,3 @@ def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], c
         place = f"{entry.index:04X}:{entry.subindex:02X}"
         table.add_row(place, Text(entry.name), held, entry.shown(value))
     out.print(table, highlight=False)
-
-
-def _remove_restored(path: Path) -> None:
-    if load_found_settings(path).restored:
-        with file_errors(path, "removed"):
-            path.unlink(missing_ok=True)

@@ -18,7 +18,7 @@ from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from hil.cli import restoring
 from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_no_channel
-from hil.cli.outputs import new_file
+from hil.cli.outputs import new_file, output_option
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
 from hil.terminal.console import out, say, working
@@ -65,9 +65,7 @@ def scan(
 
 @drives_commands.command()
 def new(
-    output: Annotated[
-        Path, typer.Option("-o", "--output", callback=new_file, help="Drives file to write.")
-    ],
+    output: Annotated[Path, output_option(new_file, "Drives file to write.")],
     eds: Annotated[
         list[Path] | None, typer.Option(help="EDS or DCF file of a drive; may be repeated.")
     ] = None,

@@ -24,7 +24,7 @@ from hil.cli.arguments import (
     refuse_no_channel,
 )
 from hil.cli.live import PortsOptional, Shown, listeners
-from hil.cli.outputs import file_to_write, folder_to_write
+from hil.cli.outputs import file_to_write, folder_to_write, output_option
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
 from hil.terminal.console import say, working
@@ -55,10 +55,7 @@ class Pacing(StrEnum):
 @expand_records
 def run(
     plan_file: PlanFile,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the run."),
-    ],
+    output: Annotated[Path, output_option(folder_to_write, "Folder of the run.")],
     *,
     where: RobotsBus,
     resume: Annotated[

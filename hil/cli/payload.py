@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.arguments import ModelPath, RobotsBus, expand_records
-from hil.cli.outputs import folder_to_write, refuse_unwritable, say_simulated
+from hil.cli.outputs import folder_to_write, output_option, refuse_unwritable, say_simulated
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -95,10 +95,7 @@ def two_runs(
 @expand_records
 def measure(
     model: ModelPath,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the measurement."),
-    ],
+    output: Annotated[Path, output_option(folder_to_write, "Folder of the measurement.")],
     minutes: Annotated[
         float,
         typer.Option(min=0.5, max=3, help="Duration of motion, ways included \\[min]."),

@@ -50,19 +50,15 @@ def validate(
         model_path = file_of(model_path)
         model = Model.load(model_path)
     if measure:
-        _measure(model, folder, OnBus(**vars(where), realtime=realtime))
+        from hil.model.robot import refuse_unknown
+        from hil.planning.design.validation import design_validation
+
+        refuse_unknown(model.robot)
+        with working("choosing a motion"):
+            plan = design_validation(model.robot)
+        how = OnBus(**vars(where), realtime=realtime)
+        measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
     _judge(model, model_path, Run.open(folder))
-
-
-def _measure(model: Model, folder: Path, how: OnBus) -> None:
-    """Measure a motion for validation into a folder."""
-    from hil.model.robot import refuse_unknown
-    from hil.planning.design.validation import design_validation
-
-    refuse_unknown(model.robot)
-    with working("choosing a motion"):
-        plan = design_validation(model.robot)
-    measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import RobotOption, WorkspaceOption
-from hil.cli.outputs import file_to_write, refuse_no_folder, refuse_unwritable
+from hil.cli.outputs import file_to_write, output_option, refuse_no_folder, refuse_unwritable
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
@@ -38,11 +38,9 @@ def view(
     ],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            callback=file_to_write,
-            help="Page to write; by default beside the plan, in the run's folder, or here.",
+        output_option(
+            file_to_write,
+            "Page to write; by default beside the plan, in the run's folder, or here.",
         ),
     ] = None,
     model_path: Annotated[

@@ -18,7 +18,7 @@ from hil.cli.arguments import (
 )
 from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.measuring import OnBus
-from hil.cli.outputs import new_folder
+from hil.cli.outputs import new_folder, output_option
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -38,12 +38,7 @@ RUN = "run"
 def watch(
     plan_file: PlanFile,
     model_path: ModelPath,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--output", callback=new_folder, help="Folder of the run and of what was found."
-        ),
-    ],
+    output: Annotated[Path, output_option(new_folder, "Folder of the run and of what was found.")],
     *,
     where: RobotsBus,
     repeat: Annotated[
@@ -73,20 +68,34 @@ def watch(
 
     Exit status 3 where there were alarms.
     """
+    from functools import partial
+
     with working("reading plan and model"):
+        from hil.cli.measuring import measure
         from hil.cli.plan_files import load, refuse_other_model
+        from hil.cli.watch_view import WatchView
         from hil.results.model import Model
         from hil.results.model_file import file_of
-        from hil.watching.watcher import Watcher
+        from hil.watching.watcher import Watcher, WatchingBus
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = Model.load(model_path)
         refuse_other_model(model, model_path, the_robot, plan_file)
         watcher = Watcher(model, the_plan.sample_period, learn)
         how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown))
+        view = WatchView(watcher, the_robot)
         rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
     try:
-        _pass(the_plan, the_robot, plan_file, output, how, rounds, watcher, stop)
+        measure(
+            the_plan.model_copy(update={"attempts": 1}),  # a push is the result: no repetition
+            the_robot,
+            plan_file,
+            output / RUN,
+            how,
+            in_front=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
+            display=view.display,
+            rounds=rounds,
+        )
     finally:
         _keep(output, the_plan, watcher, str(file_of(model_path)))
     if watcher.alarms:
@@ -110,35 +119,6 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
             f" nothing would be watched; repeat it, with --repeat {int(learn / once) + 2}"
         )
     return rounds
-
-
-def _pass(
-    the_plan: Plan,
-    the_robot: Robot,
-    plan_file: Path,
-    output: Path,
-    how: OnBus,
-    rounds: int,
-    watcher: Watcher,
-    stop: bool,
-) -> None:
-    from functools import partial
-
-    from hil.cli.measuring import measure
-    from hil.cli.watch_view import WatchView
-    from hil.watching.watcher import WatchingBus
-
-    view = WatchView(watcher, the_robot)
-    measure(
-        the_plan.model_copy(update={"attempts": 1}),  # a push is the result, no reason to repeat
-        the_robot,
-        plan_file,
-        output / RUN,
-        how,
-        in_front=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
-        display=view.display,
-        rounds=rounds,
-    )
 
 
 def _keep(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:

@@ -20,7 +20,7 @@ from hil.export.simple_friction import friction_remarks
 from hil.export.simulated_robot import comment, number, numbers, simulated_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -108,11 +108,9 @@ def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
         ET.SubElement(actuator, "motor", stated)
 
 
-def _left_out(model: Model, robot: SimulatedRobot) -> Sequence[str]:
+def _left_out(model: Model, robot: SimulatedRobot) -> Iterator[str]:
     springs = [name for name in model.robot.added_parameters if name.startswith(("kc", "ks"))]
-    found = []
     if springs:
-        found.append(f"counterbalances {', '.join(springs)} are left out: MJCF has linear springs")
+        yield f"counterbalances {', '.join(springs)} are left out: MJCF has linear springs"
     if any(joint.stiffness for joint in robot.joints):
-        found.append("springs are taken for slack at q = 0")
-    return found
+        yield "springs are taken for slack at q = 0"

@@ -76,10 +76,8 @@ def _content(whole: ReportedRun) -> tuple[Header, list[Section], Model | None]:
     run = identified(whole)
     if not isinstance(run, ForeignRun):
         return header.of_campaign(run), _present(each(run) for each in OF_CAMPAIGN), run.model
-    strokes = run.model.back_and_forth is not None
-    top = header.of_strokes(run) if strokes else header.of_free_motions(run)
-    of_kind = OF_STROKES if strokes else OF_FREE_MOTIONS
-    return top, _present(each(run) for each in of_kind), run.model
+    of_kind = OF_FREE_MOTIONS if run.model.back_and_forth is None else OF_STROKES
+    return header.of_imported(run), _present(each(run) for each in of_kind), run.model
 
 
 def _present(sections: Iterable[Section | None]) -> list[Section]:

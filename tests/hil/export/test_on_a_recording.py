@@ -21,7 +21,7 @@ from possible_models import model_of, possible
 from hil.estimation.free_motion.bristles import are_successive
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction_law import AxisLaw, FrictionLaw, friction_torque
-from hil.export.formats import FORMATS, SIMULATORS, export, export_to_simulator
+from hil.export.formats import FORMATS, SIMULATORS, export
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import load_robot
 from hil.results.consistency import with_consistent_robot
@@ -97,7 +97,7 @@ def sliding(q: Array, qd: Array) -> NDArray[np.bool_]:
 
 def exported(model: Model, name: str) -> Exported:
     if name in SIMULATORS:
-        return export_to_simulator(model, name, ("origin",))
+        return export(model, name, ("origin",))
     return export(model, name, ("origin",))
 
 

@@ -12,7 +12,7 @@ from urdf_robots import ROBOTS, urdf
 
 from hil.errors import FileError, Mismatch
 from hil.estimation.consistent.conditions import BodyBounds
-from hil.export.formats import export, export_to_simulator
+from hil.export.formats import export
 from hil.export.given_urdf import bodies_of, body_of, given_urdf
 from hil.export.simulated_robot import simulated_robot
 from hil.model.added_parameters import added_inertias
@@ -80,7 +80,7 @@ def by_pinocchio(text, armature, gravity):
 
 
 def written(model, name, given=None):
-    (text,) = export_to_simulator(model, name, ("origin",), given).files.values()
+    (text,) = export(model, name, ("origin",), given).files.values()
     return text
 
 
@@ -156,7 +156,7 @@ def test_the_file_states_origin_distance_and_cost_at_its_head(name):
 @pytest.mark.parametrize("name", ["urdf", "mjcf"])
 def test_a_model_without_friction_is_exported_without_and_says_so(name):
     model = consistent(load_robot("tests/robots/pan-tilt.yaml"), friction=False)
-    exported = export_to_simulator(model, name, ())
+    exported = export(model, name, ())
     assert any("no friction is stated" in remark for remark in exported.remarks)
     (text,) = exported.files.values()
     assert "damping" not in text
