@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 from checked_files.near import did_you_mean
 from hil.errors import UnknownName
 from hil.export.c_code import write_c
-from hil.export.friction_file import write_friction
-from hil.export.json_file import write_json
+from hil.export.data_files import write_friction, write_json, write_ros2
 from hil.export.mjcf_file import write_mjcf
 from hil.export.python_code import write_python
 from hil.export.recordings.formats import RECORDINGS
-from hil.export.ros2_file import write_ros2
 from hil.export.urdf_file import write_urdf
 
 if TYPE_CHECKING:

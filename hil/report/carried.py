@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.report.section import data_uri
-from hil.view.tracks import deflated, packed
+from hil.view.packed import deflated, packed
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable

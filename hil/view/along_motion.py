@@ -15,7 +15,7 @@ import numpy as np
 from hil.errors import FrictionUnknown, Mismatch
 from hil.planning.clearance import intrusions
 from hil.results.drive_torque import drive_torque
-from hil.view.tracks import INSTANT, SHARE, Track, simplified
+from hil.view.packed import INSTANT, SHARE, Track, simplified
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,8 +16,7 @@ from hil.errors import NotEnoughData
 from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.set_points import set_points
-from hil.view.segments import Segment
-from hil.view.tracks import SHARE, Track, simplified
+from hil.view.packed import SHARE, Segment, Track, simplified
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -16,7 +16,7 @@ from hil.errors import InvalidValue
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import versions
-from hil.view.tracks import deflated
+from hil.view.packed import deflated
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -21,8 +21,7 @@ from hil.planning.prediction.predicted_samples import partner_strokes
 from hil.planning.strokes import REST
 from hil.planning.timetable import SETTLING, travel_time
 from hil.planning.trapezoid import Trapezoid
-from hil.view.segments import Segment
-from hil.view.tracks import Track
+from hil.view.packed import Segment, Track
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

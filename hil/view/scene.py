@@ -11,9 +11,9 @@ from hil.model.capsules import capsules
 from hil.planning.workspace import narrowed
 from hil.view.along_motion import distances, predicted, smallest
 from hil.view.measured import measured
+from hil.view.packed import shown_kinds
 from hil.view.planned import planned
-from hil.view.robot_data import robot_data, workspace_data
-from hil.view.segments import shown_kinds
+from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
     from hil.view.along_motion import Distances, Predicted
     from hil.view.measured import Measured
-    from hil.view.segments import Segment
-    from hil.view.tracks import Track
+    from hil.view.packed import Segment, Track
     from hil.view.visuals import Visual
 
     Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from stated_model import stated_model
 from hil.errors import FrictionUnknown, NotEnoughData
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction_law import AxisLaw, FrictionLaw
+from hil.export.data_files import write_friction
 from hil.export.formats import FORMATS
-from hil.export.friction_file import write_friction
 from hil.export.functions import functions
 from hil.export.simple_friction import friction_of_joints, simple_friction
 from hil.export.source_code import description

@@ -32,7 +32,7 @@ from hil.results.tables.html import symbols
 from hil.runs.finding import Finding
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.view.tracks import inflated
+from hil.view.packed import inflated
 
 PLOTS = {
     *ELEMENT_KINDS,

@@ -27,9 +27,9 @@ from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
 from hil.view import page
+from hil.view.packed import deflated, inflated, packed
 from hil.view.planned import planned
 from hil.view.scene import of_plan, of_robot, of_run
-from hil.view.tracks import deflated, inflated, packed
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
