@@ -142,7 +142,7 @@ def expand_records(command: Callable[P, None]) -> Callable[..., None]:
     options: list[Parameter] = []
     hints = get_type_hints(command, include_extras=True)
     for name, parameter in signature(command).parameters.items():
-        if is_dataclass(kind := hints[name]):
+        if isinstance(kind := hints[name], type) and is_dataclass(kind):
             records[name] = kind
             own = get_type_hints(kind, include_extras=True)
             stated = [(each.name, each.default, own[each.name]) for each in fields(kind)]

@@ -49,4 +49,4 @@ def _write_json(points: Sequence[Judged]) -> None:
     import json
     from dataclasses import asdict
 
-    say(json.dumps([asdict(each) for each in points], indent=2), markup=False)
+    say(json.dumps([asdict(each) for each in points], indent=2))

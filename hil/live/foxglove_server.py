@@ -170,8 +170,8 @@ def main(address: str, port: str) -> None:
         return
     except (OSError, RuntimeError) as error:
         reason = str(error).removeprefix("FoxgloveError: ")
-        text = f"Foxglove cannot be served on port {port} of {address}: {reason}; choose another"
-        say("failed", f"{text} with {OPTION} PORT, or 0 for a free one")
+        failure = f"Foxglove cannot be served on port {port} of {address}: {reason}; choose another"
+        say("failed", f"{failure} with {OPTION} PORT, or 0 for a free one")
         return
     say("ready", f"Foxglove: open a connection to ws://{url_host(address)}:{server.port}")
     lines = RosLines(messages)

@@ -15,7 +15,7 @@ import numpy as np
 from hil.errors import FrictionUnknown, Mismatch
 from hil.planning.clearance import intrusions
 from hil.results.drive_torque import drive_torque
-from hil.view.packed import INSTANT, SHARE, Track, simplified
+from hil.view.packed import INSTANT, Track, all_simplified
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,10 +46,7 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
             torque = [drive_torque(model, q[p], qd[p], qdd[p]) for p in parts]
     of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
     words = f"predicted, without friction{of}" if lack else "predicted"
-    tau = np.concatenate(torque)
-    tolerance = SHARE * np.maximum(np.abs(tau).max(axis=0), 1e-9)
-    tracks = (simplified(time, tau[:, j], float(tolerance[j])) for j in range(tau.shape[1]))
-    return Predicted(tuple(tracks), words)
+    return Predicted(all_simplified(time, np.concatenate(torque)), words)
 
 
 def refuse_other_robot(model: Model, robot: Robot, source: str) -> None:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from hil.planning.measurement import RecordedMotion
+
     Array = NDArray[np.float64]
 
 
@@ -165,3 +167,18 @@ def simplified(time: Array, value: Array, tolerance: float) -> Track:
     kept.append(len(t) - 1)
     chosen = np.unique(np.array(kept)[np.array(kept) >= 0])
     return Track(np.array(t)[chosen], np.array(x)[chosen])
+
+
+def all_simplified(time: Array, values: Array, tolerance: float | None = None) -> tuple[Track, ...]:
+    """Simplify each column of values (n, n_joints); by default within `SHARE` of its greatest."""
+    greatest = np.where(np.isfinite(values), np.abs(values), 0.0).max(axis=0, initial=1e-9)
+    allowed = SHARE * greatest if tolerance is None else np.full_like(greatest, tolerance)
+    return tuple(
+        simplified(time, column, most)
+        for column, most in zip(values.T, allowed.tolist(), strict=True)
+    )
+
+
+def described(motion: RecordedMotion) -> str:
+    """Return a motion's id, kind and axes, for readers."""
+    return f"{motion.id}: {motion.kind}, {motion.axes_in_words}"

@@ -21,7 +21,7 @@ from hil.planning.prediction.predicted_samples import partner_strokes
 from hil.planning.strokes import REST
 from hil.planning.timetable import SETTLING, travel_time
 from hil.planning.trapezoid import Trapezoid
-from hil.view.packed import Segment, Track
+from hil.view.packed import Segment, Track, described
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,11 +73,6 @@ def problems_by_number(plan: Plan, robot: Robot) -> dict[int, str]:
     for obstacle in () if wrong else obstacles(plan, robot):
         found[obstacle.number].append(obstacle.message)
     return {number: "\n".join(messages) for number, messages in found.items()}
-
-
-def described(measurement: Measurement) -> str:
-    """Return a measurement's id, kind and axes, for readers."""
-    return f"{measurement.id}: {measurement.kind}, {measurement.axes_in_words}"
 
 
 class _Passage:
