@@ -40,17 +40,17 @@ import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 from drift_study.scenarios import SCENARIOS, Scenario, write_plant
 from drift_study.summary import GROUPS
+from rivals.cramer_rao import cramer_rao
 
 from hil.cli.robot_drives import packaged_drives
 from hil.estimation.causes import CauseName
-from hil.estimation.cramer_rao import cramer_rao
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import load_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
-from hil.results.diagnosis import diagnose, evidence_for
-from hil.results.error_budget import error_budget
+from hil.results.advice import error_budget
+from hil.results.diagnosis import diagnose
 from hil.results.payload import find_payload
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -298,8 +298,12 @@ def print_payload(folder: Path, seeds: Sequence[int]) -> None:
 
 def print_offset(runs: Sequence[Path]) -> None:
     """Print how often the offset is ranked first."""
-    found = [evidence_for(diagnose(Run.open(run)), "sy4") for run in runs]
-    first = sum(each.first and each.significant for each in found)
+    errors = [diagnose(Run.open(run)).errors for run in runs]
+    found = [next(c for c in each.alone if "sy4" in c.names) for each in errors]
+    first = sum(
+        c is each.alone[0] and any("sy4" in one.names for one in each.found)
+        for c, each in zip(found, errors, strict=True)
+    )
     values = np.array([each.value for each in found])
     print(
         f"offset, {len(runs)} seeds: ranked first and significant in {first} (19 of 20), t from"

@@ -19,7 +19,7 @@ from rich.table import Table
 
 import hil
 from hil.estimation.signals import signals
-from hil.regression.terms import moving
+from hil.least_squares.terms import moving
 from hil.results.torque_parts import PARTS
 
 if TYPE_CHECKING:

@@ -14,11 +14,12 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from checked_files.yaml_file import load_yaml
 from hil.cli import main
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
-from hil.results.tracking import PASSES, load_tracking
+from hil.results.tracking import NAME, PASSES, Tracking
 
 ROBOT = load_robot("manutec-r15")
 SEEDS = (31, 32, 33, 34, 35, 36)
@@ -62,7 +63,7 @@ def errors(folder: Path, seed: int) -> np.ndarray:
     called("run", known, "-o", folder / "known", *plant)
     called("identify", folder / "known")
     called("track", fast, "--model", folder / "known", "-o", folder / "fast", *plant)
-    axes = load_tracking(folder / "fast").axes
+    axes = load_yaml(folder / "fast" / NAME, Tracking).axes
     return np.array([[axis.rms[name] for name in PASSES] for axis in axes])
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -40,7 +41,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 MANUTEC = "manutec-r15"
-KEPT = Path(__file__).parent / "golden"
+ROOT = Path(__file__).parents[1]
+KEPT = ROOT / "benchmarks" / "golden"
 SAME = 1e-9
 """Relative difference of figures that are the same: rounding, times condition numbers of 1e4 and
 some hundred operations."""
@@ -89,8 +91,6 @@ IDENTIFIED: dict[str, tuple[str, tuple[object, ...]]] = {
     "strokes-published": ("strokes", ("--method", "published")),
     "strokes-two-runs": ("strokes", ("--with", "strokes-strong-drift")),
     "strokes-consistent": ("strokes", ("--consistent",)),
-    "trajectory-strongest": ("trajectory", ("--method", "strongest")),
-    "trajectory-by-period": ("trajectory-loaded", ("--method", "friction by period")),
     "pan-tilt": ("pan-tilt", ()),
     "pan-tilt-plain": ("pan-tilt", ("--method", "least squares")),
     "pan-tilt-instruments": ("pan-tilt", ("--method", "instrumental variables")),
@@ -105,6 +105,11 @@ IDENTIFIED: dict[str, tuple[str, tuple[object, ...]]] = {
     "kr300": ("kr300-A", ("--with", "kr300-B")),
 }
 """Results of ``hil identify``: run and options."""
+BY_RIVALS: dict[str, tuple[str, tuple[object, ...]]] = {
+    "trajectory-strongest": ("trajectory", ("--method", "strongest")),
+    "trajectory-by-period": ("trajectory-loaded", ("--method", "friction by period")),
+}
+"""Results of ``python -m benchmarks.rivals``: run and options."""
 OTHERS: dict[str, tuple[tuple[object, ...], str]] = {
     "friction-sweep": (("friction", "fit", "sweep", "--model", "campaign"), "sweep/friction.yaml"),
     "load-strokes": (("payload", "strokes", "strokes-loaded"), "strokes-loaded/payload.yaml"),
@@ -120,10 +125,13 @@ OTHERS: dict[str, tuple[tuple[object, ...], str]] = {
 """Results of other commands, and the file that they write."""
 
 
-def hil(folder: Path, *arguments: object) -> str:
-    """Call the command line in a folder; return what it says where it refuses or fails."""
-    command = [sys.executable, "-m", "hil", *map(str, arguments)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+def hil(folder: Path, *arguments: object, program: str = "hil") -> str:
+    """Call a command line in a folder; return what it says where it refuses or fails."""
+    command = [sys.executable, "-m", program, *map(str, arguments)]
+    done = subprocess.run(
+        command, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     return done.stderr if done.returncode else ""
 
 
@@ -177,7 +185,7 @@ def _imports(folder: Path) -> None:
         if not (folder / f"twin-{name}").exists():
             recorded = record(folder / "recorded", name, case, seed)
             must(folder, "import", recorded / "seen.yaml", "-o", f"twin-{name}")
-    example = Path(__file__).parents[1] / "examples" / "pan_tilt"
+    example = ROOT / "examples" / "pan_tilt"
     if not (folder / "pan-tilt").exists():
         must(folder, "import", example / "excitation.yaml", "-o", "pan-tilt")
         content = yaml.safe_load((example / "excitation.yaml").read_text())
@@ -211,10 +219,13 @@ def _back_and_forth(folder: Path) -> None:
 
 def results(folder: Path, chosen: list[str]) -> Iterator[tuple[str, Any]]:
     """Each result, in order, as its command writes it now."""
-    for name, (run, options) in IDENTIFIED.items():
+    for name, (run, options) in (IDENTIFIED | BY_RIVALS).items():
         if (not chosen or name in chosen) and (folder / run).exists():
             (folder / run / "model.yaml").unlink(missing_ok=True)
-            said = hil(folder, "identify", run, *options)
+            if name in BY_RIVALS:
+                said = hil(folder, run, *options, program="benchmarks.rivals")
+            else:
+                said = hil(folder, "identify", run, *options)
             yield name, _content(folder / run / "model.yaml", said)
     for name, (command, path) in OTHERS.items():
         if (not chosen or name in chosen) and (folder / path).parent.exists():

@@ -5,6 +5,8 @@
     run = hil.Run.open("runs/first")
     model = hil.identify(run)
     model.torque(q, qd, qdd)
+    fit = hil.regression(run, covariance="CR2").fit()
+    fit.conf_int(), fit.torque_parts(recording)
 
 A `Robot` states what is known beforehand, a `Run` is what was measured, a `Model` what was
 identified. The functions beside them calculate with any base parameters p. All errors are of the
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot, available_robots
     from hil.results.identification import identify
     from hil.results.model import Model
+    from hil.results.problem import regression
     from hil.runs.run import Run
 
 __all__ = [
@@ -46,6 +49,7 @@ __all__ = [
     "inverse_dynamics",
     "mass_matrix",
     "motor_torque",
+    "regression",
     "regressor",
 ]
 
@@ -61,6 +65,7 @@ _LATER = {
     "inverse_dynamics": "hil.model.dynamics",
     "mass_matrix": "hil.model.dynamics",
     "motor_torque": "hil.model.motors",
+    "regression": "hil.results.problem",
     "regressor": "hil.model.dynamics",
 }
 

@@ -13,15 +13,15 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
-from hil.estimation.conventional.products import stack
-from hil.estimation.conventional.variants import (
+from benchmarks.rivals.products import stack
+from benchmarks.rivals.variants import (
     COMPENSATED,
     SLOW,
     VARIANTS,
     estimate_of,
     trajectories,
 )
+from checked_files.yaml_file import FileError
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import estimates
 from hil.ground_truth.comparison import comparison
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from hil.estimation.conventional.products import Stacked
+    from benchmarks.rivals.products import Stacked
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
 

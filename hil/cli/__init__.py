@@ -64,7 +64,7 @@ PANELS = {
         ),
         "validate": _Command(
             "validating",
-            "Judge a model by a run that it was not made from; exit status 3 where it is refused.",
+            "Judge a model by a run that it was not made from; exit status 3 where it failed.",
         ),
         "report": _Command("results", "Write a run's report, one HTML file."),
         "diagnose": _Command(
@@ -76,8 +76,8 @@ PANELS = {
         ),
         "accept": _Command(
             "accepting",
-            "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 on a"
-            " FAIL.",
+            "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if"
+            " failed.",
         ),
         "history": _Command(
             "history",

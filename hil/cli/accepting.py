@@ -14,6 +14,7 @@ from hil.cli.outputs import (
     place_to_write,
     refuse_existing,
     refuse_no_folder,
+    say_judgement,
     say_simulated,
 )
 from hil.terminal.console import out, say, working
@@ -41,7 +42,7 @@ def accept(
     serial: Annotated[str, typer.Option(help="Serial number of the robot.")] = "",
     operator: Annotated[str, typer.Option(help="Name of whoever accepts the robot.")] = "",
 ) -> None:
-    """Judge an identified run by limits; writes a page and JUnit XML, exit status 3 on a FAIL."""
+    """Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if failed."""
     if draft == (limits is not None):
         raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
     if draft:
@@ -54,15 +55,14 @@ def accept(
 
 
 def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.results import acceptance
-    from hil.results.acceptance_file import write_limits
+    from hil.results.acceptance import draft, write_limits
     from hil.results.model import Model
     from hil.runs.run import Run
 
     refuse_existing(output)
     refuse_no_folder(output)
     with working("reading the run"):
-        found = acceptance.draft(Run.open(folder), Model.load(folder), factor)
+        found = draft(Run.open(folder), Model.load(folder), factor)
     write_limits(output, found)
     say(f"{len(found.quantities) + len(found.residual)} limits in {output}; set them to what the"
         " series may vary by")  # fmt: skip
@@ -70,9 +70,8 @@ def _draft(folder: Path, output: Path, factor: float) -> None:
 
 def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) -> bool:
     from checked_files.yaml_file import load_yaml
-    from hil.report.further_pages import checked, write_acceptance_page
-    from hil.results.acceptance import judge
-    from hil.results.acceptance_file import Limits, write_junit
+    from hil.report.further_pages import write_acceptance_page
+    from hil.results.acceptance import Limits, judge, table, write_junit
     from hil.results.model import Model
     from hil.results.tables.terminal import show
     from hil.runs.atomic_file import file_errors
@@ -83,12 +82,10 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
         output.mkdir(parents=True, exist_ok=True)
     with working("judging the run by the limits"):
         run, model = Run.open(folder), Model.load(folder)
-        checks = judge(run, model, bounds)
-        write_acceptance_page(output / PAGE, run, checks, stated)
-    write_junit(output / JUNIT, run.robot.name, model.provenance.measured, checks)
+        found = judge(run, model, bounds)
+        write_acceptance_page(output / PAGE, run, found, stated)
+    write_junit(output / JUNIT, run.robot.name, model.provenance.measured, found)
     say_simulated(run)
-    show(checked(checks), out)
-    failed = sum(not check.passed for check in checks)
-    word = f"FAIL: {failed} of {len(checks)} checks" if failed else f"PASS: {len(checks)} checks"
-    say(f"{word}; page in {output / PAGE}", style="bold red" if failed else "green")
-    return not failed
+    show(table(found), out)
+    say_judgement(found, f"page in {output / PAGE}")
+    return found.word != "failed"

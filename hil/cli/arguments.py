@@ -31,6 +31,7 @@ PLANT = "manutec-r15"
 
 
 RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
+RunPaths = Annotated[list[Path], typer.Argument(help="Folders of runs, identified together.")]
 Masses = Annotated[
     list[str] | None,
     typer.Option(

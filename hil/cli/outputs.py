@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from typer.models import OptionInfo
 
     from hil.errors import FileError
+    from hil.results.judgement import Judgement
     from hil.runs.run import Run
 
 REFUSED = 3
-"""Exit status where a model is refused: by a check, or because its identification failed."""
+"""Exit status where a judgement is failed: of an identification, by a recording or by limits."""
+STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
 
 
 def new_file(ctx: typer.Context, path: Path | None) -> Path | None:
@@ -83,6 +85,11 @@ def say_simulated(*runs: Run) -> None:
 
     if any(run.journal.simulated for run in runs):
         say(NO_REAL_MACHINE, style="yellow")
+
+
+def say_judgement(judgement: Judgement, more: str = "") -> None:
+    """State what a result is worth, and `more` behind it."""
+    say("; ".join(filter(None, (str(judgement), more))), style=STYLES[judgement.word])
 
 
 def refuse_existing(output: Path) -> None:

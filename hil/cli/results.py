@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import Masses, RunPath, Without, body_bounds
-from hil.cli.outputs import REFUSED, folder_to_write, refuse_unwritable, say_simulated
+from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds
+from hil.cli.outputs import (
+    REFUSED,
+    folder_to_write,
+    refuse_unwritable,
+    say_judgement,
+    say_simulated,
+)
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -17,8 +23,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 commands = typer.Typer()
-STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
-
 
 Method = Annotated[
     str | None,
@@ -37,7 +41,7 @@ Others = Annotated[
 
 @commands.command()
 def identify(
-    folder: RunPath,
+    folders: RunPaths,
     method: Method = None,
     others: Others = None,
     without: Without = None,
@@ -49,32 +53,35 @@ def identify(
     ] = False,
     masses: Masses = None,
 ) -> None:
-    """Estimate base parameters from a run; exit status 3 where that failed."""
+    """Estimate base parameters from runs of any kind; exit status 3 where that failed.
+
+    The model is written into the first folder.
+    """
     begun = perf_counter()
     with working("reading the run") as now:
         from hil.estimation.friction.symmetry import of_local_values
         from hil.results import identification, kept_findings, model_file
-        from hil.results.tables.error_budget import error_budget
+        from hil.results.advice import budget_table
         from hil.results.tables.friction import symmetry
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.pooling import open_runs, pooled
 
         _refuse_unknown(method)
         bounds = body_bounds(masses)
-        path = folder / model_file.NAME
+        path = folders[0] / model_file.NAME
         refuse_unwritable(path)
-        run, *more = open_runs([folder, *(others or ())])
+        run, *more = open_runs([*folders, *(others or ())])
         run = run.without(without or ())
         bounds.refuse_other_links(run.robot)
         if method is None:
             method, reason = identification.method_for(run, more)
-            if run.imported:
+            if run.imported or any(each.imported for each in more):
                 say(f"{method} method: {reason}")
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
-        identified = identification.identified(run, method, more)
-        found = identified.model
-        if not (more or run.imported):
-            kept_findings.keep_identified(run, identified)
+        if more or run.imported:
+            found = identification.identified(run, method, more).model
+        else:
+            found = kept_findings.identify_and_keep(run, method).model
         if consistent or masses:
             from hil.results.consistency import with_consistent_robot
 
@@ -82,11 +89,11 @@ def identify(
             found = with_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
     if found.outcome is not None:
-        say(str(found.outcome), style=STYLES[found.outcome.word])
+        say_judgement(found.outcome)
     say_simulated(run, *more)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
-    show(error_budget(found.error_budget), out)
+    show(budget_table(found.error_budget), out)
     for term in found.error_budget:
         show_sentence(f"{term.cause}: {term.found}", out)
     show_bodies(found)
@@ -177,14 +184,16 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
 
 
 def _refuse_unknown(method: str | None) -> None:
-    from hil.estimation.identify import METHODS
+    from hil.estimation.identify import METHODS, RIVALS
 
     if method is not None and method not in METHODS:
         from checked_files.near import did_you_mean
 
         known = "; ".join(METHODS)
         near = did_you_mean(method, METHODS)
-        raise typer.BadParameter(f"{method} must be one of: {known}{near}", param_hint="--method")
+        raise typer.BadParameter(
+            f"{method} must be one of: {known}{near}; {RIVALS}", param_hint="--method"
+        )
 
 
 def show_bodies(model: Model) -> None:
@@ -203,13 +212,17 @@ def _show_shortfall(run: Run) -> None:
 
 
 def _show_unusable_model(run: Run) -> None:
-    """State that the kept model was cut off or edited: the report is of a new estimate."""
+    """State why the kept model is not what the report is of: cut off, edited, of a rival."""
     from checked_files.yaml_file import FileError
+    from hil.estimation.identify import METHODS, RIVALS
     from hil.results.model_file import NAME, read_model_file
 
-    path = run.path / NAME
+    path, why = run.path / NAME, None
     try:
-        if path.exists():
-            read_model_file(path)
+        method = read_model_file(path).provenance.method if path.exists() else None
+        if method is not None and method not in METHODS:
+            why = f"{path}: {method} method; {RIVALS}"
     except FileError as error:
-        say(f"not used, the report is of a new estimate: {error}", style="yellow")
+        why = str(error)
+    if why is not None:
+        say(f"not used, the report is of a new estimate: {why}", style="yellow")

@@ -1,7 +1,7 @@
 """Conventional identification: exciting trajectories.
 
 `hil run` measures such a plan as any other, in cyclic synchronous position mode of the drives, and
-`hil identify` estimates from it by a conventional method.
+`hil identify` estimates from it period by period.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import typer
 from hil.cli.arguments import RealTime, RobotsBus, RunPath, expand_records
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
-from hil.cli.outputs import REFUSED, refuse_unwritable, say_simulated
+from hil.cli.outputs import REFUSED, refuse_unwritable, say_judgement, say_simulated
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 commands = typer.Typer()
-STYLES = {"PASS": "green", "WARN": "yellow", "REFUSE": "bold red"}
 
 
 @commands.command()
@@ -39,11 +38,11 @@ def validate(
     where: RobotsBus,
     realtime: RealTime = False,
 ) -> None:
-    """Judge a model by a run that it was not made from; exit status 3 where it is refused."""
+    """Judge a model by a run that it was not made from; exit status 3 where it failed."""
     with working("reading the model"):
         from hil.results.model import Model
         from hil.results.model_file import file_of
-        from hil.results.validation_file import NAME
+        from hil.results.validation import NAME
         from hil.runs.run import Run
 
         refuse_unwritable(folder / NAME)
@@ -65,9 +64,8 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
     from hil.report.pictures import Drawn, write_validation_plot
     from hil.results.predicted_torques import predicted_torques
     from hil.results.tables.terminal import show
-    from hil.results.tables.validation import validation as table
+    from hil.results.validation import of_own_recordings, table, write_validation
     from hil.results.validation import validate as judge
-    from hil.results.validation_file import of_own_recordings, write_validation
     from hil.runs.pooling import pooled
 
     _refuse_other_robot(model, run)
@@ -78,11 +76,11 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
     say_simulated(run)
     if found.axes:
         show(table(found, _notes(model, run)), out)
-    say(f"{found.verdict}: {found.reason}", style=STYLES[found.verdict])
+    say_judgement(found)
     if found.axes:
         say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
     say(f"validation in {file}")
-    if found.verdict == "REFUSE":
+    if found.word == "failed":
         raise typer.Exit(REFUSED)
 
 

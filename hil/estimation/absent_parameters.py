@@ -10,9 +10,9 @@ parameter adds one direction u, its column of K_all,
 
 delta is estimated with everything else at once, by the same least squares as p. Its evidence is
 delta over its standard error, from leaving out one measurement at a time, so that what differs from
-one measurement to the next counts as error (`hil.regression.uncertainty`). A direction inside T's
-span is absorbed: that parameter cannot show. Directions that agree but for T's span, or that these
-very measurements do not distinguish, stand together as one candidate.
+one measurement to the next counts as error (`hil.least_squares.uncertainty`). A direction inside
+T's span is absorbed: that parameter cannot show. Directions that agree but for T's span, or that
+these very measurements do not distinguish, stand together as one candidate.
 
 After the strongest candidate has been taken in, all others are tested anew: what only resembled it
 loses its evidence. This goes on until nothing is significant at `SIGNIFICANCE`, shared out among
@@ -28,16 +28,16 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.model.base_parameters import base_parameters
-from hil.model.robot import Robot
-from hil.model.robot_file import LINK_PARAMETERS
-from hil.regression.least_squares import (
+from hil.least_squares.solving import (
     eliminated,
     orthonormal,
     projected_out,
     shares_without_nuisance,
 )
-from hil.regression.uncertainty import correlation_of, leave_one_out
+from hil.least_squares.uncertainty import correlation_of, leave_one_out
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import Robot
+from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

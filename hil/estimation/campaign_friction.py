@@ -25,11 +25,11 @@ from hil.estimation.free_motion.friction_terms import CLASSICAL, LAWS
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction.warmth_choice import Levels, find_warmth
 from hil.estimation.friction_law import DIRECTED, AxisLaw, FrictionLaw
+from hil.least_squares.normal_equations import Normal
+from hil.least_squares.solving import inverse
+from hil.least_squares.terms import ASYMMETRIC, LOAD
+from hil.least_squares.uncertainty import sandwich, scatter
 from hil.planning.measurement import FOR_A_LAW
-from hil.regression.least_squares import inverse
-from hil.regression.normal_equations import Normal
-from hil.regression.terms import ASYMMETRIC, LOAD
-from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

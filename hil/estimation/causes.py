@@ -8,7 +8,7 @@ torque readings does: encoders of few increments, whose second differences are n
 slow that little is left to smooth. Theirs is a share of the variance.
 
 Only what is significant counts as a cause. What each means in torques is for
-`hil.results.error_budget` to say.
+`hil.results.advice` to say.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from hil.estimation.drive_train import compliance_units
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.least_squares.differences import SECOND
+from hil.least_squares.terms import ASYMMETRIC, usable
+from hil.least_squares.window import HALF_WIDTH, weights
 from hil.model.dynamics import mass_matrix
 from hil.model.motors import motor_inertia
-from hil.regression.differences import SECOND
-from hil.regression.terms import ASYMMETRIC, usable
-from hil.regression.window import HALF_WIDTH, weights
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -69,6 +69,22 @@ class CauseName(StrEnum):
     SLOW_SYNC = "slow SYNC"
     WEAK_EXCITATION = "weak excitation"
     DISAGREEMENT = "measurements that disagree"
+
+
+REMEDIES = {
+    CauseName.SOFT_GEARS: "nothing: links are placed where the gears let them be; a simulator or a"
+    " feed-forward needs the compliances too",
+    CauseName.LOAD_FRICTION: "nothing: it is fitted; methods without it find other parameters",
+    CauseName.ASYMMETRY: "nothing: it is fitted; it shifts what the published method finds",
+    CauseName.RIPPLE: "strokes at higher speeds, whose ripple the window takes away",
+    CauseName.ENCODERS: "encoders of more increments, or longer measurements",
+    CauseName.SLOW_SYNC: "a shorter SYNC period, in drives file and plan alike, or longer"
+    " measurements",
+    CauseName.WEAK_EXCITATION: "measurements that move more joints through more of their ranges"
+    " (hil plan, hil trajectory plan)",
+    CauseName.DISAGREEMENT: "a look at what differs between them: a hand that touches something, a"
+    " machine that warms up, a motor that ripples",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

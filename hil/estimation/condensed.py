@@ -7,7 +7,7 @@ regressor for the measured motion of all joints,
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e,
 
 and friction is again fitted for this measurement alone; the columns, and which samples are usable,
-are those of `hil.regression.terms`. The coefficients `a` are eliminated at once by orthogonal
+are those of `hil.least_squares.terms`. The coefficients `a` are eliminated at once by orthogonal
 projection (Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next.
 
 It makes no difference what the measurement was made for: strokes of one axis, an axis that creeps
@@ -25,14 +25,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.solving import eliminated
+from hil.least_squares.terms import FEWEST, LOAD, common_terms, term_columns, usable
+from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.window import APART
+from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
-from hil.regression.least_squares import eliminated
-from hil.regression.terms import FEWEST, LOAD, term_columns, usable
-from hil.regression.thinned import smoothed_at
-from hil.regression.window import APART
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
 
 MOTOR = 1
 """Place of the motor's part of the torque in the products of a `Condensed`."""
+ROTOR = "rotor"
+"""Name of its column: the torque of rotors whose inertia is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,6 +152,24 @@ class Stacked:
         columns = np.hstack([self.torques, self.X, self.friction])
         product, rank = eliminated(columns.T @ columns, self.friction.shape[1])
         return Condensed(self.axis, self.each * product, self.each * len(columns) - rank)
+
+
+def condensed_blocks(robot: Robot, items: Sequence[Sequence[Condensed]]) -> Blocks:
+    """Inner products of condensed measurements, each a group; those of a rotor are shared, too.
+
+    Parameters
+    ----------
+    items : sequence of sequence of Condensed
+        Of each measurement, the axes that move.
+    """
+    names, common = base_parameters(robot).names, common_terms()
+    m = 2 + len(names) + len(common)
+    products = np.zeros((len(items), robot.n_joints, m, m))
+    counts = np.zeros((len(items), robot.n_joints))
+    for group, axes in enumerate(items):
+        for item in axes:
+            products[group, item.axis], counts[group, item.axis] = item.product, item.n
+    return Blocks((ROTOR, *names), common, products, counts)
 
 
 def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[Stacked]]:

@@ -29,11 +29,11 @@ from numpy.polynomial.chebyshev import chebder, chebpts2, chebroots, chebval, ch
 
 from hil.estimation.drive_train import DriveTrain
 from hil.estimation.signals import interpolation
+from hil.least_squares.solving import eliminated, inverse
+from hil.least_squares.terms import n_unknowns, place
+from hil.least_squares.uncertainty import sandwich, scatter
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL
-from hil.regression.least_squares import eliminated, inverse
-from hil.regression.terms import n_unknowns, place
-from hil.regression.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -22,11 +22,11 @@ from hil.estimation.condensed import groups, stack_axis
 from hil.estimation.drive_train import directly_driven
 from hil.estimation.drive_train_likelihood import EARLIEST, LATEST, STEP, Likelihood
 from hil.estimation.signals import derivatives, interpolation
+from hil.least_squares.terms import moving
+from hil.least_squares.window import half_window, widened
 from hil.model.dynamics import inverse_dynamics, mass_matrix
 from hil.model.motors import motor_inertia, motor_torque
 from hil.planning.measurement import shows_element
-from hil.regression.terms import moving
-from hil.regression.window import half_window, widened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

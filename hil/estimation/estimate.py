@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.intervals import half_width
-from hil.regression.uncertainty import correlation_of
+from hil.least_squares.uncertainty import correlation_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

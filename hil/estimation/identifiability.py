@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotIdentifiable
+from hil.least_squares.solving import IDENTIFIABLE, undetermined
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import of_all_kinds
-from hil.regression.least_squares import IDENTIFIABLE, undetermined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

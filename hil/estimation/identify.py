@@ -1,8 +1,7 @@
 """All methods by name, and the one for what was recorded.
 
-Two-step methods take measurements (`two_step_methods`), conventional ones trajectories
-(`conventional`), the others motions that somebody else recorded (`free_motion_methods`,
-`back_and_forth_method`).
+Two-step methods take measurements (`two_step_methods`), the others motions that somebody else
+recorded (`free_motion_methods`, `back_and_forth_method`).
 """
 
 from __future__ import annotations
@@ -12,9 +11,8 @@ from typing import TYPE_CHECKING
 from hil.errors import UnknownName
 from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
 from hil.estimation.back_and_forth.recognition import goes_back_and_forth
-from hil.estimation.conventional.variants import VARIANTS, fit_trajectories, trajectories
-from hil.estimation.free_motion.variants import DEFAULT
-from hil.estimation.free_motion.variants import VARIANTS as FREE_VARIANTS
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
+from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.planning.free_motion import FreeMotion
 
@@ -22,50 +20,58 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from hil.estimation.estimate import Estimate
+    from hil.estimation.options import Options
     from hil.estimation.two_step_methods import TwoStepMethod
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
-    Identify = Callable[[Robot, Recorded], Estimate]
+    Identify = Callable[[Robot, Recorded, Options], Estimate]
 
 
 def _two_step(method: TwoStepMethod) -> Identify:
-    return lambda robot, recorded: estimates(robot, recorded, (method,))[method]
-
-
-def _conventional(name: str) -> Identify:
-    def identify(robot: Robot, recorded: Recorded) -> Estimate:
-        return fit_trajectories(robot, trajectories(recorded), VARIANTS[name], name=name)
-
-    return identify
+    return lambda robot, recorded, options: estimates(robot, recorded, (method,), options)[method]
 
 
 def _free_motion(name: str) -> Identify:
-    def identify(robot: Robot, recorded: Recorded) -> Estimate:
+    def identify(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
         # spectra and filters load for half a second, and what was measured here needs none
         from hil.estimation.free_motion_methods import fit_free_motions  # noqa: PLC0415
 
-        return fit_free_motions(robot, recorded, name)
+        return fit_free_motions(robot, recorded, name, options)
 
     return identify
 
 
-def _back_and_forth(robot: Robot, recorded: Recorded) -> Estimate:
+def _joint(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
+    from hil.estimation.mixed import fit_joint  # noqa: PLC0415 - the same
+
+    return fit_joint(robot, recorded, options)
+
+
+def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
     from hil.estimation.back_and_forth_method import fit_back_and_forth  # noqa: PLC0415 - the same
 
+    del options  # friction is found without a law, and gears are rigid
     return fit_back_and_forth(robot, recorded)
 
 
+JOINT = "joint"
+"""Name of the method for recordings of several kinds."""
 METHODS: dict[str, Identify] = {
     **{method: _two_step(method) for method in TWO_STEP_METHODS},
-    **{name: _conventional(name) for name in VARIANTS},
+    JOINT: _joint,
     BACK_AND_FORTH: _back_and_forth,
-    **{name: _free_motion(name) for name in FREE_VARIANTS},
+    **{name: _free_motion(name) for name in VARIANTS},
 }
-"""All methods by name: two-step ones, conventional ones from trajectories, and those for motions
+"""All methods by name: two-step ones, that for several kinds of recordings, and those for motions
 that somebody else recorded."""
+RIVALS = (
+    "methods that they are compared with are run from the repository:"
+    " python -m benchmarks.rivals RUN --method NAME"
+)
+"""Where methods of earlier versions are that exist only to be compared with."""
 
 
 def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
@@ -84,11 +90,13 @@ def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
             )
         return DEFAULT, reason
     if free:
-        return "improved", f"{len(motions) - free} of {len(motions)} recordings were measured here"
+        return JOINT, f"{len(motions) - free} of {len(motions)} recordings were measured here"
     return "improved", "all recordings were measured here"
 
 
-def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Estimate:
+def estimate(
+    robot: Robot, recorded: Recorded, method: str = "improved", options: Options = DEFAULTS
+) -> Estimate:
     """Identify the base parameters of `robot`.
 
     Parameters
@@ -97,6 +105,7 @@ def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Esti
     recorded : iterable of (RecordedMotion, Recording)
     method : str
         One of `METHODS`.
+    options : Options
 
     Raises
     ------
@@ -105,8 +114,8 @@ def estimate(robot: Robot, recorded: Recorded, method: str = "improved") -> Esti
     NotIdentifiable
         Base parameters that the measurements do not excite.
     NotEnoughData
-        A conventional method without trajectories.
+        A method for free motions without any.
     """
     if method not in METHODS:
-        raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}")
-    return METHODS[method](robot, recorded)
+        raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")
+    return METHODS[method](robot, recorded, options)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 TWICE = 1.96
 """Standard errors of an interval of 95 %, of a variance that is known."""
+SIGNIFICANT = 0.01
+"""Probability with which chance may pass for an effect, of all that is tested together."""
 MANY = 1e9
 """Degrees of freedom from which on Student's t is the normal distribution."""
 

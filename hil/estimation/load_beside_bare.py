@@ -17,11 +17,11 @@ import numpy as np
 
 from hil.estimation.condensed import stack
 from hil.estimation.load_misfit import load_misfit
+from hil.least_squares.solving import solved, undetermined_beside
+from hil.least_squares.terms import n_unknowns, place
+from hil.least_squares.uncertainty import bias_reduced
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.load import embedding
-from hil.regression.least_squares import solved, undetermined_beside
-from hil.regression.terms import n_unknowns, place
-from hil.regression.uncertainty import bias_reduced
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

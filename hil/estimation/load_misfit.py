@@ -1,6 +1,6 @@
 """Whether a rigid load explains what the axes gave: what their measurements leave, beside without.
 
-Of every measurement of an axis remains its score (`hil.regression.uncertainty`) about the base
+Of every measurement of an axis remains its score (`hil.least_squares.uncertainty`) about the base
 parameters, e. Had they to be found from this measurement alone, in as many directions r as it
 determines, they would differ from those found by
 
@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.regression.least_squares import inverse_root
-from hil.regression.terms import place
+from hil.least_squares.solving import inverse_root
+from hil.least_squares.terms import place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

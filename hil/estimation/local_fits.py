@@ -24,12 +24,12 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
+from hil.least_squares.solving import orthonormal
+from hil.least_squares.terms import SLOW
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GRAVITY
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
-from hil.regression.least_squares import orthonormal
-from hil.regression.terms import SLOW
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -24,13 +24,13 @@ import numpy as np
 from scipy import optimize
 
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.least_squares.solving import inverse_root, solved
+from hil.least_squares.terms import FEWEST, place, usable
+from hil.least_squares.window import noise_gain
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import MINUTE, Noise, stated_noise
 from hil.planning.prediction.precision import added_up
-from hil.regression.least_squares import inverse_root, solved
-from hil.regression.terms import FEWEST, place, usable
-from hil.regression.window import noise_gain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -24,7 +24,7 @@ from scipy import special
 from hil.errors import NoLoad
 from hil.estimation.load_columns import load_columns, payload_names, without_mass
 from hil.estimation.payload_figures import MASS, Payload
-from hil.regression.least_squares import inverse, inverse_root, orthonormal
+from hil.least_squares.solving import inverse, inverse_root, orthonormal
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.regression.least_squares import orthonormal, projected_out
-from hil.regression.ripple import RIPPLE_ORDERS
-from hil.regression.terms import multiples, place
-from hil.regression.thinned import smoothed_at
-from hil.regression.window import half_window
+from hil.least_squares.ripple import RIPPLE_ORDERS
+from hil.least_squares.solving import orthonormal, projected_out
+from hil.least_squares.terms import multiples, place
+from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.window import half_window
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

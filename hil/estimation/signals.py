@@ -16,7 +16,7 @@ back it multiplies a spectrum by a real number,
 the bilinear transform of the analogue filter for samples every T, and is run as that: on the
 spectra of all columns at once. Its response rings on for longer than a reversal of friction lasts.
 So the improved method takes a Blackman window instead, which is phase-neutral too and soon ends
-(`Signals.smoothed`, `hil.regression.window`).
+(`Signals.smoothed`, `hil.least_squares.window`).
 
 Nothing is reflected or extrapolated where it matters: recordings begin and end with samples at
 rest, and samples closer to an end or to a missing sample than the filters reach are marked invalid.
@@ -31,8 +31,8 @@ import numpy as np
 from scipy import fft
 
 from hil.errors import NotEnoughData
-from hil.regression.differences import FIRST, SECOND
-from hil.regression.window import correlated, half_window, smooth, widened
+from hil.least_squares.differences import FIRST, SECOND
+from hil.least_squares.window import correlated, half_window, smooth, widened
 from hil.runs.recording import under_way
 
 if TYPE_CHECKING:

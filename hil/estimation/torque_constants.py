@@ -25,9 +25,9 @@ import numpy as np
 
 from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS
-from hil.regression.least_squares import solved
-from hil.regression.terms import N_COMMON
-from hil.regression.uncertainty import sandwich, scatter
+from hil.least_squares.solving import solved
+from hil.least_squares.terms import N_COMMON
+from hil.least_squares.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.solving import fitted
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.regression.least_squares import fitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,9 +11,10 @@ improved
     that leaves uncertain is added. Trajectories count as well as strokes, period by period.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
-`hil.regression.uncertainty`): they hold whatever differs from one measurement to the next, noise,
-drift or a misfit of the friction terms, and assume nothing about any of them. If few measurements
-carry a parameter its standard error is itself uncertain; it has fewer degrees of freedom.
+`hil.least_squares.uncertainty`): they hold whatever differs from one measurement to the next,
+noise, drift or a misfit of the friction terms, and assume nothing about any of them. If few
+measurements carry a parameter its standard error is itself uncertain; it has fewer degrees of
+freedom.
 
 Two errors cannot show in the data, however long one measures: those of the torque constants and of
 the rotor inertias. Where the robot file states their uncertainty it is carried to the parameters.
@@ -22,7 +23,7 @@ the rotor inertias. Where the robot file states their uncertainty it is carried 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -35,15 +36,16 @@ from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.history import history
 from hil.estimation.identifiability import conditions, require_all_groups, require_rank
 from hil.estimation.local_fits import ELSEWHERE, local_fit
+from hil.estimation.options import DEFAULTS, NUISANCES, Options
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step import TwoStep
+from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_element, shows_parameters
-from hil.regression.uncertainty import effective_degrees, jackknife
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -63,14 +65,11 @@ TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
 
 
 class ParameterSolver(Protocol):
-    """Solves for the base parameters, with all measurements or without one of them."""
+    """Solves for the base parameters."""
 
     @property
     def n_measurements(self) -> int:
         """How many measurements there are to leave out."""
-
-    def solve(self, without: int | None = None) -> Array:
-        """Base parameters, shape (n_base,)."""
 
     def sensitivity(self) -> Array:
         """Change of p per relative change of each axis's torque constant, then rotor inertia.
@@ -83,6 +82,7 @@ def estimates(
     robot: Robot,
     recorded: Recorded,
     methods: Sequence[TwoStepMethod] = TWO_STEP_METHODS,
+    options: Options = DEFAULTS,
 ) -> dict[TwoStepMethod, Estimate]:
     """Identify by several two-step methods, which share the signals.
 
@@ -91,28 +91,58 @@ def estimates(
     NotIdentifiable
         Base parameters that the measurements do not excite.
     """
-    raw, unusable = prepare(robot, recorded)
+    raw, unusable = prepare(recorded)
+    robot = with_reached_limits(robot, raw)
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
-        found[method] = (_improved if method == "improved" else _published)(robot, raw, unusable)
+        if method == "improved":
+            found[method] = _improved(robot, raw, unusable, options)
+        else:
+            found[method] = _published(robot, raw, unusable)
     return found
 
 
 def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
-    fits, useless = _local_fits(robot, raw)
+    fits, useless = local_fits(robot, raw)
     condition = conditions(robot, fits, together=False)
     require_all_groups(robot, fits, condition)
     solver = TwoStep(robot, fits)
     p, changes = _left_out_in_turn(solver)
-    return _estimate(
+    return estimate_of(
         robot, "published", fits, condition, (*unusable, *streamed, *useless), solver, p,
         jackknife(changes), effective_degrees(changes**2),
     )  # fmt: skip
 
 
-def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
-    drive_train = find_drive_train(robot, raw)
+class Joint(NamedTuple):
+    """Measurements of strokes and trajectories as one regression, drive trains compensated.
+
+    Attributes
+    ----------
+    solver : SimultaneousFit
+    drive_train : DriveTrain
+    prepared : sequence of (ParameterMotion, Signals)
+        With the drive trains taken into account.
+    rigid : ndarray, shape (n_base,)
+        Base parameters before anything was known of friction of the load.
+    """
+
+    solver: SimultaneousFit
+    drive_train: DriveTrain
+    prepared: Prepared
+    rigid: Array
+
+
+def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) -> Joint:
+    """Condense measurements to one regression, and find what lies between current and arm.
+
+    Parameters
+    ----------
+    nuisance : collection of str
+        Which of `NUISANCES` are looked for; others are taken for none.
+    """
+    drive_train = _found(find_drive_train(robot, raw), nuisance)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
     solver = first = SimultaneousFit(robot, prepared)
     mu, error = solver.load_friction
@@ -121,41 +151,63 @@ def _improved(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estim
         # what gears transmit is now known better than from measurements of inertia alone, and so is
         # which of them turn it into friction; a doubtful one would take the lag along, since few
         # measurements of inertia tell the two apart
-        drive_train = find_drive_train(robot, raw, loaded)
+        drive_train = _found(find_drive_train(robot, raw, loaded), nuisance)
         drive_train = replace(drive_train, p=solver.solve())
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
         solver = SimultaneousFit(robot, prepared)
-    fits, useless = _local_fits(robot, prepared)
+    return Joint(solver, drive_train, prepared, first.without_load_friction)
+
+
+def _found(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
+    """What was found of the drive trains, as far as it was asked for."""
+    none = np.zeros_like(train.lag)
+    if "lag" not in nuisance:
+        train = replace(train, lag=none, lag_error=none)
+    if "compliance" not in nuisance:
+        train = replace(train, soft=np.zeros_like(train.soft))
+    if not {"lag", "compliance"} <= set(nuisance):
+        # what is not looked for has no error of which the covariance would tell
+        train = replace(train, covariance=np.zeros_like(train.covariance))
+    return train
+
+
+def _improved(
+    robot: Robot, raw: Prepared, unusable: Sequence[LeftOut], options: Options
+) -> Estimate:
+    found = joint(robot, raw, options.nuisance)
+    solver, drive_train = found.solver, found.drive_train
+    fits, useless = local_fits(robot, found.prepared)
     condition = conditions(robot, fits)
-    require_rank(robot, prepared, fits, condition, solver)
-    p, changes = _left_out_in_turn(solver)
-    covariance = jackknife(changes) + drive_train.covariance
-    covariance += _of_gears(robot, raw, drive_train, p)
-    found = _estimate(
+    require_rank(robot, found.prepared, fits, condition, solver)
+    fit = solver.regression.fit(options.covariance)
+    p, n = solver.solve(), solver.n_base
+    covariance = fit.covariance[:n, :n] + drive_train.covariance
+    covariance += covariance_of_gears(robot, raw, drive_train, p)
+    estimate = estimate_of(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
-        covariance, effective_degrees(changes**2),
+        covariance, fit.degrees_of_freedom[:n],
     )  # fmt: skip
     return replace(
-        found,
+        estimate,
         drive_train=drive_train,
         load_friction=solver.load_friction,
         causes=find_causes(
-            robot, raw, drive_train, solver, first.without_load_friction, found.local, covariance
+            robot, raw, drive_train, solver, found.rigid, estimate.local, covariance
         ),
-        noise_covariance=solver.noise_covariance[: len(p), : len(p)],
+        noise_covariance=solver.noise_covariance[:n, :n],
         friction_law=campaign_friction(
             robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
         ),
     )
 
 
-def _left_out_in_turn(solver: ParameterSolver) -> tuple[Array, Array]:
+def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
     """Base parameters, and how they change without each of the measurements."""
     p = solver.solve()
     return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
 
 
-def _of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:
+def covariance_of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:
     """Covariance of the base parameters from what is uncertain of the soft gears' compliances."""
     effects = [np.zeros(len(p))]
     for axis in np.flatnonzero(drive_train.soft):
@@ -166,9 +218,9 @@ def _of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) ->
     return np.transpose(effects) @ effects
 
 
-def _estimate(
+def estimate_of(
     robot: Robot,
-    method: TwoStepMethod,
+    method: str,
     fits: Sequence[LocalFit],
     condition: dict[str, float],
     left_out: tuple[LeftOut, ...],
@@ -177,6 +229,7 @@ def _estimate(
     covariance: Array,
     degrees: Array,
 ) -> Estimate:
+    """Put an estimate together, with what drives' errors do to it."""
     local = tuple(each.at(p) for each in fits)
     effect = solver.sensitivity()
     carried, usual = effect * robot.stated_uncertainty, effect * robot.usual_uncertainty
@@ -198,21 +251,9 @@ def _estimate(
 
 
 def prepare(
-    robot: Robot, recorded: Recorded
+    recorded: Recorded,
 ) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
-    """Signals of all measurements that are of use here, and why others have none.
-
-    Raises
-    ------
-    NotIdentifiable
-        A robot whose limits are unknown: which samples are used depends on them.
-    """
-    for key in ("velocity_limit", "acceleration_limit", "torque_limit"):
-        if np.isnan(getattr(robot, key)).any():
-            raise NotIdentifiable(
-                f"{key} of {robot.name} is unknown, and the methods for strokes take their samples"
-                f" by it; state it in the robot file, or identify by --method '{DEFAULT}'"
-            )
+    """Signals of all measurements that are of use here, and why others have none."""
     found, left_out = [], []
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
@@ -223,6 +264,24 @@ def prepare(
         except NotEnoughData as error:
             left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
+
+
+def with_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
+    """Robot whose unknown limits are what the measurements reach.
+
+    Samples are taken by shares of the limits; an import may not state them.
+    """
+    if robot.limits_known or not prepared:
+        return robot
+    reached = {
+        "velocity_limit": [np.abs(s.smoothed(s.qd)).max(axis=0) for _, s in prepared],
+        "acceleration_limit": [np.abs(s.smoothed(s.qdd)).max(axis=0) for _, s in prepared],
+        "torque_limit": [np.abs(s.smoothed(s.tau)).max(axis=0) for _, s in prepared],
+    }
+    least = np.finfo(float).tiny
+    return robot.with_limits(
+        {key: np.maximum(np.max(each, axis=0), least) for key, each in reached.items()}
+    )
 
 
 def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
@@ -239,13 +298,13 @@ def prepared_for(
 ) -> list[tuple[ParameterMotion, Signals]]:
     """Signals of the measurements behind an estimate, its drive train taken into account."""
     unused = {left.id for left in found.left_out}
-    own = [each for each in prepare(robot, recorded)[0] if each[0].id not in unused]
+    own = [each for each in prepare(recorded)[0] if each[0].id not in unused]
     if found.drive_train is None:
         return own
     return [(m, found.drive_train.applied(robot, s)) for m, s in own]
 
 
-def _local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
+def local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
     """Step 1 for all measurements, and the reasons for those that are of no use."""
     found, left_out = [], []
     for measurement, s in prepared:

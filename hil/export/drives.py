@@ -14,9 +14,9 @@ import numpy as np
 from hil.estimation.free_motion.bristles import STILL
 from hil.estimation.friction.warmth import REFERENCE
 from hil.estimation.friction_law import DIRECTED
+from hil.least_squares.terms import BEND
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
-from hil.regression.terms import BEND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

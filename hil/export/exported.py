@@ -62,13 +62,12 @@ def cautions(model: Model) -> tuple[str, ...]:
     simulated = (NO_REAL_MACHINE,) if model.provenance.of_virtual_plant else ()
     if model.outcome is None or not model.failed:
         return simulated
-    why = "; ".join(filter(None, (model.outcome.reason, model.outcome.remedy)))
-    return (f"FAILED: {' '.join(why.split())}", *simulated)
+    return (f"FAILED: {' '.join(model.outcome.clause.split())}", *simulated)
 
 
 def passed(model: Model) -> bool:
     """Whether the model passed a validation on another recording."""
-    return any(each.verdict == "PASS" for each in model.validations)
+    return any(each.word == "good" for each in model.validations)
 
 
 def origin(model: Model, source: Path) -> tuple[str, ...]:
@@ -94,8 +93,7 @@ def origin(model: Model, source: Path) -> tuple[str, ...]:
 def validations(model: Model, source: Path) -> tuple[str, ...]:
     """Lines on what the model was worth on other recordings."""
     found = tuple(
-        f"validation on {each.run} ({each.validated}): {each.verdict}: {each.reason}"
-        for each in model.validations
+        f"validation on {each.run} ({each.validated}): {each}" for each in model.validations
     )
     if passed(model):
         return found

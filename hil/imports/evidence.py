@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.standstill import moving
+from hil.least_squares.standstill import moving
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

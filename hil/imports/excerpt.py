@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.imports.resampling import resampled
 from hil.imports.segments import Piece
-from hil.regression.standstill import extent
+from hil.least_squares.standstill import extent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.imports.samples import Samples
-    from hil.regression.standstill import Extent
+    from hil.least_squares.standstill import Extent
 
     Array = NDArray[np.float64]
 

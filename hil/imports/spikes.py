@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.suspicion import Suspicion
-from hil.regression.standstill import CARRIED
+from hil.least_squares.standstill import CARRIED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

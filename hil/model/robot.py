@@ -21,6 +21,7 @@ from pydantic import ValidationError
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, line_of, parse_yaml, place, problems, read_text
 from hil.errors import InvalidValue, UnknownName
+from hil.model.drive_train_file import UNKNOWN
 from hil.model.readers.robot_draft import robot_as_stated
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot_arrays import RobotArrays
@@ -113,6 +114,26 @@ class Robot(RobotArrays):
         if wrong:
             raise InvalidValue("\n".join(wrong))
         return robot
+
+    def with_limits(self, limits: Mapping[str, Sequence[float]]) -> Robot:
+        """Return the same robot with values for limits that its file leaves unknown.
+
+        Parameters
+        ----------
+        limits : mapping of str to sequence (n_joints,) of float
+            By key of the file, such as ``velocity_limit``; those that it states stay.
+        """
+        joints = tuple(
+            joint.model_copy(
+                update={
+                    key: float(values[axis])
+                    for key, values in limits.items()
+                    if getattr(joint, key) == UNKNOWN
+                }
+            )
+            for axis, joint in enumerate(self.file.joints)
+        )
+        return Robot(self.file.model_copy(update={"joints": joints}), self.source, self.text)
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n_joints} joints>"

@@ -10,21 +10,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.intervals import SIGNIFICANT
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
 from hil.report.header import when
 from hil.report.page import write_html
 from hil.report.section import Plot
-from hil.results.changes import FALSE_ALARM
+from hil.results.acceptance import table
 from hil.results.history_file import half_width
-from hil.results.rounding import signed, unit
+from hil.results.rounding import unit
 from hil.results.tables import history as tables
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Column, Part, Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from hil.results.acceptance_file import Check
+    from hil.results.acceptance import Acceptance
     from hil.results.compared_runs import History
     from hil.results.quantities import Kind
     from hil.results.tables.table import Row
@@ -34,7 +35,7 @@ NOT_KNOWN = "not stated"
 
 
 def write_acceptance_page(
-    path: Path, run: Run, checks: Sequence[Check], stated: Mapping[str, str]
+    path: Path, run: Run, found: Acceptance, stated: Mapping[str, str]
 ) -> None:
     """Write the page, whole or not at all; `stated`: facts that the run does not hold."""
     sessions = run.journal.sessions
@@ -47,36 +48,13 @@ def write_acceptance_page(
         path,
         "acceptance.html",
         robot=run.robot.name,
-        failed=sum(not check.passed for check in checks),
-        count=len(checks),
+        word=found.word,
+        failed=sum(check.word == "failed" for check in found.checks),
+        count=len(found.checks),
         facts=facts.items(),
-        tables=[each for each in (checked(checks), _drives(run)) if each],
+        tables=[each for each in (table(found), _drives(run)) if each],
         simulated=run.journal.simulated,
     )
-
-
-def checked(checks: Sequence[Check]) -> Table:
-    """Checks as a table."""
-    return Table(
-        title="Checks",
-        columns=(
-            Column("check"),
-            *figures("value", "at least", "at most"),
-            Column("unit"),
-            Column(""),
-        ),
-        parts=(Part(tuple(map(_row, checks))),),
-    )
-
-
-def _row(check: Check) -> Row:
-    values = (check.value, check.least, check.most)
-    cells = ("" if each is None else _figure(each) for each in values)
-    return (check.name, *cells, unit(check.unit), "PASS" if check.passed else Marked("FAIL"))
-
-
-def _figure(value: float | str) -> str:
-    return value if isinstance(value, str) else signed(f"{value:.6g}")
 
 
 def _drives(run: Run) -> Table | None:
@@ -100,7 +78,7 @@ def write_history_page(path: Path, found: History) -> None:
         marked=found.sentences(found.runs[-1]),
         tables=[table(found) for table in (tables.runs, tables.changes, tables.condition)],
         plots=list(_history_plots(found)),
-        rate=f"{FALSE_ALARM:.0%}",
+        rate=f"{SIGNIFICANT:.0%}",
     )
 
 

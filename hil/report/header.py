@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.report.reported_run import ForeignRun, IdentifiedRun, ReportedRun
-    from hil.results.outcome import Outcome
+    from hil.results.judgement import Judgement
     from hil.runs.recording_file import Measured
 
 Facts = tuple[tuple[str, str], ...]
@@ -28,7 +28,7 @@ class Header:
     ----------
     title, verdict : str
         The latter may be empty.
-    outcome : Outcome or None
+    outcome : Judgement or None
         What the identification is worth, where there is one.
     facts : tuple of (str, str)
         Each with its name.
@@ -39,7 +39,7 @@ class Header:
 
     title: str
     verdict: str
-    outcome: Outcome | None
+    outcome: Judgement | None
     facts: Facts
     shortfall: str
     simulated: bool
@@ -80,7 +80,7 @@ def of_imported(run: ForeignRun) -> Header:
 def of_campaign(run: IdentifiedRun) -> Header:
     """Top of the report of a run whose base parameters are identifiable: it in two sentences."""
     relative = percent(float(np.nanmean(run.found.prediction.relative)), 1.0)
-    urgent = sum(item.urgent for item in run.found.advice)
+    urgent = sum(item.word != "good" for item in run.found.advice)
     attention = f"{urgent} finding{'s require' if urgent > 1 else ' requires'} action, see below."
     verdict = (
         f"All {len(run.estimate.p)} base parameters were identified; the rigid-body torques of a"
@@ -94,7 +94,7 @@ def of_campaign(run: IdentifiedRun) -> Header:
 
 
 def _header(
-    run: ReportedRun, about: str, verdict: str, facts: Facts, outcome: Outcome | None
+    run: ReportedRun, about: str, verdict: str, facts: Facts, outcome: Judgement | None
 ) -> Header:
     journal, imported = run.source.journal, run.source.imported
     last = journal.sessions[-1] if journal.sessions else None

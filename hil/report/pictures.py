@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from hil.results.predicted_torques import PredictedTorque
-    from hil.results.verdict import Validation
+    from hil.results.validation import Validation
     from hil.runs.run import Run
     from hil.watching.trace import Trace
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError, Mismatch
+from hil.estimation.identify import METHODS
 from hil.planning.measurement import Friction, recorded_as
 from hil.results.kept_findings import keep, kept
 from hil.results.model_file import NAME, read_model_file
@@ -135,10 +137,11 @@ def identified(run: ReportedRun) -> IdentifiedRun | ForeignRun:
 
 def _method(run: Run) -> str | None:
     """Method of the model that `hil identify` wrote; without one, that for what was recorded."""
-    try:
-        return read_model_file(run.path / NAME).provenance.method
-    except FileError:
-        return None if run.imported else "improved"
+    with suppress(FileError):
+        method = read_model_file(run.path / NAME).provenance.method
+        if method in METHODS:
+            return method
+    return None if run.imported else "improved"
 
 
 def friction_alone(run: Run) -> bool:

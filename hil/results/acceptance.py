@@ -2,33 +2,115 @@
 
 A check is a value and what it may be. Values come from the model of the run (parameters, friction,
 torque that the fit leaves, what the identification is worth) and from its journal and recordings
-(what is missing, flagged, or kept with findings). A value that was not identified does not pass.
+(what is missing, flagged, or kept with findings). A value that was not identified fails. Limits are
+a YAML file; checks are written as JUnit XML, which CI systems read.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal, Self, cast
+from xml.etree import ElementTree as ET
 
 import numpy as np
+import yaml
+from pydantic import Field, model_validator
 from scipy import stats
 
+from checked_files.yaml_file import FileModel
 from hil.errors import Mismatch
-from hil.results.acceptance_file import Check, Limits, QuantityLimits
-from hil.results.outcome import OUTCOME_WORDS
+from hil.results.judgement import WORDS, Judgement, Reservation, Word, failed, good
 from hil.results.quantities import Quantity, quantities, reading
+from hil.results.rounding import signed, unit
+from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from hil.results.model import Model
     from hil.results.quantities import Kind
+    from hil.results.tables.table import Row
     from hil.runs.run import Run
 
-FACTOR = 3.0
-"""By what a draft widens intervals where nothing else is stated."""
+Axis = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=0)]
+Amount = Annotated[float, Field(ge=0)]
 
 
-def judge(run: Run, model: Model, limits: Limits) -> tuple[Check, ...]:
+class QuantityLimits(FileModel):
+    """Limits of a parameter, or of friction: by `axis` and `speed`, without speed of its offset."""
+
+    name: str
+    unit: str
+    axis: Axis | None = None
+    speed: Annotated[float, Field(gt=0)] | None = None
+    least: float
+    most: float
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.least > self.most:
+            raise ValueError(f"least {self.least:g} must not exceed most {self.most:g}")
+        return self
+
+
+class Limits(FileModel):
+    """Content of a file of limits.
+
+    Attributes
+    ----------
+    robot : str
+        Name of the robot that they are for.
+    drafted_from : str
+        Run whose intervals they are, widened by `factor`; empty where somebody stated them.
+    outcome : {"good", "doubtful", "failed"}
+        The worst that the identification may be.
+    missing, with_findings : int
+        Measurements that may be missing or left out, and recordings that may have findings.
+    flagged : float
+        Share of the samples that may be flagged.
+    residual : dict
+        Torque that the fit may leave, rms, by axis [N m or N].
+    """
+
+    format: Literal[1] = 1
+    robot: str
+    drafted_from: str = ""
+    factor: Annotated[float, Field(gt=0)] | None = None
+    outcome: Word = "good"
+    missing: Count = 0
+    with_findings: Count = 0
+    flagged: Annotated[float, Field(ge=0, le=1)] = 0.001
+    residual: dict[Axis, Amount] = Field(default_factory=dict)
+    quantities: tuple[QuantityLimits, ...] = ()
+
+
+class Check(Reservation):
+    """A value and its limits, by the name of `subject`; texts where they are no numbers.
+
+    Attributes
+    ----------
+    unit : str
+    value : float, str or None
+        None where the run does not give it.
+    least, most : float, str or None
+        None where there is no such limit.
+    """
+
+    unit: str
+    value: float | str | None
+    least: float | str | None
+    most: float | str | None
+
+
+class Acceptance(Judgement):
+    """A machine judged by limits: failed where a check failed."""
+
+    checks: tuple[Check, ...]
+
+
+def judge(run: Run, model: Model, limits: Limits) -> Acceptance:
     """Judge a run and its model by limits.
 
     Raises
@@ -39,15 +121,13 @@ def judge(run: Run, model: Model, limits: Limits) -> tuple[Check, ...]:
         Limits of another robot, or a model of another state of the run.
     """
     _refuse_foreign(run, model, limits)
-    return (
-        _outcome(model, limits),
-        *_of_recordings(run, model, limits),
-        *(_residual(model, axis, most) for axis, most in sorted(limits.residual.items())),
-        *(_quantity(model, each) for each in limits.quantities),
-    )
+    checks = tuple(_checks(run, model, limits))
+    lost = sum(check.word == "failed" for check in checks)
+    found = [failed(f"{lost} of {len(checks)} checks")] if lost else []
+    return Acceptance.of(found, lambda: good(f"{len(checks)} checks"), checks=checks)
 
 
-def draft(run: Run, model: Model, factor: float = FACTOR) -> Limits:
+def draft(run: Run, model: Model, factor: float) -> Limits:
     """Limits around what a good run found: its intervals of 95 %, widened by a factor.
 
     Raises
@@ -59,16 +139,10 @@ def draft(run: Run, model: Model, factor: float = FACTOR) -> Limits:
     """
     limits = Limits(robot=model.robot.name, drafted_from=run.path.name, factor=factor)
     _refuse_foreign(run, model, limits)
-    return limits.model_copy(
-        update={
-            "residual": {
-                axis: float(f"{factor * left:.4g}")
-                for axis, left in enumerate(model.residual.tolist(), start=1)
-                if np.isfinite(left)
-            },
-            "quantities": tuple(_drafted(model, factor)),
-        }
-    )
+    left = dict(enumerate(model.residual.tolist(), start=1))
+    residual = {axis: float(f"{factor * r:.4g}") for axis, r in left.items() if np.isfinite(r)}
+    drafted = tuple(_drafted(model, factor))
+    return limits.model_copy(update={"residual": residual, "quantities": drafted})
 
 
 def _drafted(model: Model, factor: float) -> Iterator[QuantityLimits]:
@@ -89,12 +163,9 @@ def _drafted(model: Model, factor: float) -> Iterator[QuantityLimits]:
 
 
 def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
-    sessions = run.journal.sessions
-    measured = sessions[-1].started if sessions else ""
-    made_from = model.provenance
-    if (made_from.plan_digest, made_from.measured) != (run.plan.digest, measured) or (
-        made_from.together_with
-    ):
+    sessions, made_from = run.journal.sessions, model.provenance
+    now_there = run.plan.digest, sessions[-1].started if sessions else ""
+    if (made_from.plan_digest, made_from.measured) != now_there or made_from.together_with:
         raise Mismatch(
             f"{run.path}: its model was made from other recordings than this run's as it is now;"
             f" identify it anew with: hil identify {run.path}"
@@ -106,46 +177,96 @@ def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
         )
 
 
-def _outcome(model: Model, limits: Limits) -> Check:
+def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
     word = "doubtful" if model.outcome is None else model.outcome.word
-    passed = OUTCOME_WORDS.index(word) <= OUTCOME_WORDS.index(limits.outcome)
-    return Check("identification", "", word, limits.outcome, None, passed)
-
-
-def _of_recordings(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
+    yield _check("identification", "", word, least=limits.outcome)
     timings = [session.sync for session in run.journal.sessions]
     samples = sum(timing.samples for timing in timings)
     flagged = sum(timing.flagged for timing in timings) / samples if samples else 0.0
-    yield _at_most("measurements missing", "", len(run.missing), limits.missing)
-    yield _at_most("measurements left out", "", len(model.provenance.without), limits.missing)
     kept = sum(bool(each.findings) for each in run.without(model.provenance.without))
-    yield _at_most("recordings with findings", "", kept, limits.with_findings)
-    yield _at_most("samples flagged", "%", 100 * flagged, 100 * limits.flagged)
-
-
-def _residual(model: Model, axis: int, most: float) -> Check:
-    unit = "N m" if axis > len(model.residual) or model.robot.revolute[axis - 1] else "N"
-    left = float(model.residual[axis - 1]) if axis <= len(model.residual) else None
-    return _at_most(f"torque left by the fit, axis {axis}", unit, left, most)
-
-
-def _at_most(name: str, unit: str, value: float | None, most: float) -> Check:
-    passed = value is not None and value <= most
-    return Check(name, unit, value, None, most, passed)
-
-
-def _quantity(model: Model, limits: QuantityLimits) -> Check:
-    value = _value(model, limits)
-    passed = value is not None and limits.least <= value <= limits.most
-    return Check(limits.name, limits.unit, value, limits.least, limits.most, passed)
+    yield _check("measurements missing", "", len(run.missing), limits.missing)
+    yield _check("measurements left out", "", len(model.provenance.without), limits.missing)
+    yield _check("recordings with findings", "", kept, limits.with_findings)
+    yield _check("samples flagged", "%", 100 * flagged, 100 * limits.flagged)
+    for axis, most in sorted(limits.residual.items()):
+        known = axis <= model.robot.n_joints
+        unit = model.robot.torque_unit(axis - 1) if known else "N m"
+        left = float(model.residual[axis - 1]) if known else None
+        yield _check(f"torque left by the fit, axis {axis}", unit, left, most)
+    for each in limits.quantities:
+        yield _check(each.name, each.unit, _value(model, each), each.most, each.least)
 
 
 def _value(model: Model, limits: QuantityLimits) -> float | None:
     kind: Kind = "inertia parameter" if limits.axis is None else "friction level"
-    if limits.axis is None and limits.name not in model.names:
-        return None
-    if limits.axis is not None and limits.axis > model.robot.n_joints:
-        return None
+    known = limits.name in model.names
+    if limits.axis is not None:
+        known = limits.axis <= model.robot.n_joints
     wanted = Quantity(limits.name, kind, limits.unit, axis=limits.axis, speed=limits.speed)
-    found = reading(model, wanted)
+    found = reading(model, wanted) if known else None
     return None if found is None else found.value
+
+
+def _check(
+    name: str,
+    unit: str,
+    value: float | str | None,
+    most: float | None = None,
+    least: float | str | None = None,
+) -> Check:
+    """Judge a number or a word of a judgement by its limits; NaN is no value."""
+    if isinstance(value, float) and not np.isfinite(value):
+        value = None
+    ends = -np.inf if least is None else _rank(least), np.inf if most is None else most
+    passed = value is not None and ends[0] <= _rank(value) <= ends[1]
+    limits = {"at least": least, "at most": most}
+    bounds = (f"{which} {_text(each)}" for which, each in limits.items() if each is not None)
+    reason = f"{_text(value)} {unit}".strip() + f" must be {' and '.join(bounds)}"
+    return Check(
+        word="good" if passed else "failed",
+        reason="was not identified" if value is None else reason,
+        subject=name, unit=unit, value=value, least=least, most=most,
+    )  # fmt: skip
+
+
+def _rank(value: float | str) -> float:
+    return value if isinstance(value, int | float) else -WORDS.index(cast("Word", value))
+
+
+def _text(value: float | str | None) -> str:
+    return f"{value:.6g}" if isinstance(value, int | float) else value or ""
+
+
+def write_limits(path: Path, limits: Limits) -> None:
+    """Write limits as YAML, whole or not at all."""
+    content = limits.model_dump(mode="json", exclude_none=True)
+    content["residual"] = limits.residual  # JSON knows no numbers as keys
+    write_file(path, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
+
+
+def write_junit(path: Path, robot: str, measured: str, found: Acceptance) -> None:
+    """Write the checks as JUnit XML, a test case each."""
+    lost = sum(check.word == "failed" for check in found.checks)
+    counts = {"tests": str(len(found.checks)), "failures": str(lost), "errors": "0"}
+    suite = ET.Element("testsuite", name=robot, timestamp=measured, attrib=counts)
+    for check in found.checks:
+        case = ET.SubElement(suite, "testcase", classname=robot, name=check.subject)
+        if check.word == "failed":
+            ET.SubElement(case, "failure", message=check.reason)
+    ET.indent(suite)
+    write_file(path, ET.tostring(suite, encoding="utf-8", xml_declaration=True) + b"\n")
+
+
+def table(found: Acceptance) -> Table:
+    """Checks with their values and limits."""
+    rows: tuple[Row, ...] = tuple(
+        (
+            check.subject,
+            *(signed(_text(each)) for each in (check.value, check.least, check.most)),
+            unit(check.unit),
+            check.word if check.word == "good" else Marked(check.word),
+        )
+        for check in found.checks
+    )
+    heads = *figures("value", "at least", "at most"), Column("unit"), Column("")
+    return Table("Checks", (Column("check"), *heads), (Part(rows),))

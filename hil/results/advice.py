@@ -1,24 +1,46 @@
-"""What in a result needs attention, and what to measure to mend it.
+"""What limits a result: the causes of its error, and what to measure or to mend.
 
-Every piece of advice names a figure and a remedy that can be carried out. Which measurement would
-help a weak parameter most is calculated: with W of eq. (17), rows weighted by eq. (16), one more
-row w lowers the parameter's variance G_kk, G = (W'W)^-1, by (G w)_k^2 / (1 + w' G w); the best row
-among those already measured is named, to be measured again or in its neighbourhood.
+What a cause does to the base parameters (`hil.estimation.causes`) is carried to the torques of a
+free motion, which makes all of them comparable. Squares of torques add up: to what the scatter of
+the measurements leaves, that is noise and friction that wanders, come the causes that are not taken
+into account, and those that are, with what ignoring them would do. A cause is named if its share of
+that sum is worth it. Scatter itself is a cause where it is notable and nothing else explains most
+of it: then the motion hardly excites some parameters, or, if noise alone would not make them as
+uncertain, measurements disagree.
+
+Every piece of advice names a figure and a remedy that can be carried out: doubtful where to do it
+is advised, good where it is a note. Which measurement would help a weak parameter most is
+calculated: with W of eq. (17), rows weighted by eq. (16), one more row w lowers the parameter's
+variance G_kk, G = (W'W)^-1, by (G w)_k^2 / (1 + w' G w); the best row among those already measured
+is named, to be measured again or in its neighbourhood.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy import special
 
-from hil.estimation.causes import CauseName
+from hil.estimation.causes import Cause, CauseName
+from hil.estimation.free_motion.result import POOR
+from hil.estimation.intervals import SIGNIFICANT
+from hil.least_squares.solving import inverse
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
-from hil.regression.least_squares import inverse
-from hil.results.rounding import signed, unit
+from hil.results.judgement import (
+    FEWEST,
+    NOTABLE,
+    ErrorTerm,
+    Reservation,
+    doubtful,
+    good,
+    reservations,
+)
+from hil.results.prediction import FreeTorques
+from hil.results.rounding import signed, significant, unit
+from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -28,101 +50,148 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
-    from hil.results.error_term import ErrorTerm
+    from hil.results.judgement import Rule
     from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
 
     Array = NDArray[np.float64]
 
-UNCERTAIN = 0.005
-"""Standard error of a parameter, as a share of some joint's torque, above which it is too much."""
-FEW_ROWS = 3
-"""Measurements that a group should have for each of its parameters."""
+OF_NOISE = 0.25
+"""Share of the scatter, in torques, that white noise makes where motion excites too little: torques
+that wander with friction scatter up to four times as much as white noise of their size."""
+NAMED = 0.1
+"""Share of the sum of squares from which on a cause is named: a third of the error, sqrt(0.1)."""
 CORRELATED = 0.9
-"""Correlation from which on two parameters count as hard to distinguish."""
-CONDITION = 100.0
-"""Condition number above which a group is badly excited."""
+"""Correlation from which on two parameters count as hard to distinguish: each is then 2.3 times as
+uncertain as it were if the other was known, 1 / sqrt(1 - 0.9^2)."""
 OUTLIER = 4.0
-"""Scatter inside a measurement over that of its axis's others from which on it stands out."""
-MISFIT = 0.01
-"""Residual of an axis's local models over its torque limit from which on it is more than noise."""
-OFFSET = 4.0
-"""Mean deviation of half-sums over its standard error that betrays an offset."""
+"""Scatter inside a measurement over that of its axis's others from which on it stands out.
+
+In the whole campaign of benchmarks/golden.py, in which nothing is wrong, the most is 2.8 times.
+"""
 
 
-@dataclass(frozen=True, slots=True)
-class Advice:
-    """One weakness.
+def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
+    """Name the causes that matter, the largest first.
 
-    Attributes
-    ----------
-    subject : str
-        Parameter, axis or measurement.
-    what : str
-        The finding, with its figure.
-    remedy : str
-        What to do about it.
-    urgent : bool
-        Whether to do it is advised; if not, it is a note.
+    None where all is noise, and for methods that look for no causes.
     """
+    if estimate.noise_covariance is None:
+        return ()
+    free = FreeTorques(robot)
+    rms = free.rms(estimate.p)
 
-    subject: str
-    what: str
-    remedy: str
-    urgent: bool = True
+    def relative(torques: Array) -> float:
+        return float(np.mean(torques[rms > 0] / rms[rms > 0]))
+
+    def scatter(covariance: Array) -> float:
+        return relative(free.standard_error(covariance))
+
+    causes = list(estimate.causes)
+    explained = [scatter(cause.covariance) for cause in causes]
+    torques = [
+        float(np.hypot(relative(free.rms(cause.change)), own))
+        for cause, own in zip(causes, explained, strict=True)
+    ]
+    square = sum(own**2 for own in explained)
+    rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
+    if rest > NOTABLE and rest**2 > square:
+        weak = scatter(estimate.noise_covariance) > OF_NOISE * rest
+        name = CauseName.WEAK_EXCITATION if weak else CauseName.DISAGREEMENT
+        none = np.zeros_like(estimate.p)
+        detail = f"torques are uncertain by {100 * rest:.2g} %"
+        causes.append(Cause(name, (), detail, none, estimate.covariance))
+        torques.append(rest)
+        rest = 0.0
+    total = rest**2 + sum(torque**2 for torque in torques)
+    terms = [
+        ErrorTerm(
+            cause=cause.name, axes=tuple(axis + 1 for axis in cause.axes), found=cause.detail,
+            torque=torque, share=torque**2 / total, accounted=cause.accounted,
+        )
+        for cause, torque in zip(causes, torques, strict=True)
+        if torque**2 > NAMED * total
+    ]  # fmt: skip
+    return tuple(sorted(terms, key=lambda term: -term.share))
 
 
-def advice(
-    estimate: Estimate,
-    prediction: Prediction,
-    budget: Sequence[ErrorTerm],
-    robot: Robot,
-    plan: Plan,
-    campaign: Sequence[Measured],
-) -> tuple[Advice, ...]:
-    """Judge a result and the measurements behind it; those of `plan` not in `campaign` miss.
-
-    Weak parameters are those whose uncertainty shows in the torques of a free motion.
-    """
-    return (
-        *_causes(budget),
-        *_campaign(estimate, plan, campaign),
-        *_outliers(estimate, robot),
-        *_misfit(estimate, robot),
-        *_groups(estimate, robot),
-        *_parameters(estimate, prediction, robot, plan),
-        *_correlations(estimate, robot),
-        *_drives(robot),
-        *_offsets(estimate, robot),
+def budget_table(terms: Sequence[ErrorTerm]) -> Table:
+    """What spoils a result, or would; no rows where nothing but noise does."""
+    rows = tuple(
+        (
+            term.cause,
+            ", ".join(map(str, term.axes)) or "all",
+            significant(100 * term.torque, 2),
+            f"{100 * term.share:.0f}",
+            "yes" if term.accounted else "no",
+        )
+        for term in terms
+    )
+    measures = figures("torque, %", "share, %")
+    return Table(
+        title="Largest causes of error",
+        columns=(Column("cause"), Column("axes"), *measures, Column("accounted for")),
+        parts=(Part(rows),) if rows else (),
+        explanation=(
+            "Error of the torques on a free motion, and share of the sum of the squares; noise is"
+            " the rest. What is accounted for would do that if it were not."
+        ),
     )
 
 
-def _campaign(estimate: Estimate, plan: Plan, campaign: Sequence[Measured]) -> Iterator[Advice]:
-    measured_ids = {measured.measurement.id for measured in campaign}
-    missing = [m.id for m in plan.measurements if m.id not in measured_ids]
+class CampaignResult(NamedTuple):
+    """A result and the measurements behind it.
+
+    Attributes
+    ----------
+    estimate : Estimate
+    prediction : Prediction
+        Of the torques of a free motion, in which the uncertainty of weak parameters shows.
+    budget : sequence of ErrorTerm
+    robot : Robot
+    plan : Plan
+    measured : sequence of Measured
+        Those of the plan that are not among them miss.
+    """
+
+    estimate: Estimate
+    prediction: Prediction
+    budget: Sequence[ErrorTerm]
+    robot: Robot
+    plan: Plan
+    measured: Sequence[Measured]
+
+
+def advice(campaign: CampaignResult) -> tuple[Reservation, ...]:
+    """Judge a result and the measurements behind it."""
+    return tuple(reservations(RULES, campaign))
+
+
+def _measured(campaign: CampaignResult) -> Iterator[Reservation]:
+    planned, resume = campaign.plan.measurements, "move its recording away and --resume"
+    measured_ids = {measured.measurement.id for measured in campaign.measured}
+    missing = [m.id for m in planned if m.id not in measured_ids]
     if missing:
-        what = f"{len(missing)} of {len(plan.measurements)} planned measurements are missing"
-        yield Advice(_listed(missing), what, "finish the run with hil run … --resume")
-    for left in estimate.left_out:
-        yield Advice(left.id, f"left out: {left.reason}", "move its recording away and --resume")
-    for measured in (m for m in campaign if m.findings):
+        what = f"{len(missing)} of {len(planned)} planned measurements are missing"
+        yield doubtful(what, "finish the run with hil run … --resume", _listed(missing))
+    for left in campaign.estimate.left_out:
+        yield doubtful(f"left out: {left.reason}", resume, left.id)
+    for measured in (m for m in campaign.measured if m.findings):
         findings = "; ".join(finding.message for finding in measured.findings)
-        yield Advice(
-            measured.measurement.id,
+        yield doubtful(
             f"kept with findings after {measured.attempts} attempts: {findings}",
-            "mend the cause, move its recording away and --resume",
+            f"mend the cause, {resume}",
+            measured.measurement.id,
         )
 
 
-def _causes(budget: Sequence[ErrorTerm]) -> Iterator[Advice]:
+def _causes(campaign: CampaignResult) -> Iterator[Reservation]:
     """Causes of error, the largest first; those taken into account are notes."""
-    for term in budget:
-        if term.accounted:
-            what = f"{term.cause}: {term.found}; ignored, {100 * term.share:.0f} % of the error"
-        else:
-            what = f"{term.cause}: {term.found}; {100 * term.share:.0f} % of the error"
+    for term in campaign.budget:
+        share = f"{100 * term.share:.0f} % of the error"
+        what = f"{term.cause}: {term.found}; {'ignored, ' if term.accounted else ''}{share}"
         subject = _axes(term.axes) if term.axes else "all axes"
-        yield Advice(subject, what, term.remedy, urgent=not term.accounted)
+        yield (good if term.accounted else doubtful)(what, term.remedy, subject)
 
 
 def _axes(axes: Sequence[int]) -> str:
@@ -130,67 +199,68 @@ def _axes(axes: Sequence[int]) -> str:
     return _listed([f"axis {axis}" for axis in axes])
 
 
-def _outliers(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
     """Measurements whose local model leaves far more than it does in others of their kind."""
-    elements = {(v.kind, v.axis, v.partner) for v in estimate.local}
-    for kind, axis, partner in sorted(elements):
-        alike = [v for v in estimate.local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
+    local = campaign.estimate.local
+    for kind, axis, partner in sorted({(v.kind, v.axis, v.partner) for v in local}):
+        alike = [v for v in local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
         usual = float(np.median([v.residual for v in alike]))
         for value in (v for v in alike if v.residual > OUTLIER * usual > 0):
-            yield Advice(
-                value.id,
-                f"scatters by {value.residual:.2g} {robot.torque_unit(axis)},"
+            yield doubtful(
+                f"scatters by {value.residual:.2g} {campaign.robot.torque_unit(axis)},"
                 f" {value.residual / usual:.0f} times as much as {kind} measurements of axis"
                 f" {axis + 1} do",
                 "look for a cause (contact, saturation, a cable), move its recording away and"
                 " --resume",
+                value.id,
             )
 
 
-def _misfit(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+def _misfit(campaign: CampaignResult) -> Reservation | None:
     """Axes whose local models leave more than noise would."""
-    share = np.nan_to_num(estimate.residual / robot.torque_limit)
-    axes = np.flatnonzero(share > MISFIT)
-    if axes.size:
-        left = ", ".join(f"{100 * share[axis]:.1f} %" for axis in axes)
-        yield Advice(
-            _axes((axes + 1).tolist()),
-            f"local models leave {left} of the torque limit: something is not modelled, and neither"
-            " standard errors nor hil diagnose know of it",
-            "look in recordings for torques that ring after the corners of a motion, and for"
-            " encoders of few increments, whose accelerations are noise",
-        )
+    share = np.nan_to_num(campaign.estimate.residual / campaign.robot.torque_limit)
+    axes = np.flatnonzero(share > NOTABLE)
+    if not axes.size:
+        return None
+    left = ", ".join(f"{100 * share[axis]:.1f} %" for axis in axes)
+    return doubtful(
+        f"local models leave {left} of the torque limit: something is not modelled, and neither"
+        " standard errors nor hil diagnose know of it",
+        "look in recordings for torques that ring after the corners of a motion, and for encoders"
+        " of few increments, whose accelerations are noise",
+        _axes((axes + 1).tolist()),
+    )
 
 
-def _groups(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
-    base = base_parameters(robot)
+def _groups(campaign: CampaignResult) -> Iterator[Reservation]:
+    base, estimate = base_parameters(campaign.robot), campaign.estimate
     for kind, row in ELEMENT_KINDS.items():
         members = [k for k in base.groups[row.group] if not base.dependencies.hidden[k]]
         names = ", ".join(base.names[k] for k in members)
         rows = sum(value.kind == kind for value in estimate.local)
-        if not rows:  # trajectories identify the group
+        if not rows or not members:  # trajectories identify the group
             continue
-        if members and rows < FEW_ROWS * len(members):
-            yield Advice(names, f"{rows} {kind} measurements for {len(members)} parameters",
-                         f"at least {FEW_ROWS * len(members)} {kind} measurements")  # fmt: skip
-        if members and estimate.condition[row.group] > CONDITION:
-            yield Advice(names, f"condition number {estimate.condition[row.group]:.3g}",
-                         f"{kind} measurements that vary more joints")  # fmt: skip
+        needed, condition = FEWEST * len(members), estimate.condition[row.group]
+        if rows < needed:
+            what = f"{rows} {kind} measurements for {len(members)} parameters"
+            yield doubtful(what, f"at least {needed} {kind} measurements", names)
+        if condition > POOR:
+            remedy = f"{kind} measurements that vary more joints"
+            yield doubtful(f"condition number {condition:.3g}", remedy, names)
 
 
-def _parameters(
-    estimate: Estimate, prediction: Prediction, robot: Robot, plan: Plan
-) -> Iterator[Advice]:
-    base = base_parameters(robot)
-    effect = np.nan_to_num(prediction.relative_effect)
+def _parameters(campaign: CampaignResult) -> Iterator[Reservation]:
+    base, estimate = base_parameters(campaign.robot), campaign.estimate
+    effect = np.nan_to_num(campaign.prediction.relative_effect)
     for k, name in enumerate(base.names):
         joint = int(np.argmax(effect[:, k]))
-        if effect[joint, k] > UNCERTAIN:
-            what = (
+        if effect[joint, k] > NOTABLE:
+            yield doubtful(
                 f"its standard error, {estimate.standard_error[k]:.2g} {unit(base.units[k])}, is"
-                f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}"
+                f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}",
+                _best_measurement(campaign.robot, campaign.plan, k),
+                name,
             )
-            yield Advice(name, what, _best_measurement(robot, plan, k))
 
 
 def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
@@ -214,53 +284,59 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     )
 
 
-def _correlations(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
-    names = base_parameters(robot).names
-    found = estimate.correlation
+def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
+    names, found = base_parameters(campaign.robot).names, campaign.estimate.correlation
     for i, j in np.argwhere(np.triu(np.abs(found) > CORRELATED, 1)):
-        size = signed(f"{found[i, j]:.2f}")
-        yield Advice(
-            f"{names[i]}, {names[j]}",
-            f"correlation {size}: more certain together than apart",
+        yield doubtful(
+            f"correlation {signed(f'{found[i, j]:.2f}')}: more certain together than apart",
             "configurations in which they act differently (hil robot shows where they occur)",
+            f"{names[i]}, {names[j]}",
         )
 
 
-def _drives(robot: Robot) -> Iterator[Advice]:
+def _drives(campaign: CampaignResult) -> Reservation | None:
     stated = {
-        "torque constants": robot.torque_constant_uncertainty,
-        "rotor inertias": robot.rotor_inertia_uncertainty,
+        "torque constants": campaign.robot.torque_constant_uncertainty,
+        "rotor inertias": campaign.robot.rotor_inertia_uncertainty,
     }
     exact = [what for what, uncertainty in stated.items() if not uncertainty.any()]
-    if exact:
-        yield Advice(
-            " and ".join(exact),
-            "taken as exact; their errors shift parameters, show in no residual and are not in the"
-            " intervals",
-            "state their uncertainty in the robot file to have it carried to the parameters",
-            urgent=False,
-        )
+    if not exact:
+        return None
+    return good(
+        "taken as exact; their errors shift parameters, show in no residual and are not in the"
+        " intervals",
+        "state their uncertainty in the robot file to have it carried to the parameters",
+        " and ".join(exact),
+    )
 
 
-def _offsets(estimate: Estimate, robot: Robot) -> Iterator[Advice]:
+def _offsets(campaign: CampaignResult) -> Reservation | None:
     """Half-sums that miss the model by the same amount everywhere, if that is no cause of error."""
+    estimate, found = campaign.estimate, {}
     if any(cause.name == CauseName.ASYMMETRY for cause in estimate.causes):
-        return
-    found = {}
+        return None
     gravity = [v for v in estimate.local if v.symbol == "g"]
     for axis in sorted({v.axis for v in gravity}):
         left = np.array([v.value - v.model for v in gravity if v.axis == axis])
-        if len(left) > 2 and abs(left.mean()) > OFFSET * left.std(ddof=1) / np.sqrt(len(left)):
-            shift = f"{signed(f'{left.mean():.2f}')} {robot.torque_unit(axis)}"
+        if (n := len(left)) < 2 or not left.std():
+            continue
+        beyond = abs(left.mean()) / (left.std(ddof=1) / np.sqrt(n))
+        if 2.0 * special.stdtr(n - 1, -beyond) < SIGNIFICANT:
+            shift = f"{signed(f'{left.mean():.2f}')} {campaign.robot.torque_unit(axis)}"
             found[f"axis {axis + 1}"] = shift
-    if found:
-        yield Advice(
-            ", ".join(found),
-            f"half-sums are off by {', '.join(found.values())} on average: friction differs by"
-            " direction, or the current sensor has an offset",
-            "nothing, as the improved method fits it; it shifts the published one's parameters",
-            urgent=False,
-        )
+    if not found:
+        return None
+    return good(
+        f"half-sums are off by {', '.join(found.values())} on average: friction differs by"
+        " direction, or the current sensor has an offset",
+        "nothing, as the improved method fits it; it shifts the published one's parameters",
+        ", ".join(found),
+    )
+
+
+RULES: tuple[Rule[CampaignResult], ...] = (
+    _causes, _measured, _outliers, _misfit, _groups, _parameters, _correlations, _drives, _offsets,
+)  # fmt: skip
 
 
 def _listed(names: Sequence[str], most: int = 6) -> str:

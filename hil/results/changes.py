@@ -8,7 +8,8 @@ nothing changed, the hypothesis is |d| <= a, and the p-value is that at its edge
 
 with Student's T; for a = 0 it is the usual one of two sides. Many quantities are tested of a new
 run, against two others: Holm's step-down procedure (1979) holds the probability that any of them is
-marked by chance, whatever their correlations.
+marked by chance, whatever their correlations: in `SIGNIFICANT` of the runs of an unchanged machine
+anything is.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.estimation.intervals import combined_degrees
+from hil.estimation.intervals import SIGNIFICANT, combined_degrees
 from hil.results.common_friction import at_other_temperature
 from hil.results.rounding import rounded, signed, significant
 
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.results.quantities import Kind, Quantity, Reading
-
-FALSE_ALARM = 0.01
-"""Probability that anything of a new run of an unchanged machine is marked."""
 
 MEANINGS: dict[Kind, str] = {
     "gravity parameter": "a load, counterweight, spring or cable, or the torque constant",
@@ -84,7 +82,7 @@ class Change(NamedTuple):
     @property
     def marked(self) -> bool:
         """Whether it is no chance."""
-        return self.adjusted < FALSE_ALARM
+        return self.adjusted < SIGNIFICANT
 
     @property
     def relative(self) -> float | None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileModel
+from hil.estimation.intervals import SIGNIFICANT
 from hil.model.base_parameters import base_parameters
 from hil.results.rounding import probability
 
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
-
-CHANCE = 0.01
-"""Probability below which a distance is no chance: the data contradict bodies."""
 
 
 class LinkBody(FileModel):
@@ -122,7 +120,7 @@ class ConsistentRobot(FileModel):
     @property
     def contradicted(self) -> bool:
         """Whether the data contradict these bodies beyond chance."""
-        return self.p_value < CHANCE
+        return self.p_value < SIGNIFICANT
 
     def statements(self, robot: Robot) -> tuple[str, ...]:
         """Distance, what binds and what it costs, in sentences."""

@@ -30,32 +30,6 @@ class Diagnosis:
     phase: Phase | None
 
 
-@dataclass(frozen=True, slots=True)
-class AbsenceEvidence:
-    """What a run says about one left-out parameter.
-
-    Attributes
-    ----------
-    first : bool
-        Whether it is ranked first among all that are left out.
-    significant : bool
-        Whether it is among those found.
-    value, standard_error : float
-        Beside the stated model alone [kg m^2, kg m or kg].
-    t, p_value : float
-    phase : float or None
-        Shift of Fig. 7 by all that was found [rad].
-    """
-
-    first: bool
-    significant: bool
-    value: float
-    standard_error: float
-    t: float
-    p_value: float
-    phase: float | None
-
-
 def diagnose(run: Run) -> Diagnosis:
     """Estimate a run anew and test its robot file.
 
@@ -80,27 +54,3 @@ def diagnose(run: Run) -> Diagnosis:
     errors = examine(robot, prepared_for(robot, best, recordings))
     shifted = shifted_most(best, errors, robot.torque_limit) if errors.found else None
     return Diagnosis(robot, best, errors, shifted)
-
-
-def evidence_for(found: Diagnosis, name: str) -> AbsenceEvidence:
-    """Return the rank and the evidence of one left-out parameter, such as ``sy4``.
-
-    Raises
-    ------
-    ValueError
-        It was not tested: stated, absorbed, or not identifiable from these measurements.
-    """
-    errors = found.errors
-    tested = next((c for c in errors.alone if name in c.names), None)
-    if tested is None:
-        names = ", ".join(c.label for c in errors.alone)
-        raise ValueError(f"{name} was not tested, only {names}; see ModelErrors for why")
-    return AbsenceEvidence(
-        first=tested is errors.alone[0],
-        significant=any(name in c.names for c in errors.found),
-        value=tested.value,
-        standard_error=tested.standard_error,
-        t=tested.t,
-        p_value=tested.p_value,
-        phase=found.phase.shift if found.phase else None,
-    )

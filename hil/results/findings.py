@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.estimation.friction.drift import Drift
     from hil.planning.measurement import RecordedMotion
-    from hil.results.advice import Advice
     from hil.results.identification import Identified
+    from hil.results.judgement import Reservation
     from hil.results.model import Model
     from hil.results.prediction import Prediction
     from hil.runs.recording import Recording
@@ -35,7 +35,7 @@ class Findings(NamedTuple):
         measurements of elements of all groups.
     prediction : Prediction
         What the parameters mean in torques.
-    advice : tuple of Advice
+    advice : tuple of Reservation
         None of recordings that were imported, which cannot be measured again.
     drifts : tuple of Drift
         Time constants of friction, of axes with enough levels over time.
@@ -45,7 +45,7 @@ class Findings(NamedTuple):
     model: Model
     check: Model | None
     prediction: Prediction
-    advice: tuple[Advice, ...]
+    advice: tuple[Reservation, ...]
     drifts: tuple[Drift, ...]
 
 
@@ -57,7 +57,7 @@ def findings(
     from hil.errors import NotEnoughData, NotIdentifiable  # noqa: PLC0415
     from hil.estimation.friction.history import history  # noqa: PLC0415
     from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
-    from hil.results.advice import advice  # noqa: PLC0415
+    from hil.results.advice import CampaignResult, advice  # noqa: PLC0415
     from hil.results.friction import campaign_drifts  # noqa: PLC0415
     from hil.results.identification import model_of  # noqa: PLC0415
     from hil.results.prediction import predict  # noqa: PLC0415
@@ -67,7 +67,7 @@ def findings(
         with suppress(NotIdentifiable, NotEnoughData):
             published = estimates(robot, recordings, ("published",))["published"]
             check = model_of(run, published)
-    prediction, budget = predict(estimate, robot), model.error_budget
+    prediction = predict(estimate, robot)
     return Findings(
         estimate=estimate,
         model=model,
@@ -75,6 +75,8 @@ def findings(
         prediction=prediction,
         advice=()
         if run.imported
-        else advice(estimate, prediction, budget, robot, run.planned, campaign),
+        else advice(
+            CampaignResult(estimate, prediction, model.error_budget, robot, run.planned, campaign)
+        ),
         drifts=campaign_drifts(robot, estimate.local, history(robot, recordings)),
     )

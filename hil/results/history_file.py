@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scipy import special
 
-from hil.results.changes import FALSE_ALARM
+from hil.estimation.intervals import SIGNIFICANT
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
@@ -35,7 +35,7 @@ def content(found: History) -> dict[str, Any]:
         "written": now(),
         "robot": found.robot.name,
         "reference": found.reference,
-        "false_alarm_rate": FALSE_ALARM,
+        "false_alarm_rate": SIGNIFICANT,
         "newest_changed": any(each.marked for each in newest),
         "quantities": [each._asdict() for each in found.quantities],
         "runs": [_run(found, run) for run in found.runs],

@@ -13,12 +13,13 @@ from hil.estimation.friction.history import history
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
+from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepared_for
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
-from hil.results.error_budget import error_budget
+from hil.results.advice import error_budget
 from hil.results.model import Model
 from hil.results.naming import named
-from hil.results.outcome_rules import outcome
+from hil.results.outcome import outcome
 from hil.results.provenance import Provenance
 from hil.results.stamp import digests
 from hil.runs.journal import now
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.mistakes.mistake import Mistake
+    from hil.estimation.options import Options
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
     from hil.runs.run import Run
@@ -62,6 +64,7 @@ def identified(
     method: str | None = None,
     others: Sequence[Run] = (),
     recorded: Recorded | None = None,
+    options: Options = DEFAULTS,
 ) -> Identified:
     """Identify the base parameters from a run.
 
@@ -75,6 +78,8 @@ def identified(
         Further runs of the same robot, identified together with the first.
     recorded : iterable of (RecordedMotion, Recording), optional
         Recordings of all of them, where they were read already.
+    options : Options
+        What is looked for beside the base parameters, and how errors are stated.
 
     Raises
     ------
@@ -91,7 +96,7 @@ def identified(
     campaign = Pooled([run, *others]) if recorded is None else recorded
     with named(run):
         try:
-            found = estimate(run.robot, campaign, method or method_for(run, others)[0])
+            found = estimate(run.robot, campaign, method or method_for(run, others)[0], options)
         except (NotIdentifiable, NotEnoughData) as error:
             raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
     # limits decide which samples a law of friction is chosen by

@@ -13,8 +13,8 @@ import numpy as np
 
 from hil.errors import InvalidArray
 from hil.estimation.intervals import half_width
+from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
-from hil.regression.uncertainty import correlation_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,10 +25,8 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.results.consistent_robot import ConsistentRobot
-    from hil.results.error_term import ErrorTerm
-    from hil.results.outcome import Outcome
+    from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
     from hil.results.provenance import Provenance
-    from hil.results.verdict import KeptVerdict
 
     Array = NDArray[np.float64]
 
@@ -64,12 +62,12 @@ class IdentifiedRobot:
     back_and_forth : BackAndForthFit, optional
         Friction of each axis as a curve over its speed, and which parameters were not identified,
         where axes moved back and forth by themselves.
-    outcome : Outcome, optional
+    outcome : Judgement, optional
         What the identification is worth; None of a model that no version of this has judged.
     friction_law : FrictionLaw, optional
         Friction that the drives have to overcome, whatever the method; None where the model was
         read from a file of a version that found none.
-    validations : tuple of KeptVerdict
+    validations : tuple of KeptJudgement
         What the model was worth on other recordings.
     consistent : ConsistentRobot, optional
         The nearest robot that consists of bodies, and what it costs, where it was asked for.
@@ -90,9 +88,9 @@ class IdentifiedRobot:
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
-    outcome: Outcome | None = None
+    outcome: Judgement | None = None
     friction_law: FrictionLaw | None = None
-    validations: tuple[KeptVerdict, ...] = ()
+    validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
     torque_effect: Array | None = None
 

@@ -48,16 +48,23 @@ def keep(run: Run, found: Findings) -> None:
     write_file(run.path / NAME, json.dumps(whole).encode() + b"\n")
 
 
-def keep_identified(run: Run, found: Identified) -> None:
-    """Keep what was identified in a run, and what follows from it.
+def identify_and_keep(run: Run, method: str) -> Identified:
+    """Identify a run, and keep that and what follows from it; recordings are read once.
 
     Raises
     ------
     FileError
         Disk full, read-only folder, or a damaged recording.
+    NotIdentifiable, NotEnoughData
+        As of `hil.results.identification.identified`.
     """
+    from hil.results.identification import identified  # noqa: PLC0415 - as of `findings`
+
     campaign = tuple(run)
-    keep(run, findings(run, found, campaign, tuple(recorded(campaign))))
+    recordings = tuple(recorded(campaign))
+    found = identified(run, method, recorded=recordings)
+    keep(run, findings(run, found, campaign, recordings))
+    return found
 
 
 def kept(run: Run) -> Findings | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
 from hil.estimation.payload_figures import FIRST_MOMENTS, INERTIAS, MASS
+from hil.least_squares.terms import n_unknowns
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
@@ -30,7 +31,6 @@ from hil.planning.prediction.predicted_samples import forecast
 from hil.planning.strokes import Strokes
 from hil.planning.timetable import timetable
 from hil.planning.workspace import narrowed
-from hil.regression.terms import n_unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.payload_figures import MASS
+from hil.least_squares.terms import n_unknowns
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.candidates import judged
 from hil.planning.design.load import embedded, embedding, of_load
 from hil.planning.measurement import shows_parameters
-from hil.regression.terms import n_unknowns
 from hil.results.load_plan import allowed, at_position, without_load
 
 if TYPE_CHECKING:

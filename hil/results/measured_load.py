@@ -327,7 +327,7 @@ def _payload(bare: BareRun, loaded: Sequence[Run], mass: float | None) -> Payloa
     robot, free, still = bare.robot, bare.free, np.zeros(10)
     if mass is not None:
         still[MASS], free = mass, without_mass(free)
-    raw, _ = prepare(robot, pooled(loaded))
+    raw, _ = prepare(pooled(loaded))
     train = bare.estimate.drive_train
     prepared = raw if train is None else [(m, train.applied(bare.run.robot, s)) for m, s in raw]
     fit = fit_beside(robot, bare.fit, prepared, bare.columns @ free, bare.columns @ still)

@@ -24,10 +24,8 @@ from hil.estimation.intervals import MANY, degrees_behind
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.consistent_robot import ConsistentRobot
-from hil.results.error_term import ErrorTerm
-from hil.results.outcome import Outcome
+from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
 from hil.results.provenance import Provenance
-from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -91,9 +89,9 @@ class ModelFile(FileModel):
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
-    outcome: Outcome | None = None
+    outcome: Judgement | None = None
     friction_law: FrictionLaw | None = None
-    validations: tuple[KeptVerdict, ...] = ()
+    validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
     robot_file: str | None = None
     torque_effect: tuple[tuple[float, ...], ...] | None = None

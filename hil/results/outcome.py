@@ -1,41 +1,244 @@
-"""What an identification is worth, in one word and one sentence: the first thing that one reads.
+"""What an identification is worth, by its model alone: the rules that judge it.
 
-good
-    Nothing speaks against the parameters.
-doubtful
-    They may be of use, but something does not hold, or too little was measured.
-failed
-    They should not be used: what is stated of robot or drives contradicts what was recorded, or
-    hardly anything was excited.
+The first cause to look at comes first: a likely mistake (`hil.estimation.mistakes`) before anything
+that the parameters' own uncertainty shows, since that holds for the right model alone.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileModel
+import numpy as np
 
-OutcomeWord = Literal["good", "doubtful", "failed"]
-OUTCOME_WORDS: tuple[OutcomeWord, ...] = ("good", "doubtful", "failed")
-"""From the best."""
+from hil.estimation.free_motion.offsets import ASYMMETRY
+from hil.estimation.free_motion.result import FEW_BLOCKS, POOR
+from hil.estimation.mistakes.mistake import MistakeName
+from hil.model.drive_train_file import USUAL_BOUND
+from hil.results.judgement import (
+    FEWEST,
+    HALF,
+    LARGE,
+    TOLERANCE,
+    Judgement,
+    Reservation,
+    When,
+    doubtful,
+    failed,
+    good,
+    reservations,
+)
+from hil.results.prediction import free_torques, uncertainty
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.estimation.mistakes.mistake import Mistake
+    from hil.model.robot import Robot
+    from hil.results.judgement import Rule
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+WHOLE = frozenset(
+    {
+        MistakeName.DIRECTION,
+        MistakeName.POSITION_SIGN,
+        MistakeName.TORQUE_SIGN,
+        MistakeName.EXCHANGED,
+    }
+)
+"""Mistakes that leave nothing of the parameters; others are of any size."""
 
 
-class Outcome(FileModel):
-    """What an identification is worth.
+def outcome(
+    model: Model, mistake: Mistake | None = None, usual_covariance: Array | None = None
+) -> Judgement:
+    """Judge a model by itself: the worst of what speaks against it, the likeliest mistake first.
 
-    Attributes
+    Parameters
     ----------
-    word : {"good", "doubtful", "failed"}
-    reason : str
-        Why, a clause.
-    remedy : str
-        What to do about it; empty where nothing is to be done.
+    usual_covariance : ndarray, shape (n_base, n_base), optional
+        As of an `Estimate`: what usual tolerances of drives add to the model's covariance.
     """
+    mistaken = () if mistake is None else (_mistaken(model, mistake),)
+    return Judgement.of(
+        (*mistaken, *reservations(RULES, model)), lambda: _good(model, usual_covariance)
+    )
 
-    word: OutcomeWord
-    reason: str
-    remedy: str = ""
 
-    def __str__(self) -> str:
-        remedy = f"; {self.remedy}" if self.remedy else ""
-        return f"{self.word}: {self.reason}{remedy}"
+def _mistaken(model: Model, mistake: Mistake) -> Reservation:
+    spoilt = mistake.name in WHOLE or mistake.left < HALF or _moved(model, mistake) > TOLERANCE
+    return (failed if spoilt else doubtful)(str(mistake), mistake.remedy)
+
+
+def _moved(model: Model, mistake: Mistake) -> float:
+    """By which share of its torque the worst axis moves as a mistake, or its like, is corrected."""
+    free, found = free_torques(model), [0.0]
+    for each in (mistake, mistake.other):
+        if free is not None and each is not None and each.change is not None:
+            found += free.relative(free.rms(each.change), model.values).tolist()
+    return max(found)
+
+
+def _unexplained(fit: FreeMotionFit) -> Reservation | None:
+    """Torques of free motions of which the model leaves about as much as their mean does."""
+    pairs = zip(fit.relative_residual, fit.naive_residual, strict=False)
+    squares = {
+        axis: (left / max(naive, np.finfo(float).tiny)) ** 2
+        for axis, (left, naive) in enumerate(pairs, start=1)
+        if left is not None and naive is not None and axis not in fit.still
+    }
+    worst = max(squares, key=squares.__getitem__, default=0)
+    if not worst or squares[worst] <= HALF:
+        return None
+    return failed(
+        f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the torque"
+        f" unexplained, the mean torque alone {fit.naive_residual[worst - 1]:.0%}",
+        "check the columns, signs and units of the map, and the direction of gravity",
+    )
+
+
+def _axes(axes: Iterable[int]) -> str:
+    return ", ".join(map(str, axes))
+
+
+OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
+    _unexplained,
+    When(
+        lambda fit: fit.bias_test if fit.bias_test and fit.bias_test.biased else None,
+        "noise of the positions shifts the parameters by up to {0.shift:.2g} standard errors",
+        "state a lower cut_off in the map, or take --method 'instrumental variables'",
+    ),
+    When(
+        lambda fit: _axes(fit.driving),
+        "axis {0}: the friction found gives power to the motion, which no friction does",
+        "check the sign of its torque, and whether a spring, a lag or an inertia is missing",
+    ),
+    When(
+        lambda fit: _axes(fit.unusual),
+        f"axis {{0}}: an offset of more than {ASYMMETRY:.0%} of friction, which these motions"
+        " hardly distinguish from torques of the rigid bodies: a sensor's zero, a spring, or wrong"
+        " parameters",
+        "add recordings with greater acceleration, or that reach further",
+    ),
+)
+
+
+def _free_motions(model: Model) -> Iterator[Reservation]:
+    if model.friction is not None:
+        yield from reservations(OF_FREE_MOTIONS, model.friction)
+
+
+def _unexcited(model: Model) -> Iterator[Reservation]:
+    relative = uncertainty(model)
+    if relative is None or not (relative > TOLERANCE).any():
+        return
+    worst = int(np.argmax(relative))
+    known = f"uncertain by {relative[worst]:.0%}"
+    if model.friction is None:
+        yield (failed if relative[worst] ** 2 > HALF else doubtful)(
+            f"axis {worst + 1} not excited: its torque on a free motion is {known}",
+            "measure motions that show its parameters (hil plan --refine)",
+        )
+        return
+    yield doubtful(
+        f"axis {worst + 1} not excited by what was recorded: its torque on a motion through its"
+        f" whole range is {known if relative[worst] < 1 else 'not known: less than its error'}",
+        "add recordings that reach further; near these the model may hold, hil validate shows"
+        " where",
+    )
+
+
+def _few(model: Model) -> tuple[int, int, int] | None:
+    n, parameters = model.provenance.measurements, len(model.values)
+    few = model.friction is None and n < FEWEST * parameters
+    return (n, parameters, FEWEST * parameters) if few else None
+
+
+def _few_blocks(model: Model) -> str:
+    blocks = model.friction.blocks if model.friction else None
+    return str(blocks) if blocks is not None and blocks < FEW_BLOCKS else ""
+
+
+def _one_way(model: Model) -> Iterator[Reservation]:
+    """Axes of free motions that move in one direction only."""
+    for number, axis in enumerate(model.friction.axes if model.friction else (), start=1):
+        if axis.one_way is not None:
+            yield doubtful(
+                f"axis {number} {axis.one_way} {model.robot.torque_unit(number - 1)}",
+                "add recordings in both directions",
+            )
+
+
+def _ill_conditioned(model: Model) -> str:
+    group, worst = max(model.condition.items(), key=lambda each: each[1], default=("", 0.0))
+    which = "all parameters" if group == "all" else f"the {group.replace('_', '-')} parameters"
+    return f"{worst:.3g} of {which}" if worst > POOR else ""
+
+
+def _causes(model: Model) -> Iterator[Reservation]:
+    for term in model.error_budget:
+        if not term.accounted and term.torque > LARGE:
+            axes = f"axes {_axes(term.axes)}: " if term.axes else ""
+            yield doubtful(f"{axes}{term.cause}, {term.found}", term.remedy)
+
+
+OF_DATA: tuple[Rule[Model], ...] = (
+    When(
+        _few,
+        "{0[0]} measurements of {0[1]} parameters are too few to know how wrong these may be;"
+        " {0[2]} are needed at least",
+        "measure more (hil plan)",
+    ),
+    When(
+        _few_blocks,
+        "too little was recorded to know how wrong the parameters may be: {0} independent pieces of"
+        f" time, {FEW_BLOCKS} are needed",
+        "add recordings of other motions",
+    ),
+    _one_way,
+    When(
+        _ill_conditioned,
+        "condition number {0}: some combinations of them hardly show in the torque",
+        "measure motions that vary more joints (hil plan)",
+    ),
+)
+"""What the measurements behind a model say against it, whatever it is used for."""
+RULES: tuple[Rule[Model], ...] = (_free_motions, _unexcited, *OF_DATA, _causes)
+
+
+def _good(model: Model, usual_covariance: Array | None) -> Reservation:
+    """State the precision: as recordings show it, and as far as stated constants are known."""
+    condition, relative = _condition(model.robot), uncertainty(model)
+    if relative is None:
+        return good(f"nothing speaks against the parameters{condition}")
+    reason = (
+        "torques of the rigid bodies on a free motion are known within"
+        f" {_within(relative)}{condition} (one standard error)"
+    )
+    whole = None if usual_covariance is None else uncertainty(model, usual_covariance)
+    if whole is None or not model.robot.usual_uncertainty.any():
+        return good(reason)
+    return good(
+        f"{reason}, within {_within(whole)} with usual tolerances of ±{USUAL_BOUND:.0%}",
+        "state the uncertainty of these in the robot file, where it is known better",
+    )
+
+
+def _within(relative: Array) -> str:
+    worst = int(np.argmax(relative))
+    return f"{100 * relative[worst]:.2g} % on every axis (worst: axis {worst + 1})"
+
+
+def _condition(robot: Robot) -> str:
+    """Under which condition recordings alone show how well torques are known, a clause."""
+    constants, rotors = np.split(robot.usual_uncertainty > 0, 2)
+    named = (("torque constants", constants), ("rotor inertias", rotors))
+    if exact := " and ".join(what for what, alone in named if alone.any()):
+        return f" if {exact} are exactly as stated"
+    if robot.torque_constant_uncertainty.any():
+        return ", stated uncertainties of the drives included"
+    return " if recorded torques are to scale"

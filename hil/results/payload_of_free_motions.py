@@ -115,7 +115,7 @@ class LoadOfFreeMotions:
         own = None if self._is_open else self._estimate(self._runs[1])
         if not gains and own is not None:
             return (self._estimate(self._runs[0]), own), own
-        scaling = Scaling(self._fit.gains, (), np.zeros(0))
+        scaling = Scaling.known(self._fit.gains)
         before, after = (self._estimate(replace(run, scaling=scaling)) for run in self._runs)
         return (before, after), own
 

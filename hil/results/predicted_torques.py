@@ -5,8 +5,8 @@ no other.
 
 Methods for strokes and trajectories fit friction anew in every measurement. Of their models the
 rigid bodies are judged beside that: friction is fitted in the recording itself, motion by motion
-and period by period, by the terms that the methods use (`hil.regression.terms`). Where such a model
-states no friction of an axis, this is all that can be judged of it.
+and period by period, by the terms that the methods use (`hil.least_squares.terms`). Where such a
+model states no friction of an axis, this is all that can be judged of it.
 
 A model from free motions was found with its law of friction. Then nothing is fitted
 (`hil.results.recorded_torque`).
@@ -23,10 +23,10 @@ from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
 from hil.estimation.friction_law import friction_torque, friction_variance
 from hil.estimation.signals import signals
+from hil.least_squares.solving import orthonormal
+from hil.least_squares.terms import ASYMMETRIC
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
-from hil.regression.least_squares import orthonormal
-from hil.regression.terms import ASYMMETRIC
 from hil.results.recorded_torque import in_si, predict_recording
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ def experience(folders: Sequence[Run]) -> Levels:
         No measurement of use.
     """
     robot = folders[0].robot
-    raw, _ = prepare(robot, pooled(folders))
+    raw, _ = prepare(pooled(folders))
     if not raw:
         raise NotEnoughData(
             f"{folders[0].path}: no measurement of gravity, inertia or coupling is there; measure"

@@ -14,10 +14,8 @@ from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.friction.drift import Drift, Level, TimeConstant
 from hil.estimation.friction_law import FrictionLaw
 from hil.estimation.local_values import LocalValue
-from hil.results.advice import Advice
-from hil.results.error_term import ErrorTerm
+from hil.results.judgement import ErrorTerm, Judgement, Reservation
 from hil.results.model import Model
-from hil.results.outcome import Outcome
 from hil.results.prediction import Prediction
 from hil.results.provenance import Provenance
 
@@ -30,11 +28,11 @@ RECORDS: dict[str, type[Any]] = {
     each.__name__: each
     for each in (
         *(Estimate, LocalValue, Cause, DriveTrain, LoadFriction, LeftOut),
-        *(Model, Prediction, Advice, Drift, Level, TimeConstant),
+        *(Model, Prediction, Drift, Level, TimeConstant),
     )
 }
 MODELS: dict[str, type[FileModel]] = {
-    each.__name__: each for each in (FrictionLaw, ErrorTerm, Outcome, Provenance)
+    each.__name__: each for each in (FrictionLaw, ErrorTerm, Judgement, Reservation, Provenance)
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from hil.regression.ripple import orders_left_out
+from hil.least_squares.ripple import orders_left_out
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 
-from checked_files.yaml_file import FileModel, load_yaml
+from checked_files.yaml_file import FileModel
 from hil.errors import NotEnoughData
 from hil.planning.strokes import REST
 from hil.planning.trajectory import Trajectory
@@ -173,14 +173,3 @@ def write_tracking(folder: Path, found: Tracking) -> Path:
     path = folder / NAME
     write_file(path, yaml.safe_dump(found.model_dump(), sort_keys=False, width=200).encode())
     return path
-
-
-def load_tracking(folder: Path) -> Tracking:
-    """Read what `write_tracking` has kept.
-
-    Raises
-    ------
-    FileError
-        It is not there or damaged.
-    """
-    return load_yaml(folder / NAME, Tracking)

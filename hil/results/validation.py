@@ -2,87 +2,164 @@
 
 The test that works on a real machine, where no truth is known: a motion that the model was not
 made from. Its scores are compared with the naive prediction, the axis's mean torque, which needs no
-model at all.
+model at all, and with the intervals that the model states. Each rule looks at the axis that is
+worst by it.
+
+What was found is kept beside the recordings (`validation.yaml`), and the judgement in the model's
+own file too: what it was worth where.
 """
 
 from __future__ import annotations
 
+import os
+from collections import defaultdict
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import yaml
+from pydantic import Field
+from scipy import special
 
-from hil.estimation.intervals import TWICE
-from hil.results.outcome_rules import data_reservations
-from hil.results.verdict import AxisScore, Validation
-from hil.results.verdict_rules import judged
+from checked_files.yaml_file import FileModel
+from hil.estimation.intervals import SIGNIFICANT, TWICE
+from hil.estimation.mistakes.saturation import LEVEL, share_at_top
+from hil.results.judgement import (
+    HALF,
+    INSIDE,
+    TOLERANCE,
+    WORSE,
+    Judgement,
+    KeptJudgement,
+    Reservation,
+    When,
+    doubtful,
+    failed,
+    good,
+    reservations,
+)
+from hil.results.model import Model
+from hil.results.outcome import OF_DATA
+from hil.results.rounding import significant
+from hil.results.stamp import RunStamp, recordings_in_common
+from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from hil.results.model import Model
+    from hil.results.judgement import Rule
     from hil.results.predicted_torques import PredictedTorque
+    from hil.results.tables.table import Row
+    from hil.runs.run import Run
 
     Array = NDArray[np.float64]
+    Scores = Sequence["AxisScore"]
 
-FEWEST = 20
-"""Samples below which an axis is not scored."""
+NAME = "validation.yaml"
+OUTSIDE = 2.0 * special.ndtr(-TWICE)
+"""Share of samples outside right intervals of 95 %; an axis is scored where that is one sample."""
+SURE = special.ndtri(1.0 - SIGNIFICANT / 2.0)
+"""Standard errors that a gain must differ by."""
 
 
-class _Sums:
-    """Sums over one axis's samples; what a recording adds is forgotten at once."""
+class AxisScore(FileModel):
+    """How well one axis was predicted.
 
-    def __init__(self) -> None:
-        self.n = 0
-        self.moments = np.zeros(7)
-        self.by_direction = np.zeros((2, 2))
-        self.inside = 0
-        self.refitted = np.zeros(3)
-        self.own_friction = True
-        self.greatest: list[Array] = []
+    Attributes
+    ----------
+    axis : int
+        Number from 1.
+    unit : str
+        Of torques: N m or N.
+    samples : int
+    torque, residual : float
+        Root mean squares; the residual is that of the model's own prediction, its law of friction
+        included, as all figures are but the gain and `refitted`.
+    relative : float
+        Residual over torque.
+    naive : float
+        The same where the mean torque is the prediction.
+    uncertain : float
+        Standard error of the prediction by the model's parameters, over the torque.
+    inside : float
+        Share of samples inside the predicted intervals of 95 %.
+    gain, gain_error : float
+        Factor of what the model states that fits best, and its standard error were the residuals
+        white noise; friction fitted in the recording where that was done.
+    asymmetry : float
+        Half the difference of the mean residuals forward and back, over the residual.
+    limited : float
+        Share of samples at the greatest torque, where that is a limit.
+    identified : float, optional
+        Residual where the model was identified.
+    refitted, refitted_inside : float, optional
+        `relative` and `inside` of the bodies' torque with friction fitted in the recording; None
+        where nothing was fitted.
+    own_friction : bool
+        Whether the model states friction of this axis; where it does not, all figures have friction
+        fitted in the recording.
+    """
 
-    def add(self, each: PredictedTorque) -> None:
-        y, f = each.measured, each.predicted
-        r = y - f
-        left = r if each.refitted is None else y - each.refitted
-        self.n += len(y)
-        products = (y @ y, r @ r, each.stated @ each.stated, left @ each.stated, left @ left)
-        self.moments += [y.sum(), *products, each.parameter_error @ each.parameter_error]
-        for k, sign in enumerate((1.0, -1.0)):
-            own = np.sign(each.qd) == sign
-            self.by_direction[k] += [own.sum(), r[own].sum()]
-        self.inside += int(np.sum(np.abs(r) <= TWICE * each.standard_error))
-        self.greatest.append(np.abs(y))
-        self.own_friction &= each.own_friction
-        if each.refitted_error is not None:
-            inside = float(np.sum(np.abs(left) <= TWICE * each.refitted_error))
-            self.refitted += [float(len(y)), float(left @ left), inside]
+    axis: int = Field(ge=1)
+    unit: str
+    samples: int
+    torque: float
+    residual: float
+    relative: float
+    naive: float
+    uncertain: float = 0.0
+    inside: float
+    gain: float
+    gain_error: float
+    asymmetry: float
+    limited: float
+    identified: float | None
+    refitted: float | None = None
+    refitted_inside: float | None = None
+    own_friction: bool = True
 
-    def score(self, axis: int, unit: str, identified: float) -> AxisScore:
-        y, yy, rr, ff, lf, ll, ee = self.moments / self.n
-        torque, residual = np.sqrt(yy), np.sqrt(rr)
-        forward, back = self.by_direction[:, 1] / np.maximum(self.by_direction[:, 0], 1.0)
-        size, (n, refitted, inside) = np.concatenate(self.greatest), self.refitted
-        return AxisScore(
-            axis=axis + 1,
-            unit=unit,
-            samples=self.n,
-            torque=float(torque),
-            residual=float(residual),
-            relative=float(residual / torque),
-            naive=float(np.sqrt(max(yy - y**2, 0.0)) / torque),
-            uncertain=float(np.sqrt(ee) / torque),
-            inside=self.inside / self.n,
-            gain=float(1.0 + lf / ff) if ff > 0 else 1.0,
-            gain_error=float(np.sqrt(ll / (self.n * ff))) if ff > 0 else 0.0,
-            asymmetry=float(abs(forward - back) / 2 / residual) if residual > 0 else 0.0,
-            limited=float(np.mean(size >= size.max() * (1 - 1e-6))),
-            identified=None if np.isnan(identified) else float(identified),
-            refitted=float(np.sqrt(refitted / n) / torque) if n else None,
-            refitted_inside=float(inside / n) if n else None,
-            own_friction=self.own_friction,
-        )
+    @property
+    def of_bodies(self) -> float:
+        """Relative error for which friction is not to blame, as far as it was fitted."""
+        return self.relative if self.refitted is None else self.refitted
+
+    @property
+    def shown(self) -> float:
+        """Relative error of the bodies beyond what the identification left of its own recordings.
+
+        Noise and what no model of this kind holds are in both; what is more comes from errors of
+        parameters.
+        """
+        left = (self.identified or 0.0) / self.torque if self.torque else 0.0
+        return float(np.sqrt(max(self.of_bodies**2 - left**2, 0.0)))
+
+    @property
+    def worse(self) -> float:
+        """Residual of the bodies over that of the identification; 0 where that is unknown."""
+        return self.of_bodies * self.torque / self.identified if self.identified else 0.0
+
+
+class Validation(Judgement):
+    """A model judged by another recording.
+
+    Attributes
+    ----------
+    axes : tuple of AxisScore
+        Empty where the recording cannot judge it.
+    """
+
+    axes: tuple[AxisScore, ...] = ()
+
+    @property
+    def relative(self) -> float | None:
+        """Residual of all axes together over their torque, each as a share of its own."""
+        squares = [each.relative**2 for each in self.axes]
+        return float(np.sqrt(np.mean(squares))) if squares else None
 
 
 def validate(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
@@ -94,16 +171,324 @@ def validate(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
     predicted : iterable of PredictedTorque
         By `hil.results.predicted_torques`.
     """
-    sums = [_Sums() for _ in range(model.robot.n_joints)]
+    parts: dict[int, list[PredictedTorque]] = defaultdict(list)
     for each in predicted:
-        sums[each.axis].add(each)
+        parts[each.axis].append(each)
     scores = tuple(
-        each.score(axis, model.robot.torque_unit(axis), float(model.residual[axis]))
-        for axis, each in enumerate(sums)
-        if each.n >= FEWEST
+        _score(own, model.robot.torque_unit(axis), float(model.residual[axis]))
+        for axis, own in sorted(parts.items())
+        if sum(len(each.measured) for each in own) * OUTSIDE >= 1.0
     )
-    known = [str(each) for each in data_reservations(model)]
-    verdict, reason = judged(scores, model.robot.n_joints, known)
-    if model.failed:
-        verdict, reason = "REFUSE", f"its identification {model.outcome}"
-    return Validation(verdict=verdict, reason=reason, axes=scores)
+    spoilt = [failed(f"its identification {model.outcome}")] if model.failed else []
+    return judged(scores, model.robot.n_joints, spoilt, tuple(reservations(OF_DATA, model)))
+
+
+def judged(
+    scores: Scores,
+    n_joints: int,
+    first: Iterable[Reservation] = (),
+    last: Iterable[Reservation] = (),
+) -> Validation:
+    """Judge scores: the worst of what speaks against a model, or how well it predicts.
+
+    Parameters
+    ----------
+    scores : sequence of AxisScore
+    n_joints : int
+    first, last : iterable of Reservation
+        What its identification says against it, whatever it predicts: before and behind all that
+        is as bad.
+    """
+    found = (*first, *_of_axes(scores, n_joints), *last)
+    return Validation.of(found, lambda: good(_praise(scores)), axes=scores)
+
+
+def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> AxisScore:
+    def joined(name: str) -> Array:
+        return np.concatenate([getattr(each, name) for each in parts])
+
+    y, qd, stated = map(joined, ("measured", "qd", "stated"))
+    r, fitted = y - joined("predicted"), parts[0].refitted is not None
+    left = y - joined("refitted") if fitted else r
+    torque, residual, square = _rms(y), _rms(r), stated @ stated
+    held = np.abs(left) <= TWICE * joined("refitted_error") if fitted else np.zeros(1)
+    back, forward = (r[np.sign(qd) == sign] for sign in (-1.0, 1.0))
+    differ = (forward.mean() if forward.size else 0.0) - (back.mean() if back.size else 0.0)
+    return AxisScore(
+        axis=parts[0].axis + 1,
+        unit=unit,
+        samples=len(y),
+        torque=torque,
+        residual=residual,
+        relative=residual / torque,
+        naive=float(y.std()) / torque,
+        uncertain=_rms(joined("parameter_error")) / torque,
+        inside=float(np.mean(np.abs(r) <= TWICE * joined("standard_error"))),
+        gain=float(1.0 + left @ stated / square) if square > 0 else 1.0,
+        gain_error=float(_rms(left) / np.sqrt(square)) if square > 0 else 0.0,
+        asymmetry=float(abs(differ)) / 2 / residual if residual > 0 else 0.0,
+        limited=share_at_top(np.abs(y)),
+        identified=None if np.isnan(identified) else identified,
+        refitted=_rms(left) / torque if fitted else None,
+        refitted_inside=float(np.mean(held)) if fitted else None,
+        own_friction=all(each.own_friction for each in parts),
+    )
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def _worst(size: Callable[[AxisScore], float], most: float) -> Callable[[Scores], AxisScore | None]:
+    """Look for the axis with the greatest size, if that is more than it may be."""
+
+    def look(scores: Scores) -> AxisScore | None:
+        worst = max(scores, key=size)
+        return worst if size(worst) > most else None
+
+    return look
+
+
+def _of_axes(scores: Scores, n_joints: int) -> Iterator[Reservation]:
+    """Everything that speaks against the model; by each rule the worst axis."""
+    if not scores:
+        yield failed(
+            "no axis has enough samples in motion that can be used: away from reversals, faster"
+            " than a few percent of its speed limit and clear of both ends of the recording",
+            "record a longer or faster motion",
+        )
+        return
+    yield from reservations(RULES, scores)
+    missing = [k for k in range(1, n_joints + 1) if k not in [s.axis for s in scores]]
+    if missing:
+        yield doubtful(f"axes {', '.join(map(str, missing))} do not move in this recording")
+
+
+def _naive(scores: Scores) -> Reservation | None:
+    """A prediction that explains less than half of what the mean torque leaves."""
+    most = HALF**0.5
+    worst = max(scores, key=lambda s: s.relative / max(s.naive, 1e-12))
+    if worst.relative <= max(most * worst.naive, TOLERANCE):
+        return None
+    why = "the model does not hold for this motion"
+    if worst.uncertain > TOLERANCE:
+        why = (
+            "the recordings that the model was made from do not excite what this motion needs:"
+            f" standard errors amount to {worst.uncertain:.0%} of its torque"
+        )
+    if worst.of_bodies < min(most * worst.naive, worst.relative):
+        why = (
+            f"with friction fitted in this recording it is off by {worst.of_bodies:.0%}: the"
+            " bodies hold, the friction that the model states does not; identify it anew"
+        )
+    return failed(
+        f"axis {worst.axis}: the prediction is off by {worst.relative:.0%} of the torque, the"
+        f" mean torque alone by {worst.naive:.0%}; {why}"
+    )
+
+
+def _narrow(scores: Scores) -> Reservation | None:
+    """Intervals that are too narrow, by what makes them so where that is more than a tolerance."""
+    s = min(scores, key=lambda each: each.inside)
+    if s.inside >= INSIDE:
+        return None
+    held, remedy = f"{s.inside:.0%} of the samples lie inside the predicted intervals of 95 %", ""
+    if s.relative <= TOLERANCE:
+        why = (
+            f"{held}, {INSIDE:.0%} are needed at least; these are too narrow for this motion, whose"
+            f" torque is predicted within {s.relative:.1%}"
+        )
+    elif s.own_friction and s.relative > WORSE * s.of_bodies:
+        why = (
+            "the rigid bodies hold, the friction that the model states does not; with it the torque"
+            f" is off by {s.relative:.0%}, and {held}: warmer, differently loaded, or other speeds"
+            " than where it was identified"
+        )
+        remedy = "identify friction anew before torques are fed forward"
+    elif s.asymmetry**2 > HALF:
+        why = (
+            f"friction asymmetric, {s.asymmetry:.0%} of the residual changes its sign with the"
+            f" direction, and {held}; friction is not that of the identification"
+        )
+    elif s.worse > WORSE:
+        why = (
+            f"the residual is {s.worse:.1f} times that of the identification, and {held}; the model"
+            " does not generalise to this motion's range of speeds and positions"
+        )
+    else:
+        why = f"{held}, {INSIDE:.0%} are needed at least; its torque is off by {s.relative:.0%}"
+    return doubtful(f"axis {s.axis}: {why}", remedy)
+
+
+RULES: tuple[Rule[Scores], ...] = (
+    _naive,
+    When(
+        _worst(lambda s: s.limited, LEVEL),
+        "axis {0.axis}: saturated, {0.limited:.0%} of the samples are at one and the same greatest"
+        " torque; the drive was at its limit",
+        "record a slower motion",
+    ),
+    When(
+        _worst(lambda s: min(s.uncertain, s.shown), TOLERANCE),
+        "axis {0.axis}: not excited, standard errors of the prediction amount to {0.uncertain:.0%}"
+        " of this motion's torque, of which {0.shown:.0%} show;"
+        f" at most {TOLERANCE:.0%} may be",
+        "measure motions that show these parameters (hil plan --refine)",
+    ),
+    When(
+        _worst(lambda s: abs(s.gain - 1.0) - SURE * s.gain_error, TOLERANCE),
+        "axis {0.axis}: gains inconsistent, measured torques are {0.gain:.2f} times those"
+        f" predicted, at most {TOLERANCE:.0%} may be missing; torque constant or gain differ from"
+        " those identified",
+    ),
+    _narrow,
+    When(
+        lambda scores: ", ".join(str(s.axis) for s in scores if not s.own_friction),
+        "axis {0}: the model states no friction, so that it does not predict what the drive has to"
+        " give; judged with friction fitted in this recording",
+    ),
+)
+"""Before the parameters' errors comes what spoils a recording by itself."""
+
+
+def _praise(scores: Scores) -> str:
+    worst, least = max(scores, key=lambda s: s.relative), min(scores, key=lambda s: s.inside)
+    refitted, fitted = [s.refitted for s in scores if s.refitted is not None], ""
+    if refitted:
+        fitted = f"; with friction fitted in this recording torques are within {max(refitted):.1%}"
+    return (
+        f"torques are predicted within {worst.relative:.1%} on every axis, axis {worst.axis} being"
+        f" the worst, and {least.inside:.0%} of the samples or more lie inside intervals of 95 %;"
+        f" the mean torque alone is off by {worst.naive:.0%} there{fitted}"
+    )
+
+
+class ValidationRecord(FileModel):
+    """Content of `validation.yaml`: a validation and what it belongs to.
+
+    Attributes
+    ----------
+    run : RunStamp
+    model : str
+        Path of the model's file, from the run's folder.
+    method, identified : str
+        Of the model.
+    validated : str
+        When.
+    """
+
+    run: RunStamp
+    model: str
+    method: str
+    identified: str
+    validated: str
+    validation: Validation
+
+
+def of_own_recordings(model: Model, run: Run) -> Validation | None:
+    """Judge a run that the model was made from: failed; None where it is another one."""
+    common, every = recordings_in_common(model.provenance, run), len(run)
+    if not common:
+        return None
+    which = "its recordings are" if common == every else f"{common} of its {every} recordings are"
+    return Validation(
+        word="failed",
+        reason=f"{which} those that the model was made from, which cannot show what it is worth on"
+        " others",
+        remedy="judge it by another recording",
+    )
+
+
+def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:
+    """Keep a validation in the folder of the run that was predicted; return the file's path.
+
+    The judgement is added to the model's file, in place of an earlier one on the same run.
+    """
+    record = ValidationRecord(
+        run=RunStamp.of(run),
+        model=os.path.relpath(model_path, run.path),
+        method=model.method,
+        identified=model.provenance.identified,
+        validated=now(),
+        validation=found,
+    )
+    path = run.path / NAME
+    text = yaml.safe_dump(record.model_dump(mode="json"), sort_keys=False, width=200)
+    write_file(path, text.encode())
+    where = os.path.relpath(run.path, model_path.parent)
+    kept = KeptJudgement.of(
+        found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative
+    )
+    model = Model.load(model_path)
+    others = tuple(each for each in model.validations if each.run != where)
+    replace(model, validations=(*others, kept)).save(model_path)
+    return path
+
+
+def table(found: Validation, notes: tuple[str, ...] = ()) -> Table:
+    """Scores of all axes that the recording moves."""
+    heads = ["torque", "residual", "%", "mean, %", "inside, %", "gain"]
+    explained, fitted = "", any(each.refitted is not None for each in found.axes)
+    if fitted:
+        heads += ["friction fitted, %", "inside, %"]
+        explained = (
+            " All with the friction that the model states, but the gain and the last two columns:"
+            " ratio and share inside with friction fitted in this recording."
+        )
+    rows: tuple[Row, ...] = tuple(
+        (
+            str(each.axis),
+            f"{significant(each.torque, 3)} {each.unit}",
+            f"{significant(each.residual, 3)} {each.unit}",
+            significant(100 * each.relative, 2),
+            f"{100 * each.naive:.0f}",
+            f"{100 * each.inside:.0f}",
+            f"{each.gain:.3f}",
+            *(_refitted(each) if fitted else ()),
+        )
+        for each in found.axes
+    )
+    return Table(
+        title="Torques predicted of this recording",
+        columns=(Column("axis"), *figures(*heads)),
+        parts=(Part(rows),),
+        explanation=(
+            "Root mean squares of torque and residual, and their ratio; the same ratio where the"
+            " axis's mean torque is the prediction; share of samples inside the predicted intervals"
+            " of 95 %; factor of what the model states that would fit best." + explained
+        ),
+        notes=notes,
+    )
+
+
+def _refitted(score: AxisScore) -> Row:
+    if score.refitted is None or score.refitted_inside is None:
+        return "", ""
+    return significant(100 * score.refitted, 2), f"{100 * score.refitted_inside:.0f}"
+
+
+def judgements(kept: Sequence[KeptJudgement]) -> Table:
+    """What a model was worth on other recordings."""
+    rows: tuple[Row, ...] = tuple(
+        (
+            each.run,
+            each.word if each.word == "good" else Marked(each.word),
+            "" if each.relative is None else significant(100 * each.relative, 2),
+            each.clause,
+        )
+        for each in kept
+    )
+    return Table(
+        title="Judged by other recordings",
+        columns=(
+            Column("run"),
+            Column("judgement"),
+            *figures("off by, %"),
+            Column("reason", folds=True),
+        ),
+        parts=(Part(rows),),
+        explanation=(
+            "By hil validate: judgement, error of the predicted torques, and the worst of what was"
+            " found."
+        ),
+    )

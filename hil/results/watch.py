@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from checked_files.yaml_file import FileModel, load_yaml
+from checked_files.yaml_file import FileModel
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -118,14 +118,3 @@ def write_watched(folder: Path, found: Watched) -> Path:
     path = folder / NAME
     write_file(path, yaml.safe_dump(found.model_dump(mode="json"), sort_keys=False).encode())
     return path
-
-
-def load_watched(folder: Path) -> Watched:
-    """Read what `write_watched` has kept.
-
-    Raises
-    ------
-    FileError
-        It is not there or damaged.
-    """
-    return load_yaml(folder / NAME, Watched)

@@ -107,11 +107,6 @@ def deflated(data: object) -> str:
     return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
 
 
-def inflated(text: str) -> object:
-    """Return what `deflated` has packed."""
-    return json.loads(gzip.decompress(base64.b64decode(text)))
-
-
 SHARE = 1e-3
 """By how much a drawn velocity or torque may be off, as share of the greatest that occurs."""
 INSTANT = 1e-4

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from drift_study import summary
-from drift_study.__main__ import main
-from drift_study.cell import OUR_DEFAULT, judge, measure
-from drift_study.drift import judged, measure_cells
-from drift_study.scenarios import SCENARIOS
 from small_study import PLANT, SEEDS, begun, cell_of, errors_of, here, opened, put, small_plans
 
+from benchmarks.drift_study import summary
+from benchmarks.drift_study.__main__ import main
+from benchmarks.drift_study.cell import OUR_DEFAULT, judge, measure
+from benchmarks.drift_study.drift import judged, measure_cells
+from benchmarks.drift_study.scenarios import SCENARIOS
 from checked_files.yaml_file import FileError
 from hil import execution
 from hil.model.dependencies import GROUPS
@@ -31,9 +31,8 @@ from hil.terminal.console import out
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from drift_study.cell import Cell
-    from drift_study.drift import Done
-
+    from benchmarks.drift_study.cell import Cell
+    from benchmarks.drift_study.drift import Done
     from hil.model.robot import Robot
 
 
@@ -231,7 +230,8 @@ class TestFailure:
     ) -> None:
         folder = put(small_plans(manutec), tmp_path / "study")
         monkeypatch.setattr(
-            "drift_study.drift.measure_cells", lambda cells, _: measure_cells(cells, failing)
+            "benchmarks.drift_study.drift.measure_cells",
+            lambda cells, _: measure_cells(cells, failing),
         )
         status, out, err = program("-o", folder, "--scenario", "on", "--seeds", 2)
         assert (status, "8 campaigns failed" in err) == (1, True)
@@ -276,7 +276,7 @@ class TestFailure:
 
         monkeypatch.setattr(out, "_force_terminal", True)
         monkeypatch.setattr(out, "is_interactive", True)
-        monkeypatch.setattr("drift_study.drift.prepare", stop)
+        monkeypatch.setattr("benchmarks.drift_study.drift.prepare", stop)
         status, printed, err = program("-o", tmp_path / "study")
         assert (status, "so far" in err) == (1, True)
         assert "planning the campaigns" in printed

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from drift_study import summary, view
-from drift_study.cell import OUR_DEFAULT, Cell, Outcome
-from drift_study.drift import Judged
-from drift_study.scenarios import SCENARIOS
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
+from benchmarks.drift_study import summary, view
+from benchmarks.drift_study.cell import OUR_DEFAULT, Cell, Outcome
+from benchmarks.drift_study.drift import Judged
+from benchmarks.drift_study.scenarios import SCENARIOS
 from hil.report.pictures import plotting
 
 if TYPE_CHECKING:

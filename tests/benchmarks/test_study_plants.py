@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 import yaml
-from drift_study import campaigns as study_campaigns
-from drift_study.campaigns import (
+from small_study import PLANT, planned, put, small_plans, some_trajectory
+
+from benchmarks.drift_study import campaigns as study_campaigns
+from benchmarks.drift_study.campaigns import (
     KINDS,
     PERIOD,
     SLOWEST,
@@ -16,9 +18,7 @@ from drift_study.campaigns import (
     campaigns,
     duration,
 )
-from drift_study.scenarios import SCENARIOS, write_plant
-from small_study import PLANT, planned, put, small_plans, some_trajectory
-
+from benchmarks.drift_study.scenarios import SCENARIOS, write_plant
 from checked_files.yaml_file import FileError
 from hil.planning.design.by_counts import design
 from hil.planning.design.friction import sweep

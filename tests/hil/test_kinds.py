@@ -57,8 +57,6 @@ OWN = {
         "measuring/feeding.py",
         "results/tracking.py",
         "cli/tracking.py",
-        "estimation/conventional/products.py",
-        "estimation/conventional/variants.py",
     ),
 }
 """Files about one kind alone, which may name it."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from drift_study.campaigns import PERIOD
-from drift_study.drift import prepare
 from small_run import COUNTS, write_run
 
+from benchmarks.drift_study.campaigns import PERIOD
+from benchmarks.drift_study.drift import prepare
 from hil.planning.design.by_counts import design
 from hil.planning.design.friction import sweep
 from hil.planning.design.trajectories import Basis
@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
-    from drift_study.cell import Cell
-    from drift_study.drift import Done
-
+    from benchmarks.drift_study.cell import Cell
+    from benchmarks.drift_study.drift import Done
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
 

@@ -45,8 +45,8 @@ from hil.results.validation import validate
 from hil.runs.pooling import pooled
 
 other = hil.import_recordings([EXAMPLES / "other.yaml"], "runs/other")
-verdict = validate(model, predicted_torques(model, pooled([other])))
-print(f"{verdict.verdict}: {verdict.reason}")
+judgement = validate(model, predicted_torques(model, pooled([other])))
+print(judgement)
 
 # %% [markdown]
 # ## The torque that holds the head

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.least_squares import IDENTIFIABLE, SILENT, solved
+from hil.least_squares.solving import IDENTIFIABLE, SILENT, solved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,7 +17,7 @@ from hil.estimation.back_and_forth.halves import COMMON, FIRST, MOTOR, TORQUE, u
 from hil.estimation.back_and_forth.result import CurvePoint, FrictionCurve
 from hil.estimation.free_motion.friction_terms import CLASSICAL
 from hil.estimation.free_motion.result import TermValue
-from hil.regression.uncertainty import leave_one_out
+from hil.least_squares.uncertainty import leave_one_out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,14 +19,13 @@ from hil.estimation.back_and_forth.levels import friction_columns
 from hil.estimation.back_and_forth.pairs import pairs_of
 from hil.estimation.back_and_forth.settings import processing_of_strokes
 from hil.estimation.free_motion.columns import SEEN
-from hil.estimation.free_motion.filtering import low_passed
-from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.free_motion.motion import filtered_motion, low_passed
+from hil.least_squares.layout import axis_place
+from hil.least_squares.ripple import RIPPLE_ORDERS, ripple_orders
+from hil.least_squares.terms import multiples
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
-from hil.regression.layout import axis_place
-from hil.regression.ripple import RIPPLE_ORDERS, ripple_orders
-from hil.regression.terms import multiples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,10 +20,10 @@ from hil.estimation.back_and_forth.halves import COMMON, FIRST, MOTOR, TORQUE, u
 from hil.estimation.back_and_forth.uncertainty import uncertainty
 from hil.estimation.free_motion.accumulation import cells_of
 from hil.estimation.intervals import MANY
+from hil.least_squares.layout import embedded
+from hil.least_squares.normal_equations import Normal, reweighted
+from hil.least_squares.solving import condition, fitted, orthonormal, projected_out, solved
 from hil.model.base_parameters import base_parameters
-from hil.regression.layout import embedded
-from hil.regression.least_squares import condition, fitted, orthonormal, projected_out, solved
-from hil.regression.normal_equations import Normal, reweighted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

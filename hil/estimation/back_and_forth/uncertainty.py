@@ -8,7 +8,7 @@ more. So in each direction of the unknowns the greater of the two counts: with
     V_pairs + V_cells = L L',    L^-1 V_pairs L^-T = U diag(a) U',
 
 it is ``V = L U diag(max(a, 1 - a)) U' L'``. (Of free motions, whose blocks of time are few and
-alike, both are added up: `hil.estimation.free_motion.uncertainty`.) Degrees of freedom are those of
+alike, both are added up: `hil.least_squares.regression`.) Degrees of freedom are those of
 the blocks, by each one's share of the variance were the noise white.
 """
 
@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.least_squares import inverse, inverse_root
-from hil.regression.uncertainty import degrees_if_white, jackknife, left_out, scatter
+from hil.least_squares.solving import inverse, inverse_root
+from hil.least_squares.uncertainty import degrees_if_white, jackknife, left_out, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.regression.normal_equations import Normal
+    from hil.least_squares.normal_equations import Normal
 
     Array = NDArray[np.float64]
 

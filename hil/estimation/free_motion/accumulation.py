@@ -5,12 +5,12 @@ matrix over the columns
 
     y | A(q, qd, qdd), coupled motors, friction
 
-of filtered samples: first with the signal as it was recorded for y and the torque of rotors of
-known inertia as a further column (`recorded_products`), then of the torque to be explained
-(`scaling`). Pieces are divided by the axis's speed too, so that a dead zone can be chosen
-afterwards. Cells are samples that are alike in positions and velocities, wherever in time they are:
-the nearest of some states that were drawn from the motion. What a model cannot explain repeats
-whenever the motion does; over cells it scatters.
+of filtered samples (`hil.least_squares.blocks`): first with the signal as it was recorded for y and
+the torque of rotors of known inertia as a further column (`recorded_products`), then of the torque
+to be explained (`scaling`). Pieces are divided by the axis's speed too, so that a dead zone can be
+chosen afterwards. Cells are samples that are alike in positions and velocities, wherever in time
+they are: the nearest of some states that were drawn from the motion. What a model cannot explain
+repeats whenever the motion does; over cells it scatters.
 
 With instruments there are besides the products of all columns with those of a second motion
 (`motion.filtered_motion`).
@@ -19,28 +19,25 @@ With instruments there are besides the products of all columns with those of a s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
+from hil.estimation.free_motion.columns import ROTOR, axis_columns, shared_names
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.motion import filtered_motion
-from hil.regression.normal_equations import successive
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.normal_equations import successive
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.estimation.free_motion.motion import Motion, Processing
+    from hil.least_squares.layout import Layout
     from hil.model.robot import Robot
     from hil.runs.recording import Recording
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
 
 SPEEDS = (0.02, 0.05, 0.1)
 """Bounds of the classes of speed, as shares of the axis's speed: dead zones that are tried."""
@@ -71,43 +68,64 @@ class Division:
 
     def cells(self, motion: Motion) -> Indices:
         """Cell of each sample that is used, shape (n_used,)."""
-        state = np.hstack([motion.q, motion.qd])[:: motion.rates.coarse] / self.scale
-        return _nearest(self.states, state)
+        return _nearest(self.states, _states(motion) / self.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Products:
     """Inner products of all columns.
 
+    Shared columns are base parameters, coupled motors' friction and what was added, the own ones
+    those of friction, `COLUMNS`.
+
     Attributes
     ----------
-    pieces : ndarray, shape (n_pieces, n_joints, n_speeds, m, m)
-        The torque is column 0; classes of speed from the slowest.
-    counts : ndarray, shape (n_pieces, n_joints, n_speeds)
-        Samples behind them.
-    cells : ndarray, shape (n_cells, n_joints, n_speeds, m, m)
-    instruments : ndarray, shape (n_pieces, n_joints, m, m), optional
-        Products of columns of one half of the samples with those of the other half.
-    squares : ndarray, shape (n_joints,)
-        Sum of the squares of the torque as it was recorded, filtered.
-    n_shared : int
-        Columns after the first that all axes share; the rest is the axis's friction.
-    recording : ndarray, shape (n_pieces,)
-        Number of the recording that each piece is of.
+    pieces : tuple of Blocks
+        By piece of time, labelled by the number of its recording: of all samples, and of those of
+        each class of the axis's speed and faster.
+    cells : tuple of Blocks
+        By cell of states, likewise.
+    instruments : Blocks, optional
+        Products of columns of one half of the samples with those of the other half, by piece.
     """
 
-    pieces: Array
-    counts: Array
-    cells: Array
-    instruments: Array | None
-    squares: Array
-    n_shared: int
-    recording: Indices
+    pieces: tuple[Blocks, ...]
+    cells: tuple[Blocks, ...]
+    instruments: Blocks | None = None
 
     @property
     def n_joints(self) -> int:
         """Axes."""
-        return len(self.squares)
+        return self.pieces[0].n_channels
+
+    @property
+    def n_pieces(self) -> int:
+        """Pieces of time."""
+        return len(self.pieces[0])
+
+    @property
+    def layout(self) -> Layout:
+        """Where unknowns stand."""
+        return self.pieces[0].layout
+
+    def recast(
+        self,
+        torque: Array | None = None,
+        added: Mapping[str, Array] | None = None,
+        dropped: Sequence[str] = (),
+    ) -> Products:
+        """Products of another torque or other shared columns, as of `Blocks.recast`.
+
+        Columns that differ from piece to piece, shape (n_pieces, n_joints, m), are 0 in cells,
+        which have no time.
+        """
+        new, crossed = added or {}, self.instruments
+        of_cells = {name: 0.0 * x[0] if x.ndim == 3 else x for name, x in new.items()}
+        return Products(
+            tuple(each.recast(torque, new, dropped) for each in self.pieces),
+            tuple(each.recast(torque, of_cells, dropped) for each in self.cells),
+            None if crossed is None else crossed.recast(torque, new, dropped),
+        )
 
 
 def division(processing: Processing, stretches: Iterable[Recording], duration: float) -> Division:
@@ -119,7 +137,7 @@ def division(processing: Processing, stretches: Iterable[Recording], duration: f
         All stretches are shorter than the filter's reach.
     """
     motions = [filtered_motion(each, processing) for each in stretches]
-    states = np.vstack([np.hstack([m.q, m.qd])[:: m.rates.coarse][m.used] for m in motions])
+    states = np.vstack([_states(motion)[motion.used] for motion in motions])
     if not len(states):
         raise _too_short(processing)
     scale = np.maximum(states.std(axis=0), 1e-9)
@@ -128,6 +146,10 @@ def division(processing: Processing, stretches: Iterable[Recording], duration: f
         states=_middles(states / scale),
         scale=scale,
     )
+
+
+def _states(motion: Motion) -> Array:
+    return np.hstack([motion.q, motion.qd])[:: motion.rates.coarse]
 
 
 def _middles(states: Array) -> Array:
@@ -165,7 +187,7 @@ def recorded_products(
 ) -> Products:
     """Condense recordings, the signal as it was recorded.
 
-    The torque of the rotors whose inertia is known is the last of the shared columns.
+    The torque of the rotors whose inertia is known is the last of the shared columns, `ROTOR`.
 
     Parameters
     ----------
@@ -179,20 +201,36 @@ def recorded_products(
     NotEnoughData
         All recordings are shorter than the filter's reach.
     """
-    sums = _Sums(robot, processing, divided, first)
+    shared = (*shared_names(robot), ROTOR)
+    m = 1 + len(shared) + len(COLUMNS)
+    cells = _Groups.empty(len(divided.states), robot.n_joints, m)
+    pieces: list[_Groups] = []
+    crossed: list[Array] = []
+    origin: list[int] = []
     for number, recording in enumerate(recorded):
-        sums.add(number, recording, instruments=instruments)
-    if not sums.pieces:
+        motion = filtered_motion(recording, processing)
+        parts = _parts(motion, divided.piece)
+        if not parts:
+            continue
+        own = _Groups.empty(len(parts), robot.n_joints, m)
+        time, states = _numbered(parts), divided.cells(motion)[motion.used]
+        for axis in range(robot.n_joints):
+            rows = _stacked(robot, motion, axis, first, motion.tau)[motion.used]
+            speed = np.digitize(motion.slowest[motion.used, axis], SPEEDS)
+            own.add(axis, rows, time, speed)
+            cells.add(axis, rows, states, speed)
+        pieces.append(own)
+        origin += [number] * len(parts)
+        if instruments:
+            crossed.append(_crossed(robot, recording, motion, parts, first))
+    if not pieces:
         raise _too_short(processing)
-    return Products(
-        pieces=np.concatenate(sums.pieces),
-        counts=np.concatenate(sums.counts),
-        cells=sums.cells,
-        instruments=np.concatenate(sums.crossed) if instruments else None,
-        squares=sums.squares,
-        n_shared=n_shared(robot) + 1,
-        recording=np.array(sums.origin),
-    )
+
+    by_time = _Groups.joined(pieces).by_speed(shared, {"recording": np.array(origin)})
+    other = None
+    if instruments:
+        other = Blocks(shared, COLUMNS, np.concatenate(crossed), by_time[0].counts)
+    return Products(by_time, cells.by_speed(shared), other)
 
 
 def _too_short(processing: Processing) -> NotEnoughData:
@@ -203,63 +241,62 @@ def _too_short(processing: Processing) -> NotEnoughData:
     )
 
 
-class _Sums:
-    """What `recorded_products` adds up."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Groups:
+    """Inner products and counts by class of speed, group and axis, to which samples are added."""
 
-    def __init__(
-        self, robot: Robot, processing: Processing, divided: Division, first: Array
-    ) -> None:
-        self._robot, self._processing = robot, processing
-        self._divided, self._first = divided, first
-        self._m, self._n_speeds = 2 + n_shared(robot) + len(COLUMNS), len(SPEEDS) + 1
-        n = robot.n_joints
-        self.pieces: list[Array] = []
-        self.counts: list[Array] = []
-        self.crossed: list[Array] = []
-        self.origin: list[int] = []
-        self.cells = np.zeros((len(divided.states), n, self._n_speeds, self._m, self._m))
-        self.squares = np.zeros(n)
+    products: Array
+    counts: Array
 
-    def add(self, number: int, recording: Recording, *, instruments: bool) -> None:
-        """Add one recording, unless it is shorter than the filter reaches."""
-        motion = filtered_motion(recording, self._processing)
-        parts = _parts(motion, self._divided.piece)
-        if not parts:
-            return
-        self.squares += (motion.tau[motion.used] ** 2).sum(axis=0)
-        self._add_pieces(motion, parts)
-        if instruments:
-            self._add_instruments(recording, parts, motion.tau)
-        self.origin += [number] * len(parts)
+    @classmethod
+    def empty(cls, n: int, n_joints: int, m: int) -> _Groups:
+        lead = len(SPEEDS) + 1, n, n_joints
+        return cls(np.zeros((*lead, m, m)), np.zeros(lead))
 
-    def _add_pieces(self, motion: Motion, parts: Sequence[slice]) -> None:
-        lead = len(parts), self._robot.n_joints, self._n_speeds
-        share, count = np.zeros((*lead, self._m, self._m)), np.zeros(lead)
-        of_cell, slowest = self._divided.cells(motion), motion.slowest
-        for axis in range(self._robot.n_joints):
-            columns = self._stacked(motion, axis, motion.tau)
-            speed = np.digitize(slowest[:, axis], SPEEDS)
-            for s in range(self._n_speeds):
-                _add_cells(self.cells[:, axis, s], columns, of_cell, motion.used & (speed == s))
-                for k, part in enumerate(parts):
-                    rows = columns[part][speed[part] == s]
-                    share[k, axis, s], count[k, axis, s] = rows.T @ rows, len(rows)
-        self.pieces.append(share)
-        self.counts.append(count)
+    @classmethod
+    def joined(cls, each: Sequence[_Groups]) -> _Groups:
+        both = [(part.products, part.counts) for part in each]
+        return cls(*(np.concatenate(parts, axis=1) for parts in zip(*both, strict=True)))
 
-    def _add_instruments(self, recording: Recording, parts: Sequence[slice], y: Array) -> None:
-        half, other = (filtered_motion(recording, self._processing, offset=k) for k in (1, 2))
-        cross = np.zeros((len(parts), self._robot.n_joints, self._m, self._m))
-        for axis in range(self._robot.n_joints):
-            W, Z = self._stacked(half, axis, y), self._stacked(other, axis, y)
-            cross[:, axis] = [Z[part].T @ W[part] for part in parts]
-        self.crossed.append(cross)
+    def add(self, axis: int, rows: Array, group: Indices, speed: Indices) -> None:
+        """Add samples of one axis, shape (n, m), each to a group and a class of speed."""
+        shape = self.counts.shape[:2]
+        number = speed * shape[1] + group
+        order = np.argsort(number, kind="stable")
+        heard = np.flatnonzero(rows.any(axis=0))
+        rows = rows[order][:, heard]
+        ends = np.searchsorted(number[order], np.arange(shape[0] * shape[1] + 1))
+        self.counts[:, :, axis] += np.diff(ends).reshape(shape)
+        for k in np.flatnonzero(np.diff(ends)):
+            part, at = rows[ends[k] : ends[k + 1]], np.unravel_index(k, shape)
+            self.products[*at, axis][np.ix_(heard, heard)] += part.T @ part
 
-    def _stacked(self, motion: Motion, axis: int, y: Array) -> Array:
-        modelled = axis_columns(self._robot, motion, axis, self._first)
-        rotor = rotor_torque(self._robot, motion, axis)
-        columns = motion.passed(np.insert(modelled, n_shared(self._robot), rotor, axis=1))
-        return np.hstack([y[: len(columns), axis, np.newaxis], columns[: len(y)]])
+    def by_speed(
+        self, shared: tuple[str, ...], labels: Mapping[str, Indices] | None = None
+    ) -> tuple[Blocks, ...]:
+        """Blocks of each class of speed and all that are faster."""
+        whole = (np.cumsum(x[::-1], axis=0)[::-1] for x in (self.products, self.counts))
+        return tuple(
+            Blocks(shared, COLUMNS, products, counts, labels=labels or {})
+            for products, counts in zip(*whole, strict=True)
+        )
+
+
+def _crossed(
+    robot: Robot, recording: Recording, motion: Motion, parts: Sequence[slice], first: Array
+) -> Array:
+    """Products of one half of the samples with the other, shape (n_parts, n_joints, m, m)."""
+    half, other = (filtered_motion(recording, motion.processing, offset=k) for k in (1, 2))
+    found = []
+    for axis in range(robot.n_joints):
+        W, Z = (_stacked(robot, each, axis, first, motion.tau) for each in (half, other))
+        found.append(np.array([Z[part].T @ W[part] for part in parts]))
+    return np.stack(found, axis=1)
+
+
+def _stacked(robot: Robot, motion: Motion, axis: int, first: Array, y: Array) -> Array:
+    columns = motion.passed(axis_columns(robot, motion, axis, first))
+    return np.hstack([y[: len(columns), axis, np.newaxis], columns[: len(y)]])
 
 
 def _parts(motion: Motion, length: float) -> list[slice]:
@@ -271,10 +308,6 @@ def _parts(motion: Motion, length: float) -> list[slice]:
     return successive(int(used[0]), int(used[-1]) + 1, n)
 
 
-def _add_cells(cells: Array, columns: Array, of_cell: Indices, used: NDArray[np.bool_]) -> None:
-    order = np.argsort(of_cell[used], kind="stable")
-    rows, which = columns[used][order], of_cell[used][order]
-    ends = np.searchsorted(which, np.arange(len(cells) + 1))
-    for cell, (a, b) in enumerate(pairwise(ends)):
-        if b > a:
-            cells[cell] += rows[a:b].T @ rows[a:b]
+def _numbered(parts: Sequence[slice]) -> Indices:
+    """Number of the part of each sample."""
+    return np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])

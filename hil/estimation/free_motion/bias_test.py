@@ -17,22 +17,16 @@ from scipy import special
 
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
-from hil.estimation.free_motion.system import summed
-from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import solved
-from hil.regression.normal_equations import normal
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.motion import Processing
     from hil.estimation.free_motion.scaling import Scaling
     from hil.estimation.free_motion.survey import Survey
+    from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
-    from hil.regression.normal_equations import Normal
-
-    Array = NDArray[np.float64]
 
 OVERSAMPLED = 8.0
 """Samples in a period of the cut-off frequency, so that halves of them show the motion."""
@@ -47,27 +41,20 @@ def bias_test(
     first: Array,
 ) -> BiasTest | None:
     """Test least squares on the survey's stretches; None where there are too few blocks."""
-    period = found.stretches[0].period
-    if processing.cut_off * period * OVERSAMPLED > 1.0:
+    if processing.cut_off * found.stretches[0].period * OVERSAMPLED > 1.0:
         return None
-    divided = division(
-        processing, found.stretches, sum(s.period * s.n_samples for s in found.stretches)
+    duration = sum(each.period * each.n_samples for each in found.stretches)
+    divided = division(processing, found.stretches, duration)
+    products = scaling.applied(
+        recorded_products(robot, found.stretches, processing, divided, first, instruments=True)
     )
-    recorded = recorded_products(
-        robot, found.stretches, processing, divided, first, instruments=True
-    )
-    products = scaling.applied(recorded)
-    n = len(base_parameters(robot))
-    if products.instruments is None or len(products.pieces) < FEW_BLOCKS:
+    if products.instruments is None or products.n_pieces < FEW_BLOCKS:
         return None
-    kept = choice.kept(products.n_shared)
-    plain, crossed = (
-        normal(each, products.n_shared, choice.weights).only(kept)
-        for each in (summed(products.pieces), products.instruments)
-    )
-    difference = (crossed.solution() - plain.solution())[:n]
-    of_plain, of_crossed = (_influence(each)[:, :n] for each in (plain, crossed))
-    m, tiny = len(of_plain), np.finfo(float).tiny
+    n, tiny, m = len(first), np.finfo(float).tiny, products.n_pieces
+    plain = choice.of(products.pieces[0])
+    crossed = plain.of(products.instruments)
+    difference = (crossed.solution - plain.solution)[:n]
+    of_plain, of_crossed = (_influence(each.normal)[:, :n] for each in (plain, crossed))
     scatter = np.sqrt(np.maximum(((of_crossed - of_plain) ** 2).sum(axis=0) * m / (m - 1), tiny))
     t = float(np.max(np.abs(difference) / scatter))
     error = np.sqrt(np.maximum((of_plain**2).sum(axis=0), tiny))

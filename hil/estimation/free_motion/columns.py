@@ -21,24 +21,31 @@ from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.free_motion.motion import Motion
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
-
+ROTOR = "known rotor"
+"""Column of the torque of rotors of known inertia."""
 SEEN = 0.4
 """Cycles of the motor in a sample up to which ripple over its angle is seen as such."""
 
 
-def n_shared(robot: Robot) -> int:
+def coupled_names(robot: Robot) -> tuple[tuple[str, str], ...]:
+    """Viscous and Coulomb friction of each coupled motor, by name."""
+    motors = [f"motor {motor + 1} with joint {joint + 1}" for motor, joint, _ in robot.couplings]
+    return tuple((f"{name} viscous", f"{name} Coulomb") for name in motors)
+
+
+def shared_names(robot: Robot) -> tuple[str, ...]:
     """Unknowns that all axes share: base parameters, then two of each coupled motor's friction."""
-    return len(base_parameters(robot)) + 2 * len(robot.couplings)
+    return base_parameters(robot).names + tuple(n for pair in coupled_names(robot) for n in pair)
 
 
 def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array:
-    """All columns of one axis, at the motion's samples, shape (n, n_shared + n_terms).
+    """All columns of one axis, at the motion's samples, shape (n, n_shared + 1 + n_terms).
+
+    The torque of the axis's rotor, whose inertia is known, stands behind the shared ones.
 
     Parameters
     ----------
@@ -55,7 +62,8 @@ def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array
         motor_angle(robot, q, axis),
         motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
     )
-    return np.hstack([rows, coupled_friction(robot, qd, axis), friction])
+    rotor = rotor_torque(robot, motion, axis)[:, np.newaxis]
+    return np.hstack([rows, coupled_friction(robot, qd, axis), rotor, friction])
 
 
 def motor_angle(robot: Robot, q: Array, axis: int) -> Array:

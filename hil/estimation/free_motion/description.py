@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.bristles import Direction
-from hil.estimation.free_motion.friction_terms import (
-    BENT,
-    CLASSICAL,
-    COLUMNS,
-    LAWS,
-    friction_columns,
-)
+from hil.estimation.free_motion.columns import coupled_names
+from hil.estimation.free_motion.friction_terms import BENT, CLASSICAL, LAWS, friction_columns
+from hil.estimation.free_motion.offsets import only_directions
 from hil.estimation.free_motion.result import (
     FEW_BLOCKS,
     LOOSE,
@@ -25,22 +22,19 @@ from hil.estimation.free_motion.result import (
     OneWay,
     TermValue,
 )
-from hil.estimation.free_motion.system import only_directions, squares_left, summed
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import Solution
     from hil.estimation.free_motion.survey import Survey
+    from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 SHORT = 30.0
 """Duration of all recordings below which a remark is made [s]."""
@@ -49,53 +43,54 @@ SURE = 2.0
 
 
 def axis_friction(
-    solution: Solution, plain: Solution, gathered: Gathered, products: Products, n_base: int
+    fit: Fit, plain: Fit, gathered: Gathered, products: Products
 ) -> tuple[AxisFriction, ...]:
     """Law and coefficients of each axis; `plain` is the solution with the classical law."""
-    choice, processing, n_shared = gathered.choice, gathered.processing, products.n_shared
-    levels = gathered.drift.found(solution.x, n_shared, len(products.pieces))
-
-    def values(found: Solution, axis: int, law: Sequence[str]) -> dict[str, TermValue]:
-        first = n_shared + axis * len(COLUMNS)
-        return {term: _value(found, first + COLUMNS.index(term)) for term in law}
-
-    def covariances(axis: int, law: Sequence[str]) -> dict[str, list[list[float]]]:
-        first = n_shared + axis * len(COLUMNS)
-        rows = solution.covariance[[first + COLUMNS.index(term) for term in law]]
-        own = rows[:, [first + COLUMNS.index(term) for term in law]]
-        return {"covariance": own.tolist(), "beside": rows[:, :n_base].tolist()}
-
-    one_way = _one_way(products, solution)
-    return tuple(
-        AxisFriction(
-            law=law,
-            speed=float(processing.speed[axis]),
-            presliding=float(processing.presliding[axis]),
-            bend=values(solution, axis, (BENT,))[BENT],
-            terms=values(solution, axis, LAWS[law]),
-            plain=values(plain, axis, CLASSICAL),
-            held_out=choice.held_out[axis],
-            level=tuple(levels[axis].tolist()),
-            one_way=one_way.get(axis),
-            **covariances(axis, LAWS[law]),
+    choice, processing = gathered.choice, gathered.processing
+    levels = gathered.drift.found(fit.x, fit.layout, products.n_pieces)
+    one_way, base = _one_way(products, fit), slice(len(gathered.first))
+    found = []
+    for axis, law in enumerate(choice.laws):
+        rows = fit.covariance[_places(fit, axis, LAWS[law])]
+        own = rows[:, _places(fit, axis, LAWS[law])]
+        found.append(
+            AxisFriction(
+                law=law,
+                speed=float(processing.speed[axis]),
+                presliding=float(processing.presliding[axis]),
+                bend=_value(fit, fit.layout.at(BENT, axis)),
+                terms=_values(fit, axis, LAWS[law]),
+                plain=_values(plain, axis, CLASSICAL),
+                held_out=choice.held_out[axis],
+                level=tuple(levels[axis].tolist()),
+                one_way=one_way.get(axis),
+                covariance=own.tolist(),
+                beside=rows[:, base].tolist(),
+            )
         )
-        for axis, law in enumerate(choice.laws)
-    )
+    return tuple(found)
 
 
-def _one_way(products: Products, solution: Solution) -> dict[int, OneWay]:
+def _places(fit: Fit, axis: int, terms: Sequence[str]) -> Indices:
+    return np.array([fit.layout.at(term, axis) for term in terms], dtype=np.intp)
+
+
+def _values(fit: Fit, axis: int, terms: Sequence[str]) -> dict[str, TermValue]:
+    return {term: _value(fit, fit.layout.at(term, axis)) for term in terms}
+
+
+def _value(fit: Fit, place: int) -> TermValue:
+    return TermValue.estimated(fit.x[place], fit.covariance[place, place])
+
+
+def _one_way(products: Products, fit: Fit) -> dict[int, OneWay]:
     """Axes, from 0, that move in one direction only."""
     found = {}
-    for axis, direction in enumerate(only_directions(products.pieces, products.n_shared)):
-        if direction:
-            first = products.n_shared + axis * len(COLUMNS)
-            places = [first + COLUMNS.index(term) for term in ("offset", "Coulomb")]
-            both = np.array([1.0, direction])
-            variance = float(both @ solution.covariance[np.ix_(places, places)] @ both)
-            found[axis] = OneWay(
-                direction=int(direction),
-                together=TermValue.estimated(float(both @ solution.x[places]), variance),
-            )
+    for axis, direction in only_directions(products.pieces[1]).items():
+        places, both = _places(fit, axis, ("offset", "Coulomb")), np.array([1.0, direction])
+        variance = float(both @ fit.covariance[np.ix_(places, places)] @ both)
+        together = TermValue.estimated(float(both @ fit.x[places]), variance)
+        found[axis] = OneWay(direction=direction, together=together)
     return found
 
 
@@ -105,62 +100,85 @@ def torque_lags(gathered: Gathered) -> tuple[LagValue, ...]:
     return tuple(LagValue(value=float(lag), standard_error=float(error)) for lag, error in both)
 
 
-def coupled_friction(robot: Robot, solution: Solution) -> tuple[CoupledFriction, ...]:
+def coupled_friction(robot: Robot, fit: Fit) -> tuple[CoupledFriction, ...]:
     """Friction of the coupled motors."""
-    first = len(base_parameters(robot))
     return tuple(
         CoupledFriction(
             motor=motor + 1,
             joint=joint + 1,
-            viscous=_value(solution, first + 2 * k),
-            coulomb=_value(solution, first + 2 * k + 1),
+            viscous=_value(fit, fit.layout.at(viscous)),
+            coulomb=_value(fit, fit.layout.at(coulomb)),
         )
-        for k, (motor, joint, _) in enumerate(robot.couplings)
+        for (motor, joint, _), (viscous, coulomb) in zip(
+            robot.couplings, coupled_names(robot), strict=True
+        )
     )
 
 
-class Residuals(NamedTuple):
-    """Of all samples, at every speed.
+@dataclass(frozen=True, slots=True, eq=False)
+class Residuals:
+    """What a solution leaves of all samples, at every speed.
 
     Attributes
     ----------
     rms : ndarray, shape (n_joints,)
         Root mean square [N m or N].
-    relative, naive : ndarray, shape (n_joints,)
-        Over that of the torque; what the mean torque leaves, likewise. NaN for an axis without any.
-    overall : float
-        Relative, of all axes.
+    torque : ndarray, shape (n_joints,)
+        The same of the torque as it was recorded, with that of the rotors.
+    mean : ndarray, shape (n_joints,)
+        Of the torque [N m or N].
     """
 
     rms: Array
-    relative: Array
-    naive: Array
-    overall: float
+    torque: Array
+    mean: Array
 
+    @classmethod
+    def of(cls, gathered: Gathered, products: Products, fit: Fit) -> Residuals:
+        """Residuals of a fit."""
+        whole, recorded = products.pieces[0].total, gathered.recorded.pieces[0].squares
+        counts = np.maximum(whole.counts[0], 1.0)
+        # by the column of the offset, which is 1 throughout
+        mean = whole.products[0, :, 0, whole.place("offset")[0]] / counts
+        rms, torque = whole.mean_squares(fit.x), gathered.scaling.gains**2 * recorded / counts
+        return cls(np.sqrt(rms), np.sqrt(torque), mean)
 
-def residuals(products: Products, solution: Solution) -> Residuals:
-    """What a solution leaves of the torques, and what their means leave."""
-    counts, pieces = summed(products.counts), summed(products.pieces)
-    squares = squares_left(pieces, counts, products.n_shared, solution.x)
-    torque = products.squares / np.maximum(counts.sum(axis=0), 1.0)
-    some = np.where(torque > 0, torque, np.nan)
-    total = float(np.sqrt(squares.sum() / max(float(torque.sum()), np.finfo(float).tiny)))
-    # by the column of the offset, which is 1 throughout
-    mean = pieces[:, :, 0, 1 + products.n_shared].sum(axis=0) / np.maximum(counts.sum(axis=0), 1.0)
-    naive = np.sqrt(np.maximum(torque - mean**2, 0.0) / some)
-    return Residuals(np.sqrt(squares), np.sqrt(squares / some), naive, total)
+    @property
+    def relative(self) -> tuple[float | None, ...]:
+        """Over the torque; None for an axis without any."""
+        return self._over_torque(self.rms)
+
+    @property
+    def naive(self) -> tuple[float | None, ...]:
+        """What the mean torque leaves, likewise."""
+        return self._over_torque(np.sqrt(np.maximum(self.torque**2 - self.mean**2, 0.0)))
+
+    @property
+    def overall(self) -> float:
+        """Over the torque, of all axes."""
+        least = np.sqrt(np.finfo(float).tiny)
+        return float(np.linalg.norm(self.rms) / max(float(np.linalg.norm(self.torque)), least))
+
+    def _over_torque(self, left: Array) -> tuple[float | None, ...]:
+        both = zip(left.tolist(), self.torque.tolist(), strict=True)
+        return tuple(each / torque if torque > 0 else None for each, torque in both)
 
 
 def remarks(
-    robot: Robot, products: Products, solution: Solution, found: Survey, condition: float
+    robot: Robot,
+    products: Products,
+    solution: Solution,
+    found: Survey,
+    condition: float,
+    torque: Array,
 ) -> tuple[str, ...]:
     """What restricts the estimate: too little data, poor excitation, axes that stand still.
 
     `condition` is that with the classical law of friction: terms of richer ones resemble each
-    other, whatever the motion.
+    other, whatever the motion. `torque` is the root mean square of each axis's.
     """
     said = []
-    if found.duration < SHORT or len(products.pieces) < FEW_BLOCKS:
+    if found.duration < SHORT or products.n_pieces < FEW_BLOCKS:
         said.append(
             f"{found.duration:.3g} s of recordings are little: intervals show less than may be"
             f" wrong; add some, {SHORT:g} s or more"
@@ -173,7 +191,7 @@ def remarks(
     if found.still:
         axes = ", ".join(str(axis + 1) for axis in found.still)
         said.append(f"axis {axes} stands still in all recordings: its friction is not identified")
-    for axis, one in _one_way(products, solution).items():
+    for axis, one in _one_way(products, solution.fit).items():
         said.append(
             f"axis {axis + 1} {one} {robot.torque_unit(axis)}; add recordings in both directions"
         )
@@ -189,33 +207,17 @@ def remarks(
             "least squares alone had a mass matrix that is not positive definite; parameters were"
             f" moved by at most {solution.moved:.2g} standard errors to mend that"
         )
-    return (*said, *_loose(robot, products, solution))
+    return (*said, *_loose(robot, products, solution.fit, torque))
 
 
-def driving_axes(solution: Solution, n_shared: int, n_joints: int) -> tuple[int, ...]:
-    """Axes, from 1, whose law of friction gives power at some speed, by more than chance."""
-    forth, found = np.array([0.25, 0.5, 0.75, 1.0]), []
-    u, still = np.append(forth, -forth), np.zeros(2 * len(forth))
-    columns = friction_columns(u, Direction(np.sign(u), still), still, still, still)
-    # what offsets and asymmetry add in one direction they take in the other
-    braking = (columns[: len(forth)] - columns[len(forth) :]) / 2
-    for axis in range(n_joints):
-        own = n_shared + axis * len(COLUMNS) + np.arange(len(COLUMNS))
-        V = solution.covariance[np.ix_(own, own)]
-        error = np.sqrt(np.einsum("nk,kl,nl->n", braking, V, braking).clip(0.0))
-        if (braking @ solution.x[own] < -SURE * error).any():
-            found.append(axis + 1)
-    return tuple(found)
-
-
-def _loose(robot: Robot, products: Products, solution: Solution) -> list[str]:
+def _loose(robot: Robot, products: Products, fit: Fit, torque: Array) -> list[str]:
     """Parameters whose standard error is a noticeable share of an axis's torque."""
-    base = base_parameters(robot)
-    n, counts = len(base), np.maximum(products.counts.sum(axis=(0, 2)), 1.0)
-    squares = np.einsum("bjskk->jk", products.pieces)[:, 1 : 1 + n] / counts[:, np.newaxis]
-    error = np.sqrt(np.diag(solution.covariance)[:n] * squares)
-    torque = np.sqrt(np.maximum(products.squares / counts, np.finfo(float).tiny))
-    worst = (error / torque[:, np.newaxis]).max(axis=0)
+    base, whole = base_parameters(robot), products.pieces[0].total
+    counts = np.maximum(whole.counts[0], 1.0)[:, np.newaxis]
+    squares = np.einsum("jkk->jk", whole.products[0])[:, whole.place(*base.names)] / counts
+    error = np.sqrt(np.diag(fit.covariance)[: len(base)] * squares)
+    least = np.sqrt(np.finfo(float).tiny)
+    worst = (error / np.maximum(torque, least)[:, np.newaxis]).max(axis=0)
     names = [base.names[k] for k in np.flatnonzero(worst > LOOSE)]
     if not names:
         return []
@@ -225,10 +227,22 @@ def _loose(robot: Robot, products: Products, solution: Solution) -> list[str]:
     ]
 
 
+def driving_axes(fit: Fit) -> tuple[int, ...]:
+    """Axes, from 1, whose law of friction gives power at some speed, by more than chance."""
+    forth, found = np.array([0.25, 0.5, 0.75, 1.0]), []
+    u, still = np.append(forth, -forth), np.zeros(2 * len(forth))
+    columns = friction_columns(u, Direction(np.sign(u), still), still, still, still)
+    # what offsets and asymmetry add in one direction they take in the other
+    braking = (columns[: len(forth)] - columns[len(forth) :]) / 2
+    for axis in range(fit.layout.n_channels):
+        own = _places(fit, axis, fit.layout.own)
+        V = fit.covariance[np.ix_(own, own)]
+        error = np.sqrt(np.einsum("nk,kl,nl->n", braking, V, braking).clip(0.0))
+        if (braking @ fit.x[own] < -SURE * error).any():
+            found.append(axis + 1)
+    return tuple(found)
+
+
 def dead_zone(choice: Choice) -> float:
     """Share of the speed below which samples were not fitted."""
     return SPEEDS[choice.slowest - 1] if choice.slowest else 0.0
-
-
-def _value(solution: Solution, place: int) -> TermValue:
-    return TermValue.estimated(solution.x[place], solution.covariance[place, place])

@@ -23,25 +23,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import block_diag
 
-from hil.estimation.free_motion.choice import FOLDS, HeldOut, simplest
 from hil.estimation.free_motion.friction_terms import BENT, COLUMNS
-from hil.estimation.free_motion.scaling import recast
-from hil.regression.normal_equations import Normal
+from hil.least_squares.choice import FOLDS, HeldOut, simplest
+from hil.least_squares.normal_equations import Normal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
-
-    Array = NDArray[np.float64]
+    from hil.least_squares.layout import Layout
 
 APART = 60.0
-"""Of instants at which a level is found, at least [s]."""
+"""Time between instants at which a level is found, at least [s]."""
 SPANS = (0, 1, 2, 4, 6)
-"""Between such instants, that are tried; held-out blocks must be shorter."""
+"""Spans between such instants that are tried; held-out blocks must be shorter."""
 CHANGES = ("Coulomb", "viscous", "cube root", "arc tangent", "quadratic", "load", BENT)
 """Terms whose level changes together."""
 
@@ -66,6 +63,10 @@ class Drift:
         """All levels stay."""
         return cls((0,) * n_joints, np.zeros((n_joints, len(COLUMNS))))
 
+    def names(self, axis: int) -> list[str]:
+        """Unknown levels of one axis at each instant but the first."""
+        return [f"level {axis + 1} at {k}" for k in range(1, self.spans[axis] + 1)]
+
     def applied(self, products: Products) -> Products:
         """Products with a shared column for each instant but the first of every axis that drifts.
 
@@ -73,35 +74,28 @@ class Drift:
         """
         if not any(self.spans):
             return products
-        own = slice(1 + products.n_shared, None)
-        n_pieces, m = len(products.pieces), products.pieces.shape[-1]
-        made = np.zeros((n_pieces, products.n_joints, m, sum(self.spans)))
-        at = 0
-        for axis, spans in enumerate(self.spans):
-            hats = levels(n_pieces, spans)
-            made[:, axis, own, at : at + spans] = (
-                self.friction[axis][:, np.newaxis] * hats[:, np.newaxis]
-            )
-            at += spans
-        first = np.zeros((products.n_joints, m))
-        first[:, 0] = 1.0
-        kept, ones = np.arange(1, 1 + products.n_shared), np.ones(products.n_joints)
-        return recast(products, first, kept, made, ones)
+        n_shared, added = 1 + len(products.layout.shared), {}
+        for axis, friction in enumerate(self.friction):
+            hats = levels(products.n_pieces, self.spans[axis])
+            for name, hat in zip(self.names(axis), hats.T, strict=True):
+                added[name] = np.zeros((len(hat), products.n_joints, n_shared + len(COLUMNS)))
+                added[name][:, axis, n_shared:] = np.outer(hat, friction)
+        return products.recast(added=added)
 
-    def found(self, x: Array, n_shared: int, n_pieces: int) -> tuple[Array, ...]:
+    def found(self, x: Array, layout: Layout, n_pieces: int) -> tuple[Array, ...]:
         """Level of each axis at its instants, over the mean; empty where it stays.
 
         Parameters
         ----------
         x : ndarray, shape (n,)
-            Solution with the columns of `applied`, of which there are `n_shared` shared ones.
+            Solution with the columns of `applied`.
         """
-        at, each = n_shared - sum(self.spans), []
-        for spans in self.spans:
+        each = []
+        for axis, spans in enumerate(self.spans):
             ends = np.linspace(0.0, 1.0, spans + 1)
             hats = _hats(ends, spans) - _hats(_middles(n_pieces), spans).mean(axis=0)
-            each.append(1.0 + hats @ x[at : at + spans] if spans else np.zeros(0))
-            at += spans
+            change = hats @ x[[layout.at(name) for name in self.names(axis)]] if spans else ()
+            each.append(1.0 + np.array(change))
         return tuple(each)
 
 
@@ -132,15 +126,18 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
     duration : float
         Of all recordings [s].
     """
-    folds = min(FOLDS, len(products.pieces))
+    folds = min(FOLDS, products.n_pieces)
     possible = [n for n in SPANS if n * APART <= duration and 2 * n <= folds]
-    n, kept = products.n_joints, choice.kept(products.n_shared)
-    system = choice.equations(products)
-    x = system.solution(kept)
-    changes = [term in CHANGES for term in COLUMNS]
-    friction = np.where(changes, x[products.n_shared :].reshape(n, -1), 0.0)
-    search, spans = _Search(system, kept, friction), [0] * n
-    for axis in range(n if len(possible) > 1 else 0):
+    n, changes = products.n_joints, [term in CHANGES for term in COLUMNS]
+    if len(possible) <= 1:
+        return Drift.none(n)
+    fitted = choice.fitted(products)
+    own = fitted.solution[len(fitted.layout.shared) :].reshape(n, -1)
+    friction = np.where(changes, own, 0.0)
+    shared = np.zeros((len(fitted.layout.shared), n))
+    changing = np.vstack([shared, block_diag(*friction[:, :, np.newaxis])])[fitted.kept]
+    search, spans = _Search(fitted.normal, changing), [0] * n
+    for axis in range(n):
         tried = {str(k): search.error((*spans[:axis], k, *spans[axis + 1 :])) for k in possible}
         spans[axis] = int(simplest(tried, n))
     return Drift(tuple(spans), friction)
@@ -151,16 +148,13 @@ class _Search:
 
     Parameters
     ----------
-    friction : ndarray, shape (n_joints, n_columns)
+    changing : ndarray, shape (n, n_joints)
         What changes its level with each axis.
     """
 
-    def __init__(self, system: Normal, kept: NDArray[np.intp], friction: Array) -> None:
-        own = block_diag(*friction[:, :, np.newaxis])
-        shared = np.zeros((system.v.shape[1] - len(own), len(friction)))
-        changing = np.vstack([shared, own])[kept]
-        self._system = system.only(kept)
-        self._sides = self._system.N @ changing, self._system.v @ changing
+    def __init__(self, system: Normal, changing: Array) -> None:
+        self._system = system
+        self._sides = system.N @ changing, system.v @ changing
         self._squares = np.swapaxes(self._sides[0], 1, 2) @ changing
 
     def error(self, spans: Sequence[int]) -> Array:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from hil.regression.ripple import RIPPLE_ORDERS
-from hil.regression.terms import curved
+from hil.least_squares.ripple import RIPPLE_ORDERS
+from hil.least_squares.terms import curved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,20 +13,20 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
-from hil.estimation.free_motion.choice import choose, without_choice
+from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choice
 from hil.estimation.free_motion.drift import Drift, find_drift
-from hil.estimation.free_motion.first_estimate import first_estimate
 from hil.estimation.free_motion.lag import with_lag
+from hil.estimation.free_motion.scaling import first_scaling, open_gains, refined
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import survey
-from hil.estimation.free_motion.unknown_gains import first_scaling, refined
+from hil.estimation.options import DEFAULTS
+from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.motion import Processing
@@ -34,11 +34,10 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.settings import Reasons
     from hil.estimation.free_motion.survey import Survey
     from hil.estimation.free_motion.variants import Variant
+    from hil.estimation.options import Options
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
-
-    Array = NDArray[np.float64]
 
 
 class FreeMotions:
@@ -107,6 +106,7 @@ def gather(
     robot: Robot,
     recorded: Iterable[tuple[RecordedMotion, Recording]],
     variant: Variant,
+    options: Options = DEFAULTS,
     *,
     open_scale: bool = False,
 ) -> Gathered:
@@ -114,6 +114,8 @@ def gather(
 
     Parameters
     ----------
+    options : Options
+        Law of friction, and nuisances that are looked for.
     open_scale : bool
         Whether a scale that unknown gains leave open is let stand, one gain of it held at 1.
 
@@ -130,9 +132,9 @@ def gather(
     found = survey(motions)
     processing, reasons = processing_of(found)
     chosen, lag_error = variant.terms == "chosen", np.zeros(robot.n_joints)
-    if chosen:
-        processing, lag_error = with_lag(robot, found, processing)
-    first, unknown = first_estimate(robot, found, processing, open_scale=open_scale)
+    if chosen and {"lag", "presliding"} & set(options.nuisance):
+        processing, lag_error = with_lag(robot, found, processing, options.nuisance)
+    first, unknown = _first_estimate(robot, found, processing, open_scale=open_scale)
     condensed = recorded_products(
         robot,
         (recording for _, recording in motions),
@@ -141,12 +143,32 @@ def gather(
         first,
         instruments=variant.solver == "instrumental",
     )
-    scaling = first_scaling(robot, condensed, unknown)
+    scaling = first_scaling(robot, condensed.pieces[0].total, unknown)
     products = scaling.applied(condensed)
-    choice = choose(products) if chosen else without_choice(products, weighted=variant.weighted)
+    laws = TRIED if options.friction == "auto" else (options.friction,)
+    choice = (
+        choose(products, laws) if chosen else without_choice(products, weighted=variant.weighted)
+    )
     scaling = refined(condensed, scaling, choice)
     drift = Drift.none(robot.n_joints)
-    if chosen and not unknown:
+    if chosen and not unknown and "drift" in options.nuisance:
         drift = find_drift(products, choice, found.duration)
-        choice = choose(drift.applied(products)) if any(drift.spans) else choice
+        choice = choose(drift.applied(products), laws) if any(drift.spans) else choice
     return Gathered(found, processing, lag_error, reasons, first, condensed, scaling, choice, drift)
+
+
+def _first_estimate(
+    robot: Robot, found: Survey, processing: Processing, *, open_scale: bool
+) -> tuple[Array, tuple[int, ...]]:
+    """Base parameters over the survey's stretches, and axes whose gain is found with them.
+
+    Friction needs to know the transmitted torque.
+    """
+    n_base = len(base_parameters(robot))
+    divided = division(processing, found.stretches, found.duration)
+    recorded = recorded_products(robot, found.stretches, processing, divided, np.zeros(n_base))
+    total, unknown = recorded.pieces[0].total, found.unknown_gains
+    while open_scale and (lost := open_gains(total, unknown)):
+        unknown = tuple(axis for axis in unknown if axis != lost[0])
+    scaled = first_scaling(robot, total, unknown).applied(total)
+    return usual(scaled).solution[:n_base], unknown

@@ -22,28 +22,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.choice import HeldOut, folds, simplest
-from hil.estimation.free_motion.columns import axis_columns, n_shared, rotor_torque
-from hil.estimation.free_motion.filtering import low_passed
+from hil.estimation.free_motion.columns import axis_columns, shared_names
 from hil.estimation.free_motion.friction_terms import COLUMNS
-from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.presliding import blocks, with_presliding
-from hil.estimation.free_motion.system import residual_weights
+from hil.estimation.options import NUISANCES
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.choice import HeldOut, folds, simplest
+from hil.least_squares.layout import Layout, axis_names
+from hil.least_squares.normal_equations import Normal
+from hil.least_squares.regression import Regression
 from hil.model.base_parameters import base_parameters
-from hil.regression.normal_equations import Normal, normal
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
     from hil.estimation.free_motion.motion import Motion, Processing
     from hil.estimation.free_motion.survey import Survey
     from hil.model.robot import Robot
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
 
 MOST = 0.03
 """Of a lag, either way [s]."""
@@ -55,11 +54,13 @@ ROUNDS = 8
 """Of Gauss and Newton's method, at most."""
 CONVERGED = 1e-5
 """Change of a lag after which the next no longer matters [s]."""
-_FRICTION = [k for k, term in enumerate(COLUMNS) if not term.startswith(("cosine", "sine"))]
+_FRICTION = tuple(term for term in COLUMNS if not term.startswith(("cosine", "sine")))
 """Ripple is left out: it is periodic and hardly resembles a lag."""
 
 
-def with_lag(robot: Robot, found: Survey, processing: Processing) -> tuple[Processing, Array]:
+def with_lag(
+    robot: Robot, found: Survey, processing: Processing, nuisance: Collection[str] = NUISANCES
+) -> tuple[Processing, Array]:
     """Settings with presliding distances and lags of every axis that moves.
 
     Where gains are unknown there are neither.
@@ -70,9 +71,13 @@ def with_lag(robot: Robot, found: Survey, processing: Processing) -> tuple[Proce
     error : ndarray, shape (n_joints,)
         Standard errors of the lags [s]; 0 where there is none.
     """
-    at_once = with_presliding(robot, found, processing)
+    bends = "presliding" in nuisance
+    at_once = with_presliding(robot, found, processing) if bends else processing
+    if "lag" not in nuisance:
+        return at_once, np.zeros(robot.n_joints)
     lag, error = _lags(robot, found, at_once)
-    if not lag.any():
+    if not lag.any() or not bends:
+        at_once = replace(at_once, lag=lag)
         return at_once, error
     late = with_presliding(robot, found, replace(processing, lag=lag))
     lag, error = _lags(robot, found, late)
@@ -103,18 +108,17 @@ class _Stretch:
 
     @classmethod
     def of(cls, robot: Robot, recording: Recording, motion: Motion) -> _Stretch:
-        first, k = np.zeros(len(base_parameters(robot))), n_shared(robot)
-        kept = [*range(k), *(k + term for term in _FRICTION)]
+        first, k = np.zeros(len(base_parameters(robot))), len(shared_names(robot))
+        kept = [*range(k), *(k + 1 + COLUMNS.index(term) for term in _FRICTION)]
         period, every = motion.period, motion.rates.coarse
-        band, columns, rates = motion.processing.band, [], []
+        band, columns, rates, rotors = motion.processing.band, [], [], []
         for axis in range(robot.n_joints):
-            rows = axis_columns(robot, motion, axis, first)[:, kept]
-            both = low_passed(rows, period, band, every, derivatives=1)
-            columns.append(both[0])
-            rates.append(both[1])
-        rotors = [rotor_torque(robot, motion, axis) for axis in range(robot.n_joints)]
-        passed = motion.passed(np.column_stack(rotors))
-        return cls(recording, motion, columns, rates, passed, blocks(motion))
+            rows = axis_columns(robot, motion, axis, first)
+            both = low_passed(rows[:, [*kept, k]], period, band, every, derivatives=1)
+            columns.append(both[0][:, :-1])
+            rates.append(both[1][:, :-1])
+            rotors.append(both[0][:, -1])
+        return cls(recording, motion, columns, rates, np.column_stack(rotors), blocks(motion))
 
     def explained(self, lag: Array) -> Array:
         """Torque, its lag taken back, less that of rotors of known inertia."""
@@ -130,11 +134,11 @@ class _Search:
 
     def __init__(self, robot: Robot, stretches: Sequence[_Stretch]) -> None:
         self._stretches, self._n = stretches, robot.n_joints
-        self._n_shared, self._n_own = n_shared(robot), len(_FRICTION) + 1
-        size = self._n_shared + self._n * self._n_own
-        self._rates = self._n_shared + self._n_own * (np.arange(self._n) + 1) - 1
-        self._linear = np.setdiff1d(np.arange(size), self._rates)
-        self._x, self._weights = np.zeros(size), np.ones(self._n)
+        own = (*_FRICTION, "rate")
+        self._layout = Layout(shared_names(robot), own, axis_names(self._n))
+        self._rates = np.array([self._layout.at("rate", axis) for axis in range(self._n)])
+        self._linear = np.setdiff1d(np.arange(self._layout.size), self._rates)
+        self._x, self._weights = np.zeros(self._layout.size), np.ones(self._n)
 
     def found(self, axes: Sequence[int], most: float) -> tuple[Array, Array]:
         """Lags of those `axes` that have one, and their standard errors [s]."""
@@ -176,16 +180,13 @@ class _Search:
 
     def _solve(self, lag: Array) -> None:
         """Find solution and weights with given lags."""
-        products = self._products(lag)
-        counts = np.ones(products.shape[:2])
-        self._weights = residual_weights(products, counts, self._n_shared, self._linear)
-        system = normal(products, self._n_shared, self._weights)
-        self._x = system.solution(self._linear)
+        found = Regression.weighed(self._blocks(lag), self._linear)
+        self._x, self._weights = found.solution, found.weights
 
     def _system(self, lag: Array) -> Normal:
-        return normal(self._products(lag), self._n_shared, self._weights)
+        return self._blocks(lag).normal(self._weights)
 
-    def _products(self, lag: Array) -> Array:
+    def _blocks(self, lag: Array) -> Blocks:
         """Products of torque, columns and the rate of what is modelled, of each block."""
         found = []
         for stretch in self._stretches:
@@ -193,12 +194,11 @@ class _Search:
             rows = [self._rows(stretch, axis, y) for axis in range(self._n)]
             found += [np.array([each[part].T @ each[part] for each in rows])
                       for part in stretch.parts]  # fmt: skip
-        return np.array(found)
+        products = np.array(found)
+        return Blocks(self._layout.shared, self._layout.own, products, np.ones(products.shape[:2]))
 
     def _rows(self, stretch: _Stretch, axis: int, y: Array) -> Array:
-        own = self._n_shared + axis * self._n_own + np.arange(self._n_own - 1)
-        x = np.concatenate([self._x[: self._n_shared], self._x[own]])
-        rate = -stretch.rates[axis] @ x
+        rate = -stretch.rates[axis] @ self._x[self._layout.place(axis)[:-1]]
         return np.column_stack([y[:, axis], stretch.columns[axis][: len(y)], rate[: len(y)]])
 
     def _error(self, lag: Array, axes: Sequence[int]) -> Array:

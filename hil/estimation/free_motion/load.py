@@ -1,9 +1,9 @@
 """A load at the last link from two runs of free motions, without and with it; gains by its mass.
 
 Base parameters, load and, where the mass is stated, the gains of all axes are found from both runs
-at once (`two_runs`). Their uncertainty comes, as for any free motions (`uncertainty`), from what
-differs from one block of time to the next, and from one part of the space of states to the next.
-Noise is in both, so that their sum would count it twice: the larger of the two variances counts.
+at once (`two_runs`). Their uncertainty comes, as for any free motions, from what differs from one
+block of time to the next, and from one part of the space of states to the next. Noise is in both,
+so that their sum would count it twice: the larger of the two variances counts.
 
 Whether anything but a rigid load changed is tested with a change dp of all base parameters in its
 place: what of dp no load explains should be no larger than its covariance (Hotelling's T^2). In the
@@ -18,25 +18,22 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import linalg, special
 
+from hil.estimation.free_motion.solution import BLOCKS
 from hil.estimation.free_motion.two_runs import LoadTerms, State, TwoRuns
-from hil.estimation.free_motion.uncertainty import BLOCKS, uncertainty
 from hil.estimation.intervals import MANY
 from hil.estimation.load_columns import load_columns, without_mass
 from hil.estimation.payload_figures import MASS
+from hil.least_squares.regression import by_groups_and_cells
+from hil.least_squares.solving import IDENTIFIABLE, inverse, undetermined
 from hil.model.base_parameters import base_parameters
-from hil.regression.least_squares import IDENTIFIABLE, inverse, undetermined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.estimation.free_motion.gathering import Gathered
-    from hil.estimation.free_motion.uncertainty import Uncertainty
+    from hil.least_squares.regression import Uncertainty
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
 
 class Chance(NamedTuple):
@@ -111,7 +108,7 @@ def fit_load(
     two, state, lost = _determined(runs, terms, axes, _beginning(robot, runs, mass, gains=gains))
     pieces, cells = two.pieces(terms, state), two.cells(terms, state)
     place = slice(two.n_base, two.n_base + free.shape[1])
-    spread = uncertainty(pieces, cells, state.x)
+    spread = by_groups_and_cells(pieces.grouped(BLOCKS), cells, state.x)
     V = _larger(spread) + _of_stated_gains(robot, two, terms, state)
     lost_phi = np.abs(free[:, lost[: free.shape[1]]]).max(axis=1, initial=0.0) > 0
     covariance = free @ V[place, place] @ free.T
@@ -179,7 +176,7 @@ def _rigid(
     two = TwoRuns(runs, n, ())
     free = two.solved(any_change, state.gains)
     pieces, cells = two.pieces(any_change, free), two.cells(any_change, free)
-    V = _larger(uncertainty(pieces, cells, free.x))[n : 2 * n, n : 2 * n]
+    V = _larger(by_groups_and_cells(pieces.grouped(BLOCKS), cells, free.x))[n : 2 * n, n : 2 * n]
     other = linalg.null_space(terms.columns.T)
     return _test(other.T @ free.x[n : 2 * n], other.T @ V @ other, groups)
 
@@ -187,7 +184,7 @@ def _rigid(
 def _larger(spread: Uncertainty) -> Array:
     """Covariance with the larger variances, and the correlations of the sum."""
     sums = np.diag(spread.covariance)
-    of_states = np.diag(spread.misfit)
+    of_states = np.diag(spread.of_cells)
     largest = np.maximum(of_states, sums - of_states)
     share = np.sqrt(np.divide(largest, sums, out=np.zeros_like(sums), where=sums > 0))
     covariance: Array = spread.covariance * np.outer(share, share)

@@ -1,4 +1,19 @@
-"""One recording as a fit takes it: positions, velocities, accelerations and torque, filtered."""
+"""One recording as a fit takes it: positions, velocities, accelerations and torque, filtered.
+
+There is one low-pass for everything, with decimation: a Butterworth filter of order four run forth
+and back, phase zero and the magnitude
+
+    |H(f)|^2 = 1 / (1 + (f / f_c)^8)
+
+at the cut-off frequency f_c. Applied to spectra it differentiates and decimates in the same step,
+for what remains above twice the cut-off is next to nothing. Positions pass it to be differentiated,
+at `FINE` samples a period of the cut-off; torque and columns of the regressor pass it again, since
+products of filtered signals have higher frequencies than these, and are kept at `COARSE` samples.
+
+Both ends of a recording are continued by point reflection, so that positions and velocities go on
+without a step. Whatever the filter mixes with that, `REACH` periods of the cut-off for each pass,
+is dropped afterwards: no fit sees a reflected sample.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +22,120 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
+from scipy import fft, ndimage
 
 from hil.estimation.free_motion.bristles import bent, friction_direction, sign_of_velocity
-from hil.estimation.free_motion.filtering import Rates, low_passed, reach
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.estimation.free_motion.bristles import Direction
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
+FINE = 8.0
+"""Samples of the motion in a period of its cut-off frequency, at least."""
+COARSE = 4.0
+"""Samples that are used in a period of the equation's cut-off frequency, at least."""
+REACH = 2.0
+"""Periods of the cut-off frequency after which the filter's response is below a hundredth."""
+ORDER = 4
+"""Of the filter that runs forth and back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Periods of the samples of one recording, before and after decimation [s].
+
+    Attributes
+    ----------
+    period : float
+        As recorded.
+    fine, coarse : int
+        Every n-th sample of the recording is one of the motion; every n-th of these is used.
+    """
+
+    period: float
+    fine: int
+    coarse: int
+
+    @classmethod
+    def of(cls, period: float, cut_off: float, band: float) -> Rates:
+        """Rates for samples every `period` [s], cut-offs of the motion and of the equation [Hz]."""
+        fine = max(1, int(1.0 / (FINE * cut_off * period)))
+        return cls(period, fine, max(1, int(1.0 / (COARSE * band * period * fine))))
+
+
+def low_passed(
+    x: Array,
+    period: float,
+    cut_off: float,
+    every: int = 1,
+    derivatives: int = 0,
+    ahead: Array | None = None,
+) -> tuple[Array, ...]:
+    """Low-pass of columns of samples, and of their derivatives.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, k)
+        Samples every `period` [s].
+    cut_off : float
+        [Hz].
+    every : int
+        Of the result every n-th sample is wanted.
+    derivatives : int
+        How many derivatives are wanted.
+    ahead : ndarray, shape (k,), optional
+        How much later than its instant each column is taken [s]; short against `reach`.
+
+    Returns
+    -------
+    tuple of ndarray, shape (ceil(n / every), k)
+        The columns filtered, then their derivatives, per second each time.
+    """
+    n, pad = len(x), _padding(len(x), period, cut_off, every)
+    whole = every * fft.next_fast_len(-(-(n + 2 * pad) // every), real=True)
+    # what does not change passes as it is
+    changes = np.flatnonzero((x != x[0]).any(axis=0))
+    kept, n_kept = whole // every, -(-n // every)
+    frequencies = fft.rfftfreq(whole, period)[: kept // 2 + 1]
+    continued = _continued(x[:, changes], pad, whole)
+    spectrum = fft.rfft(continued, overwrite_x=True)[:, : kept // 2 + 1]
+    spectrum = spectrum / (1.0 + (frequencies / cut_off) ** (2 * ORDER))
+    if ahead is not None:
+        spectrum *= np.exp(2j * np.pi * np.outer(ahead[changes], frequencies))
+    found = []
+    for order in range(derivatives + 1):
+        passed = np.tile(x[0] * (order == 0), (n_kept, 1))
+        y = fft.irfft(spectrum, kept)[:, pad // every :][:, :n_kept]
+        passed[:, changes] = y.T / every
+        found.append(passed)
+        spectrum = spectrum * (2j * np.pi * frequencies)
+    return tuple(found)
+
+
+def reach(period: float, cut_off: float) -> int:
+    """Samples every `period` [s] over which one pass of the filter spreads what is wrong."""
+    return int(np.ceil(REACH / (cut_off * period)))
+
+
+def _padding(n: int, period: float, cut_off: float, every: int) -> int:
+    """Samples added at either end: a multiple of `every`."""
+    return every * (min(2 * reach(period, cut_off), n - 1) // every)
+
+
+def _continued(x: Array, pad: int, whole: int) -> Array:
+    """Point reflections at both ends, and a ramp from the last value to the first: (k, whole)."""
+    n = len(x)
+    body = np.empty((x.shape[1], whole))
+    inner = body[:, pad : pad + n]
+    inner[:] = x.T
+    first, last = inner[:, :1], inner[:, -1:]
+    body[:, :pad] = 2 * first - inner[:, pad:0:-1]
+    body[:, pad + n : 2 * pad + n] = 2 * last - inner[:, -2 : -2 - pad : -1]
+    share = np.linspace(0.0, 1.0, whole - n - 2 * pad + 2)[1:-1]
+    begin, end = body[:, :1], body[:, 2 * pad + n - 1 : 2 * pad + n]
+    body[:, 2 * pad + n :] = (1.0 - share) * end + share * begin
+    return body
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,8 +184,8 @@ class Motion:
         Torque, filtered and its lag taken back [N m or N], at `rates.coarse`.
     used : ndarray of bool, shape (n_used,)
         Samples that no reflected sample has reached.
-    smooth : ndarray, shape (n_recorded, n_joints)
-        Positions at the recording's own rate, filtered [rad or m].
+    recorded : ndarray, shape (n_recorded, n_joints)
+        Positions at the recording's own rate [rad or m].
     """
 
     processing: Processing
@@ -79,7 +195,12 @@ class Motion:
     qdd: Array
     tau: Array
     used: Mask
-    smooth: Array
+    recorded: Array
+
+    @cached_property
+    def smooth(self) -> Array:
+        """Positions at the recording's own rate, filtered [rad or m]."""
+        return low_passed(self.recorded, self.rates.period, self.processing.cut_off)[0]
 
     @property
     def period(self) -> float:
@@ -141,8 +262,7 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     spoilt = processing.spoilt(period * every)
     used = np.zeros(len(tau), dtype=bool)
     used[spoilt : len(tau) - spoilt] = True
-    smooth = low_passed(_every_other(recording.q, offset), period, processing.cut_off)[0]
-    return Motion(processing, rates, q, qd, qdd, tau, used, smooth)
+    return Motion(processing, rates, q, qd, qdd, tau, used, _every_other(recording.q, offset))
 
 
 def _motion(

@@ -1,10 +1,9 @@
-"""Offsets of friction that pass for weight.
+"""Offsets of friction that pass for weight, or for Coulomb's friction.
 
 On an axis that slides vertically, or turns through a small angle, weight is as constant as an
 offset of friction: only inertia distinguishes them, which a gentle motion hardly shows. But the
 offset is not just anything. It is what friction differs by between directions, and what a current
-sensor adds, some `ASYMMETRY` of friction itself: 5, 17, 5, 4 and 1 % on five joints of the TX40,
-16 % on EMPS.
+sensor adds, some `ASYMMETRY` of friction itself.
 
 So where most of an offset's variance comes from what it shares with base parameters, and the offset
 is larger than its variance and that allow, either it is a real one, a sensor's zero or a spring, or
@@ -12,6 +11,9 @@ the model lacks something that passes for acceleration. The torques do not tell 
 estimate stays and its covariance grows along the way that changes them least, until
 o^2 = s^2 + V_oo with s = `ASYMMETRY` times friction at half the speed: the value of the greatest
 likelihood.
+
+On an axis that moves in one direction only, offset and Coulomb's friction are one column. Either
+may be all of their sum, so each is uncertain by half of it.
 """
 
 from __future__ import annotations
@@ -21,28 +23,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.bristles import Direction
-from hil.estimation.free_motion.friction_terms import COLUMNS, friction_columns
-from hil.regression.least_squares import solved
+from hil.estimation.free_motion.friction_terms import friction_columns
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+    from hil.least_squares.blocks import Blocks
+    from hil.least_squares.layout import Layout
 
 ASYMMETRY = 0.15
-"""Usual offset as a share of friction at half the speed."""
+"""Usual offset as a share of friction at half the speed: 5, 17, 5, 4 and 1 % on five joints of the
+TX40, 16 % on EMPS."""
 SHARED = 0.9
 """Share of an offset's variance that comes from base parameters, from which on it counts: without
 them it would be three times as certain, 1 / sqrt(1 - 0.9)."""
+ASIDE = 0.01
+"""Share w of the samples under way that go in the other direction, below which an axis moves in one
+direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as
+uncertain as their sum."""
 
 
-def with_doubt(x: Array, V: Array, metric: Array, n_shared: int) -> tuple[Array, list[int]]:
+def with_doubt(x: Array, V: Array, metric: Array, layout: Layout) -> tuple[Array, list[int]]:
     """Enlarge a covariance where unusual offsets pass for weight.
 
     Parameters
     ----------
     x : ndarray, shape (n,)
-        Base parameters, other shared unknowns, all terms of each axis's friction.
+        All unknowns.
     V : ndarray, shape (n, n)
         Covariance; 0 of terms that a law does not have.
     metric : ndarray, shape (n, n)
@@ -54,10 +61,10 @@ def with_doubt(x: Array, V: Array, metric: Array, n_shared: int) -> tuple[Array,
     axes : list of int
         From 0, whose offset is unusual.
     """
-    unusual = []
-    for axis, first in enumerate(range(n_shared, len(x), len(COLUMNS))):
-        place = first + COLUMNS.index("offset")
-        s = ASYMMETRY * _friction(x[first : first + len(COLUMNS)])
+    unusual, n_shared = [], len(layout.shared)
+    for axis in range(layout.n_channels):
+        place = layout.at("offset", axis)
+        s = ASYMMETRY * _friction(x[layout.place(axis)[n_shared:]])
         more = float(x[place] ** 2 - s**2 - V[place, place])
         if more > 0.0 and _shared(V, place, n_shared) >= SHARED:
             way = metric[:, place] / metric[place, place]
@@ -80,3 +87,25 @@ def _friction(terms: Array) -> float:
     columns = friction_columns(half, Direction(np.sign(half), still), still, still, still)
     forward, back = columns @ terms
     return abs(float(forward - back)) / 2
+
+
+def only_directions(moving: Blocks) -> dict[int, int]:
+    """Axes, from 0, that move in one direction alone, 1 or -1, by samples that are not slow.
+
+    Friction of an axis at rest is any up to Coulomb's.
+    """
+    offset, Coulomb = moving.place("offset", "Coulomb")
+    excess, sizes = moving.products[:, :, (offset, Coulomb), Coulomb].sum(axis=0).T
+    one = np.abs(excess) > (1.0 - 2.0 * ASIDE) * sizes
+    return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one & (excess != 0))}
+
+
+def split_covariance(directions: dict[int, int], layout: Layout, x: Array) -> Array:
+    """Covariance of how offset and Coulomb friction share their sum, shape (n, n)."""
+    found = np.zeros((len(x), len(x)))
+    for axis, direction in directions.items():
+        places = [layout.at(term, axis) for term in ("offset", "Coulomb")]
+        both = np.array([1.0, direction])
+        exchanged = both @ x[places] / 2.0 * np.array([1.0, -direction])
+        found[np.ix_(places, places)] = np.outer(exchanged, exchanged)
+    return found

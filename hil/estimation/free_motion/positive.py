@@ -24,11 +24,9 @@ from hil.model.dynamics import mass_matrix, regressor
 from hil.model.motors import motor_inertia
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 LEAST = 1e-3
 """Least eigenvalue that is reached, in units of each joint's own inertia."""

@@ -21,21 +21,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.choice import HeldOut, simplest
-from hil.estimation.free_motion.columns import coupled_friction, n_shared, rotor_torque
+from hil.estimation.free_motion.columns import coupled_friction, rotor_torque, shared_names
 from hil.estimation.free_motion.motion import filtered_motion
-from hil.estimation.free_motion.system import residual_weights
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.choice import HeldOut, simplest
+from hil.least_squares.normal_equations import successive
+from hil.least_squares.regression import Regression
 from hil.model.dynamics import regressor
-from hil.regression.normal_equations import normal, successive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.free_motion.motion import Motion, Processing
     from hil.estimation.free_motion.survey import Survey
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 DISTANCES = tuple(2.0**k for k in range(-18, -9))
 """That are tried first, as ways at the axis's speed [s]."""
@@ -43,6 +42,8 @@ FINER = (2.0**-0.5, 2.0**0.5)
 """Times the best of them: tried then."""
 BLOCKS = 24
 """Of a stretch, at most."""
+FRICTION = ("offset", "viscous", "cube root", "Coulomb")
+"""Terms of each axis's friction, the one that follows the direction last."""
 SHORTEST = 10.0
 """Of a block, in periods of the equation's cut-off frequency."""
 
@@ -69,11 +70,12 @@ class _Search:
 
     def __init__(self, robot: Robot, motions: list[Motion]) -> None:
         n = robot.n_joints
-        self._motions, self._n_shared = motions, n_shared(robot)
+        self._motions, self._shared = motions, shared_names(robot)
         self._rows = [[_columns(robot, motion, axis) for motion in motions] for axis in range(n)]
         self._parts = [blocks(motion) for motion in motions]
         self._products = np.stack([self._with(axis, 0.0) for axis in range(n)], axis=1)
-        self._weights = self._variances()
+        # friction turning round at once
+        self._weights = Regression.weighed(self._blocks).weights
 
     def improve(self, axis: int, speed: float) -> float:
         """Find the distance of one axis, those of others being what they are; keep it."""
@@ -103,15 +105,14 @@ class _Search:
 
     def _error(self) -> Array:
         """Squared errors on blocks that were held out."""
-        system = normal(self._products, self._n_shared, self._weights)
+        system = self._blocks.normal(self._weights)
         heard = np.flatnonzero(np.einsum("bkk->k", system.N) > 0)
         return HeldOut(system, system).error(heard)
 
-    def _variances(self) -> Array:
-        """Reciprocal residual variances of the axes, friction turning round at once."""
+    @property
+    def _blocks(self) -> Blocks:
         counts = np.ones(self._products.shape[:2])
-        every = np.arange(normal(self._products, self._n_shared, counts[0]).v.shape[1])
-        return residual_weights(self._products, counts, self._n_shared, every)
+        return Blocks(self._shared, FRICTION, self._products, counts)
 
 
 def _columns(robot: Robot, motion: Motion, axis: int) -> Array:

@@ -6,10 +6,8 @@ import math
 from typing import Self
 
 from checked_files.yaml_file import FileModel
-from hil.estimation.intervals import TWICE
+from hil.estimation.intervals import SIGNIFICANT, TWICE
 
-CHANCE = 0.01
-"""Probability below which a difference is no chance."""
 FEW_BLOCKS = 8
 """Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
 it is uncertain by a quarter, 1 / sqrt(2 * 7)."""
@@ -149,7 +147,7 @@ class BiasTest(FileModel):
     @property
     def biased(self) -> bool:
         """Whether noise of the motion shifts least squares by more than chance, and noticeably."""
-        return self.p_value < CHANCE and self.shift > NOTICEABLE
+        return self.p_value < SIGNIFICANT and self.shift > NOTICEABLE
 
 
 class LagValue(FileModel):

@@ -1,4 +1,4 @@
-"""Inner products of torques in SI, from those of signals as they were recorded.
+"""Inner products of torques in SI, from those of signals as they were recorded; unknown gains.
 
 A recorded signal y_i of axis i is worth g_i y_i [N m or N]. Where the map leaves a gain g_i open it
 is an unknown beside the others. The signal is what has noise, so it stays on the left,
@@ -13,24 +13,70 @@ relative change d_i of the gain as unknown (Gauss-Newton):
 The column of d_i is what the model says, without the noise of the signal: with the signal itself as
 a column that noise would make every gain too small. All columns are combinations of those that are
 condensed already, and so are their inner products.
+
+What fixes the scale of an axis of unknown gain is a torque of known size that it feels: base
+parameters that it shares with an axis of known gain, or rotors whose inertia the robot file states.
+Where neither is there, parameters, gain and friction may all be multiplied alike and nothing in the
+torques changes: the column of such a gain is a combination of the others. Whether it is does not
+depend on the values of the parameters, almost all being alike in this; so they are drawn at random,
+and no signal enters. Such a scale is refused rather than made up.
+
+The solution is found from two starts of which the better end counts: gains that make torques of
+usual size, and those of the linear problem in which the signals of unknown gain are columns,
+
+    -Qm_i = A_i p + C_i c + F_i a_i - g_i y_i,
+
+which noise and friction shift, at times far.
+
+A torque constant, or the gain of a map, that is known but off by a share scales all torques of its
+axis by it, and the solution, which is linear in them, follows: an error that no recording shows by
+itself (`effect_of_gains`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+
+from hil.errors import NotIdentifiable
+from hil.estimation.free_motion.accumulation import Products
+from hil.estimation.free_motion.choice import USUAL, kept_by, usual
+from hil.estimation.free_motion.columns import ROTOR
+from hil.estimation.free_motion.result import GainValue
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.layout import embedded
+from hil.least_squares.regression import Regression
+from hil.least_squares.solving import IDENTIFIABLE, solved, undetermined
+from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from hil.arrays import Array
+    from hil.estimation.free_motion.choice import Choice
+    from hil.least_squares.layout import Layout
+    from hil.least_squares.regression import Fit
+    from hil.model.robot import Robot
 
-    from hil.estimation.free_motion.accumulation import Products
+Condensed = TypeVar("Condensed", Blocks, Products)
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
+ROUNDS = 50
+"""Rounds of Gauss and Newton's method, at most."""
+CONVERGED = 1e-10
+"""Relative change of the gains at which it ends."""
+STRIDE = 0.7
+"""Largest change of a gain's logarithm in one round."""
+FARTHEST = 1e3
+"""Factor between a gain that makes torques of usual size and one that the linear problem gives."""
+LOOSE = 0.2
+"""Relative standard error of a gain from which on the recordings do not fix it."""
+REMEDY = (
+    "state one gain in the map or a rotor_inertia in the robot file, or record the same motion with"
+    " a load of known mass (hil payload --mass --gains)"
+)
+_TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,87 +98,269 @@ class Scaling:
     x: Array
 
     @classmethod
-    def known(cls, n_joints: int) -> Scaling:
-        """All signals are in SI."""
-        return cls(np.ones(n_joints), (), np.zeros(0))
+    def known(cls, gains: Array) -> Scaling:
+        """No gain is to be found."""
+        return cls(gains, (), np.zeros(0))
 
-    def applied(self, recorded: Products) -> Products:
-        """Products of SI torque; unknown gains' changes are the last of the shared columns.
+    def applied(self, recorded: Condensed) -> Condensed:
+        """Products of SI torque; unknown gains' changes are the last of the shared columns."""
+        torque, rotor = self.signal(recorded.layout), recorded.layout.at(ROTOR)
+        torque[:, 1 + rotor] = -1.0
+        return recorded.recast(torque, self.columns(recorded.layout), (ROTOR,))
 
-        Parameters
-        ----------
-        recorded : Products
-            By `hil.estimation.free_motion.accumulation.recorded_products`.
-        """
-        rotor = recorded.n_shared
-        first = self.signal(recorded)
-        first[:, rotor] = -1.0
-        kept = np.arange(1, rotor)
-        return recast(recorded, first, kept, self.columns(recorded), self.gains)
-
-    def signal(self, recorded: Products) -> Array:
+    def signal(self, layout: Layout) -> Array:
         """The signal times its gain, as a combination of columns, shape (n_joints, m)."""
-        found = np.zeros((recorded.n_joints, recorded.pieces.shape[-1]))
+        found = np.zeros((layout.n_channels, 1 + len(layout.shared) + len(layout.own)))
         found[:, 0] = self.gains
         return found
 
-    def columns(self, recorded: Products) -> Array:
-        """Columns of the unknown gains as combinations, shape (n_joints, m, n_unknown)."""
-        n, m = recorded.n_joints, recorded.pieces.shape[-1]
-        n_linear, n_own = recorded.n_shared - 1, m - 1 - recorded.n_shared
-        found = np.zeros((n, m, len(self.unknown)))
-        for k, axis in enumerate(self.unknown):
-            own = self.x[n_linear + axis * n_own :][:n_own]
-            found[axis, 1:, k] = -np.concatenate([self.x[:n_linear], [1.0], own])
+    def columns(self, layout: Layout) -> dict[str, Array]:
+        """Columns of the unknown gains as combinations, shape (n_joints, m) each."""
+        found = {gain_name(axis): np.zeros_like(self.signal(layout)) for axis in self.unknown}
+        for axis in self.unknown:
+            found[gain_name(axis)][axis] = -modelled(layout, self.x, axis)
         return found
 
 
-def recast(products: Products, first: Array, kept: Indices, added: Array, gains: Array) -> Products:
-    """Inner products of other shared columns, which are combinations of those that there are.
+def gain_name(axis: int) -> str:
+    """Name of the unknown change of an axis's gain."""
+    return f"gain {axis + 1}"
+
+
+def modelled(layout: Layout, x: Array, axis: int) -> Array:
+    """Torque of one axis with its rotor, as a combination of the recorded columns, shape (m,)."""
+    without = np.delete(np.arange(layout.size), layout.at(ROTOR))
+    whole = embedded(x, without, layout.size)
+    whole[layout.at(ROTOR)] = 1.0
+    return np.concatenate([[0.0], whole[layout.place(axis)]])
+
+
+def first_scaling(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> Scaling:
+    """Gains by Coulomb's and viscous friction at all speeds.
 
     Parameters
     ----------
-    products : Products
-    first : ndarray, shape (n_joints, m)
-        What is to be explained, column 0 of the result.
-    kept : ndarray of int
-        Shared columns that stay, which come next.
-    added : ndarray, shape (n_joints, m, n_added) or (n_pieces, n_joints, m, n_added)
-        Shared columns that follow; then come those of each axis alone, as they are. Those that
-        differ from piece to piece are 0 in cells, which have no time.
-    gains : ndarray, shape (n_joints,)
-        That the recorded torque is multiplied by.
+    recorded : Blocks
+        All samples in one block.
+
+    Raises
+    ------
+    NotIdentifiable
+        Parameters that the unknown gains leave open up to scale.
     """
-    own = np.arange(1 + products.n_shared, products.pieces.shape[-1])
-    k = added.shape[-1]
-    whole = _beside(first, added)
-    of_cells = whole if added.ndim == 3 else _beside(first, np.zeros_like(added[0]))
-    order = np.concatenate([[0], 1 + k + np.arange(len(kept)), 1 + np.arange(k),
-                            1 + k + len(kept) + np.arange(len(own))])  # fmt: skip
-    places = np.concatenate([kept, own])
-    instruments = products.instruments
-    return replace(
-        products,
-        pieces=_combined(products.pieces, whole[..., np.newaxis, :, :], places, order),
-        cells=_combined(products.cells, of_cells[:, np.newaxis], places, order),
-        instruments=None if instruments is None else _combined(instruments, whole, places, order),
-        squares=gains**2 * products.squares,
-        n_shared=len(kept) + k,
+    if not unknown:
+        return Scaling.known(np.ones(robot.n_joints))
+    require_scale(robot, recorded, unknown)
+    of_usual_size = _of_usual_size(recorded, unknown)
+    starts = of_usual_size, _by_linear_problem(recorded, unknown, of_usual_size)
+    found = [_converged(recorded, unknown, gains) for gains in starts]
+    # a difference of less is rounding: then the first start stands
+    return min(found, key=lambda each: round(each[1], 6))[0]
+
+
+def _converged(recorded: Blocks, unknown: tuple[int, ...], gains: Array) -> tuple[Scaling, float]:
+    """Gains from some to begin with, and the logarithm of what they leave of the signals."""
+    known = usual(Scaling.known(gains).applied(recorded))
+    scaling = Scaling(gains, unknown, known.solution)
+    for _ in range(ROUNDS):
+        scaling, change = _step(scaling, usual(scaling.applied(recorded)))
+        if change < CONVERGED**0.5:
+            break
+    left = Scaling.known(scaling.gains).applied(recorded).mean_squares(scaling.x)
+    misfit = np.log(np.maximum(left / scaling.gains**2, _TINY))
+    return scaling, float(recorded.counts.sum(axis=0) @ misfit)
+
+
+def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
+    """Gains by chosen laws of friction, with the choice's weights.
+
+    Weights are of torques in SI; they are kept while the gains change.
+    """
+    if not scaling.unknown:
+        return scaling
+    whole = recorded.pieces[choice.slowest].total
+    for _ in range(ROUNDS):
+        scaling, change = _step(scaling, choice.of(scaling.applied(whole)))
+        if change < CONVERGED:
+            break
+    return scaling
+
+
+def _step(scaling: Scaling, linearised: Regression) -> tuple[Scaling, float]:
+    """One round, and the largest change of a gain's logarithm."""
+    x, layout = linearised.solution, linearised.layout
+    places = [layout.at(gain_name(axis)) for axis in scaling.unknown]
+    change = np.clip(x[places], -STRIDE, STRIDE)
+    gains = scaling.gains.copy()
+    gains[list(scaling.unknown)] *= np.exp(change)
+    return Scaling(gains, scaling.unknown, np.delete(x, places)), float(np.abs(change).max())
+
+
+def _of_usual_size(recorded: Blocks, unknown: tuple[int, ...]) -> Array:
+    """Gains that make the torques of all axes of usual size, shape (n_joints,)."""
+    axes, gains = list(unknown), np.ones(recorded.n_channels)
+    gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
+    return gains
+
+
+def _by_linear_problem(recorded: Blocks, unknown: tuple[int, ...], of_usual_size: Array) -> Array:
+    """Gains by the linear problem, not too far from usual ones, shape (n_joints,)."""
+    axes, layout = list(unknown), recorded.layout
+    torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
+    signals = {gain_name(axis): np.zeros_like(torque) for axis in axes}
+    for axis in axes:
+        signals[gain_name(axis)][axis, 0] = -1.0
+    torque[axes, 0] = 0.0
+    torque[:, 1 + layout.at(ROTOR)] = -1.0
+    linear = recorded.recast(torque, signals, (ROTOR,))
+    weights = 1.0 / (of_usual_size**2 * _mean_squares(recorded)[:, 0])
+    kept = kept_by(linear.layout, [USUAL] * recorded.n_channels)
+    x = Regression(linear, weights, kept).solution
+    gains = of_usual_size.copy()
+    gains[axes] = [x[linear.layout.at(gain_name(axis))] for axis in axes]
+    return np.clip(gains, of_usual_size / FARTHEST, of_usual_size * FARTHEST)
+
+
+def _mean_squares(recorded: Blocks) -> Array:
+    """Mean squares of the signals and of all columns, shape (n_joints, m)."""
+    counts = np.maximum(recorded.counts.sum(axis=0), 1.0)[:, np.newaxis]
+    found = np.einsum("bjkk->jk", recorded.products) / counts
+    found[:, 0] = np.maximum(found[:, 0], _TINY)
+    return np.asarray(found)
+
+
+def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
+    """Mean square of the torques of known gain, or else of the known rotors [N^2 m^2 or N^2]."""
+    squares = _mean_squares(recorded)
+    known = np.delete(squares[:, 0], unknown)
+    if known.size:
+        return float(known.mean())
+    return float(np.mean(squares[:, 1 + recorded.layout.at(ROTOR)])) or 1.0
+
+
+def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> None:
+    """Refuse motions whose torques leave a scale open.
+
+    Raises
+    ------
+    NotIdentifiable
+        It names the gains and the base parameters that are determined only up to scale.
+    """
+    lost = _open(recorded, unknown)
+    axes = [axis for axis in unknown if gain_name(axis) in lost]
+    if not axes:
+        return
+    listed = ", ".join(name for name in base_parameters(robot).names if name in lost)
+    both = f"{'it' if len(axes) == 1 else 'them'} {listed or 'all its friction'}"
+    raise NotIdentifiable(
+        f"{_gains_of(axes)} and with {both} are determined only up to scale: multiplied alike they"
+        f" leave all torques as they are; {REMEDY}"
     )
 
 
-def _beside(first: Array, added: Array) -> Array:
-    """Combinations side by side, those of `first` in every piece."""
-    shape = (*added.shape[:-1], 1)
-    return np.concatenate([np.broadcast_to(first[..., np.newaxis], shape), added], axis=-1)
+def open_gains(recorded: Blocks, unknown: tuple[int, ...]) -> list[int]:
+    """Axes, from 0, of unknown gains that are in a scale left open."""
+    lost = _open(recorded, unknown) if unknown else set()
+    return [axis for axis in unknown if gain_name(axis) in lost]
 
 
-def _combined(P: Array, made: Array, kept: Indices, order: Sequence[int] | Indices) -> Array:
-    """Products of the columns `made` of combinations and of `kept` ones, in another order."""
-    right, left = P @ made, np.swapaxes(made, -1, -2) @ P
-    some = P[..., kept[:, np.newaxis], kept]
-    above = np.concatenate([np.swapaxes(made, -1, -2) @ right, left[..., kept]], axis=-1)
-    below = np.concatenate([right[..., kept, :], some], axis=-1)
-    whole: Array = np.concatenate([above, below], axis=-2)
-    index = np.asarray(order)
-    return whole[..., index[:, np.newaxis], index]
+def _open(recorded: Blocks, unknown: tuple[int, ...]) -> set[str]:
+    """Unknown gains, and shared unknowns, that are in a scale left open, by name.
+
+    At one draw by chance a parameter may have no part in what is open, hardly at two.
+    """
+    return set().union(*(_open_at(recorded, unknown, seed) for seed in range(2)))
+
+
+def _open_at(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> set[str]:
+    n, x = recorded.n_channels, _any_solution(recorded, unknown, seed)
+    rows = np.stack([modelled(recorded.layout, x, axis) for axis in range(n)])
+    size = np.einsum("ja,bjac,jc->j", rows, recorded.products, rows)
+    blocks = Scaling(np.ones(n), unknown, x).applied(recorded)
+    kept = kept_by(blocks.layout, [USUAL] * n)
+    N = Regression(blocks, 1.0 / np.maximum(size, _TINY), kept).normal.information
+    names, gains = np.array(blocks.layout.names)[kept], [gain_name(axis) for axis in unknown]
+    linear = np.flatnonzero(~np.isin(names, gains))
+    lost = undetermined(N, IDENTIFIABLE)
+    lost[linear] &= ~undetermined(N[np.ix_(linear, linear)], IDENTIFIABLE)
+    return set(names[lost].tolist())
+
+
+def _any_solution(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> Array:
+    """Parameters and classical friction drawn at random, their torques of usual size."""
+    layout, squares = recorded.layout, _mean_squares(recorded)[:, 1:]
+    n_shared = len(layout.shared)
+    size = np.concatenate([squares[:, :n_shared].mean(axis=0), squares[:, n_shared:].ravel()])
+    rotor = layout.at(ROTOR)
+    kept = kept_by(layout, [USUAL] * layout.n_channels)
+    kept = kept[kept != rotor]
+    drawn = embedded(np.random.default_rng(seed).standard_normal(len(kept)), kept, len(size))
+    torque = np.sqrt(_usual_torque(recorded, unknown) / len(kept))
+    found = np.where(size > 0, drawn, 0.0) * torque / np.sqrt(np.maximum(size, _TINY))
+    return np.delete(found, rotor)
+
+
+def _gains_of(axes: Sequence[int]) -> str:
+    """Unknown gains of axes, from 0, in words."""
+    listed = ", ".join(str(axis + 1) for axis in axes)
+    many = len(axes) > 1
+    return f"the unknown gain{'s' * many} of ax{'es' if many else 'is'} {listed}"
+
+
+def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ...]:
+    """Unknown gains of a solution with their standard errors.
+
+    Raises
+    ------
+    NotIdentifiable
+        Gains that the recordings hardly fix, and so all that depends on them.
+    """
+    places = [fit.layout.at(gain_name(axis)) for axis in scaling.unknown]
+    change, error = fit.x[places], np.sqrt(np.diag(fit.covariance)[places])
+    loose = [axis for axis, each in zip(scaling.unknown, error, strict=True) if not each < LOOSE]
+    if loose:
+        raise NotIdentifiable(
+            f"{_gains_of(loose)} cannot be found: a standard error of"
+            f" {100 * error.max():.2g} % must be below {100 * LOOSE:g} %, so the parameters are"
+            f" determined only up to scale; {REMEDY}"
+        )
+    values = scaling.gains[list(scaling.unknown)] * np.exp(change)
+    return tuple(
+        GainValue(
+            axis=axis + 1,
+            value=float(value),
+            standard_error=float(value * each),
+            unit="N m" if robot.revolute[axis] else "N",
+        )
+        for axis, value, each in zip(scaling.unknown, values, error, strict=True)
+    )
+
+
+def effect_of_gains(robot: Robot, recorded: Products, scaling: Scaling, choice: Choice) -> Array:
+    """Change of the base parameters by one standard deviation of each axis's gain.
+
+    Parameters
+    ----------
+    recorded : Products
+        By `hil.estimation.free_motion.accumulation.recorded_products`.
+
+    Returns
+    -------
+    ndarray, shape (n_base, 2 n_joints)
+        The second half, of rotor inertias, is zero: what is known of them is exact here.
+    """
+    n_base, n = len(base_parameters(robot)), robot.n_joints
+    found = np.zeros((n_base, 2 * n))
+    uncertainty = robot.torque_constant_uncertainty
+    if not uncertainty.any():
+        return found
+    whole = recorded.pieces[choice.slowest].total
+    signal, columns = scaling.signal(whole.layout), scaling.columns(whole.layout)
+    # what a gain scales is all that was recorded, rotors included
+    regression = choice.of(whole.recast(signal, columns, (ROTOR,)))
+    N = regression.normal.information
+    for axis in np.flatnonzero(uncertainty):
+        alone = np.where(np.arange(n) == axis, choice.weights, 0.0)
+        v = Regression(regression.blocks, alone, regression.kept).normal.vector
+        found[:, axis] = uncertainty[axis] * solved(N, v)[:n_base]
+    return found

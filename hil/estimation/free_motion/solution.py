@@ -6,15 +6,15 @@ positive
     the same, and if that makes the mass matrix negative anywhere on the motion, the nearest
     solution that does not (`hil.estimation.free_motion.positive`), unless the torques contradict
     it; its covariance counts what other laws of friction would have found
-    (`hil.estimation.free_motion.alternatives`), and offsets of friction that pass for weight
+    (`hil.estimation.free_motion.choice`), and offsets of friction that pass for weight
     (`hil.estimation.free_motion.offsets`);
-robust
-    pieces of time that fit worse than most count less (Huber's weights, found by iteration);
-total
-    total least squares: errors in the columns as in the torque, columns scaled to unit length;
 instrumental
     Z'W x = Z'y: Z from one half of the samples, every other one, and W from the other half. Errors
-    of measurement that differ from sample to sample are in one of them only, so they shift nothing.
+    of measurement that differ from sample to sample are in one of them only, so they shift nothing;
+a function of the equations of pieces of time
+    the equations as it weights them, and their solution.
+
+Covariances add up what scatters over time and over states (`hil.least_squares.regression`).
 """
 
 from __future__ import annotations
@@ -25,53 +25,33 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.free_motion.alternatives import covariance_of_choices
-from hil.estimation.free_motion.choice import MATERIAL
-from hil.estimation.free_motion.friction_terms import COLUMNS
-from hil.estimation.free_motion.offsets import with_doubt
+from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
+from hil.estimation.free_motion.offsets import only_directions, split_covariance, with_doubt
 from hil.estimation.free_motion.positive import nearest_positive
-from hil.estimation.free_motion.system import (
-    only_directions,
-    split_covariance,
-    squares_left,
-    summed,
-)
-from hil.estimation.free_motion.uncertainty import uncertainty
+from hil.least_squares.layout import embedded
+from hil.least_squares.regression import Solver
+from hil.least_squares.solving import condition, inverse, undetermined
 from hil.model.base_parameters import base_parameters
-from hil.regression.layout import embedded
-from hil.regression.least_squares import condition, inverse, total_least_squares, undetermined
-from hil.regression.normal_equations import normal
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
+    from hil.least_squares.regression import Fit, Regression
     from hil.model.robot import Robot
-    from hil.regression.normal_equations import Normal
 
-    Array = NDArray[np.float64]
-
-Solver = Literal["least squares", "positive", "robust", "total", "instrumental"]
-HUBER = 1.345
-"""Times the usual misfit from which on a piece counts less."""
-ROUNDS = 30
-"""Of Huber's weights."""
+FreeSolver = Literal["least squares", "positive", "instrumental"] | Solver
+BLOCKS = 30
+"""Blocks of time, at most: few, so that what lasts longer than a piece counts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """All unknowns with their uncertainty.
+    """All unknowns with their uncertainty, and what was changed for the sake of the mass matrix.
 
     Attributes
     ----------
-    x : ndarray, shape (n,)
-        Base parameters, coupled motors' friction, all terms of each axis's friction; 0 where a law
-        has no such term.
-    covariance : ndarray, shape (n, n)
-    degrees_of_freedom : ndarray, shape (n,)
-    condition : float
-        Of the weighted observation matrix, columns at unit length.
+    fit : Fit
     moved : float
         Change of the unknowns that makes the mass matrix positive, over their standard errors.
     possible : bool
@@ -80,17 +60,14 @@ class Solution:
         Axes, from 0, whose offset is larger than friction's usually is, and passes for weight.
     """
 
-    x: Array
-    covariance: Array
-    degrees_of_freedom: Array
-    condition: float
+    fit: Fit
     moved: float = 0.0
     possible: bool = True
     unusual: tuple[int, ...] = ()
 
 
 def solve(
-    robot: Robot, products: Products, choice: Choice, solver: Solver, configurations: Array
+    robot: Robot, products: Products, choice: Choice, solver: FreeSolver, configurations: Array
 ) -> Solution:
     """Solve for all unknowns.
 
@@ -104,81 +81,50 @@ def solve(
     NotIdentifiable
         Base parameters that the motion does not excite.
     """
-    kept, n_shared = choice.kept(products.n_shared), products.n_shared
-    pieces, cells = (
-        normal(summed(each, choice.slowest), n_shared, choice.weights).only(kept)
-        for each in (products.pieces, products.cells)
-    )
+    pieces = solved = choice.fitted(products)
     require_determined(robot, pieces)
-    equations, found = _by_solver(solver, pieces, products, choice)
-    error = uncertainty(equations, cells, found)
-    n = n_shared + products.n_joints * len(COLUMNS)
-    x, covariance = embedded(found, kept, n), embedded(error.covariance, kept, n)
-    covariance += split_covariance(only_directions(products.pieces, n_shared), n_shared, x)
-    solution = Solution(
-        x=x,
-        covariance=covariance,
-        degrees_of_freedom=embedded(error.degrees_of_freedom, kept, n),
-        condition=condition(pieces.information),
-    )
+    if callable(solver):
+        solved = replace(pieces, solver=solver)
+    elif solver == "instrumental" and products.instruments is not None:
+        solved = pieces.of(products.instruments)
+    fit = solved.fit(cells=products.cells[choice.slowest], most=BLOCKS)
+    covariance = fit.covariance
+    covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
+    fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
     if solver != "positive":
-        return solution
-    covariance = solution.covariance + covariance_of_choices(products, choice)
-    return _possible(
-        robot, products, choice, replace(solution, covariance=covariance), configurations
-    )
+        return Solution(fit)
+    covariance = covariance + covariance_of_choices(products, choice)
+    return _possible(robot, pieces, replace(fit, covariance=covariance), configurations)
 
 
-def _by_solver(
-    solver: Solver, pieces: Normal, products: Products, choice: Choice
-) -> tuple[Normal, Array]:
-    """Equations as a solver weights them, and their solution."""
-    if solver == "robust":
-        return _robust(pieces)
-    if solver == "total":
-        return pieces, _total(pieces)
-    if solver == "instrumental" and products.instruments is not None:
-        crossed = normal(products.instruments, products.n_shared, choice.weights)
-        pieces = crossed.only(choice.kept(products.n_shared))
-    return pieces, pieces.solution()
-
-
-def _possible(
-    robot: Robot, products: Products, choice: Choice, found: Solution, configurations: Array
-) -> Solution:
+def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array) -> Solution:
     """Doubt unusual offsets, and make the mass matrix positive unless the torques contradict that.
 
     The move costs the least in what it leaves of the torques: its metric is that of the normal
     equations. A residual that grows by more than `MATERIAL` on any axis shows that something else
     is wrong; then parameters stay as they are.
     """
-    kept, n_shared = choice.kept(products.n_shared), products.n_shared
-    pieces = summed(products.pieces, choice.slowest)
-    N = choice.equations(products).only(kept).information
-    metric = embedded(inverse(N), kept, len(found.x))
-    covariance, unusual = with_doubt(found.x, found.covariance, metric, n_shared)
-    nearest = nearest_positive(robot, found.x, metric, configurations)
+    metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x))
+    covariance, unusual = with_doubt(fit.x, fit.covariance, metric, fit.layout)
+    nearest = nearest_positive(robot, fit.x, metric, configurations)
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    moved = float(np.abs((nearest - found.x) / error)[kept].max(initial=0.0))
-    counts = summed(products.counts, choice.slowest)
-    before, after = (squares_left(pieces, counts, n_shared, x) for x in (found.x, nearest))
+    moved = float(np.abs((nearest - fit.x) / error)[fit.kept].max(initial=0.0))
+    before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, nearest))
     possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
-    return replace(
-        found, x=nearest if possible else found.x, covariance=covariance, moved=moved,
-        possible=possible, unusual=tuple(unusual),
-    )  # fmt: skip
+    x = nearest if possible else fit.x
+    fit = replace(fit, x=x, covariance=covariance)
+    return Solution(fit, moved, possible, tuple(unusual))
 
 
-def require_determined(robot: Robot, pieces: Normal) -> None:
+def require_determined(robot: Robot, pieces: Regression) -> None:
     """Refuse motions that leave base parameters open.
 
     Raises
     ------
     NotIdentifiable
     """
-    names = base_parameters(robot).names
-    lost = undetermined(pieces.information)[: len(names)]
-    lost |= np.diag(pieces.information)[: len(names)] == 0
+    names, N = base_parameters(robot).names, pieces.normal.information
+    lost = (undetermined(N) | (np.diag(N) == 0))[: len(names)]
     if lost.any():
         listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
         raise NotIdentifiable(
@@ -186,24 +132,3 @@ def require_determined(robot: Robot, pieces: Normal) -> None:
             " move through more of their ranges, or state in the robot file which link parameters"
             " are present"
         )
-
-
-def _robust(pieces: Normal) -> tuple[Normal, Array]:
-    """Equations with Huber's weights of pieces, and their solution."""
-    equations, x = pieces, pieces.solution()
-    for _ in range(ROUNDS):
-        before, misfit = x, np.sqrt(pieces.error(x))
-        usual = max(float(np.median(misfit)), 1e-300)
-        equations = pieces.weighted(np.minimum(1.0, HUBER * usual / np.maximum(misfit, 1e-300)))
-        x = equations.solution()
-        if np.allclose(before, x, rtol=1e-9, atol=0.0):
-            break
-    return equations, x
-
-
-def _total(pieces: Normal) -> Array:
-    N, v = pieces.information, pieces.vector
-    heard = np.diag(N) > 0
-    x = np.zeros(len(v))
-    x[heard] = total_least_squares(N[np.ix_(heard, heard)], v[heard], float(pieces.square.sum()))
-    return x

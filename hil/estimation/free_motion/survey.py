@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
-from hil.regression.standstill import extent, moving
+from hil.least_squares.standstill import extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.planning.free_motion import FreeMotion
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
 
 STRETCHES = 150.0
 """Time of all stretches together, at most [s]."""

@@ -12,30 +12,27 @@ as in `scaling`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.choice import kept_by
+from hil.estimation.free_motion.columns import ROTOR
 from hil.estimation.free_motion.friction_terms import COLUMNS, LAWS
-from hil.estimation.free_motion.scaling import Scaling, recast
-from hil.estimation.free_motion.system import kept_unknowns, residual_weights, summed
-from hil.estimation.free_motion.uncertainty import BLOCKS
-from hil.estimation.free_motion.unknown_gains import CONVERGED, ROUNDS, STRIDE
-from hil.regression.layout import embedded
-from hil.regression.least_squares import solved
-from hil.regression.normal_equations import Normal, normal, successive
+from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling
+from hil.estimation.free_motion.solution import BLOCKS
+from hil.least_squares.layout import Layout, embedded
+from hil.least_squares.normal_equations import Normal
+from hil.least_squares.regression import Regression
+from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from hil.estimation.free_motion.accumulation import Products
+    from hil.arrays import Array
     from hil.estimation.free_motion.gathering import Gathered
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
+    from hil.least_squares.blocks import Blocks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,14 +80,16 @@ class TwoRuns:
     def __init__(self, runs: Sequence[Gathered], n_base: int, axes: tuple[int, ...]) -> None:
         self.n_base, self.axes = n_base, axes
         first = runs[0].recorded
-        self.n_joints, self._n_coupled = first.n_joints, first.n_shared - 1 - n_base
+        self.n_joints = first.n_joints
+        self._n_coupled = len(first.layout.shared) - 1 - n_base
         order = list(LAWS)
         self.laws = tuple(
             max(pair, key=order.index) for pair in zip(*(r.choice.laws for r in runs), strict=True)
         )
         slowest = max(run.choice.slowest for run in runs)
-        self._own = kept_unknowns(0, [LAWS[law] for law in self.laws])
-        self._runs = [_reduced(run.recorded, slowest) for run in runs]
+        self._own = kept_by(Layout((), COLUMNS, first.layout.channels), self.laws)
+        self._pieces = [run.recorded.pieces[slowest].grouped(BLOCKS) for run in runs]
+        self._cells = [run.recorded.cells[slowest] for run in runs]
         self._weights = [self._weights_of(run, slowest) for run in runs]
 
     @property
@@ -103,7 +102,7 @@ class TwoRuns:
         k, n = terms.columns.shape[1], len(self.axes)
         first = self.n_base + k
         state = State(gains.copy(), np.zeros(first + n + 2 * self.n_own))
-        totals = [run.pieces.sum(axis=0, keepdims=True) for run in self._runs]
+        totals = [run.total for run in self._pieces]
         # as if the gains were right: until there is a solution their columns are not those of one
         linear = np.delete(np.arange(len(state.x)), np.arange(first, first + n))
         whole = self._equations(terms, state, totals)
@@ -122,11 +121,11 @@ class TwoRuns:
 
     def pieces(self, terms: LoadTerms, state: State) -> Normal:
         """Equations by blocks of time, those of the run without the load first."""
-        return self._equations(terms, state, [each.pieces for each in self._runs])
+        return self._equations(terms, state, self._pieces)
 
     def cells(self, terms: LoadTerms, state: State) -> Normal:
         """The same by cells of states."""
-        return self._equations(terms, state, [each.cells for each in self._runs])
+        return self._equations(terms, state, self._cells)
 
     def effect(self, terms: LoadTerms, state: State, shares: Array) -> Array:
         """Change of all unknowns by a share of each axis's gain, shape (n, n_joints)."""
@@ -134,7 +133,7 @@ class TwoRuns:
         found = np.zeros((len(N), self.n_joints))
         for axis in np.flatnonzero(shares):
             alone = np.where(np.arange(self.n_joints) == axis, 1.0, 0.0)
-            v = self._equations(terms, state, None, signal=alone).vector
+            v = self._equations(terms, state, self._pieces, signal=alone).vector
             found[:, axis] = shares[axis] * solved(N, v)
         return found
 
@@ -142,13 +141,12 @@ class TwoRuns:
         self,
         terms: LoadTerms,
         state: State,
-        products: Sequence[Array] | None,
+        blocks: Sequence[Blocks],
         signal: Array | None = None,
     ) -> Normal:
         """Equations of given products; where `signal` is given, of the signals of those axes."""
         parts = []
-        for s, run in enumerate(self._runs):
-            taken = run if products is None else replace(run, pieces=products[s])
+        for s, taken in enumerate(blocks):
             weights = self._weights[s] * (1.0 if signal is None else signal)
             parts.append(self._placed(self._of_run(terms, state, taken, s, weights, signal), s))
         return Normal(*(np.concatenate(each) for each in zip(*parts, strict=True)))
@@ -157,22 +155,21 @@ class TwoRuns:
         self,
         terms: LoadTerms,
         state: State,
-        run: Products,
+        run: Blocks,
         s: int,
         weights: Array,
         signal: Array | None,
     ) -> Normal:
         scaling = Scaling(state.gains, self.axes, self._solution(terms, state, s))
-        first = scaling.signal(run)
+        first = scaling.signal(run.layout)
         if signal is None:
-            first[:, run.n_shared] = -1.0
+            first[:, 1 + run.layout.at(ROTOR)] = -1.0
             first[:, 1 : 1 + self.n_base] = -s * terms.known
-        load = np.zeros((*first.shape, terms.columns.shape[1]))
-        load[:, 1 : 1 + self.n_base] = s * terms.columns
-        added = np.concatenate([load, scaling.columns(run)], axis=2)
-        products = recast(run, first, np.arange(1, run.n_shared), added, state.gains)
-        kept = np.concatenate([np.arange(products.n_shared), products.n_shared + self._own])
-        return normal(products.pieces[:, :, 0], products.n_shared, weights).only(kept)
+        load = {f"load {k}": np.zeros_like(first) for k in range(terms.columns.shape[1])}
+        for each, column in zip(load.values(), terms.columns.T, strict=True):
+            each[:, 1 : 1 + self.n_base] = s * column
+        blocks = run.recast(first, load | scaling.columns(run.layout), (ROTOR,))
+        return blocks.normal(weights).only(kept_by(blocks.layout, self.laws))
 
     def _solution(self, terms: LoadTerms, state: State, s: int) -> Array:
         """Base parameters and friction of one run, as `Scaling` takes them."""
@@ -197,17 +194,5 @@ class TwoRuns:
 
     def _weights_of(self, run: Gathered, slowest: int) -> Array:
         """Reciprocal residual variances by a fit of this run alone."""
-        products = run.scaling.applied(run.recorded)
-        kept = kept_unknowns(products.n_shared, [LAWS[law] for law in self.laws])
-        counts = summed(products.counts, slowest)
-        return residual_weights(summed(products.pieces, slowest), counts, products.n_shared, kept)
-
-
-def _reduced(recorded: Products, slowest: int) -> Products:
-    """The same in few blocks, classes of speed added up."""
-    pieces, cells = (summed(each, slowest) for each in (recorded.pieces, recorded.cells))
-    first = [part.start for part in successive(0, len(pieces), min(BLOCKS, len(pieces)))]
-    blocks = np.add.reduceat(pieces, first, axis=0)
-    return replace(
-        recorded, pieces=blocks[:, :, np.newaxis], cells=cells[:, :, np.newaxis], instruments=None
-    )
+        blocks = run.scaling.applied(run.recorded.pieces[slowest].total)
+        return Regression.weighed(blocks, kept_by(blocks.layout, self.laws)).weights

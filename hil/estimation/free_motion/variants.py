@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from hil.estimation.free_motion.solution import Solver
+    from hil.estimation.free_motion.solution import FreeSolver
 
 DEFAULT = "free motion"
 
@@ -26,7 +26,7 @@ class Variant:
         Rows of an axis by its residual variance.
     """
 
-    solver: Solver = "least squares"
+    solver: FreeSolver = "least squares"
     terms: Literal["chosen", "classical"] = "classical"
     weighted: bool = True
 
@@ -36,7 +36,5 @@ VARIANTS: dict[str, Variant] = {
     "least squares": Variant(weighted=False),
     "weighted least squares": Variant(),
     "instrumental variables": Variant(solver="instrumental"),
-    "total least squares": Variant(solver="total"),
-    "robust": Variant(solver="robust"),
 }
 """All methods for free motions."""

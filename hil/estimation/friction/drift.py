@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.friction.warmth import REFERENCE, relaxed
-from hil.regression.least_squares import fitted
-from hil.regression.uncertainty import classical
+from hil.least_squares.solving import fitted
+from hil.least_squares.uncertainty import classical
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.regression.least_squares import fitted
-from hil.regression.uncertainty import classical, correlation_of
+from hil.least_squares.solving import fitted
+from hil.least_squares.uncertainty import classical, correlation_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

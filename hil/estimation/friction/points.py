@@ -24,9 +24,9 @@ import numpy as np
 from hil.errors import NotEnoughData
 from hil.estimation.local_fits import SETTLING
 from hil.estimation.signals import signals
+from hil.least_squares.solving import orthonormal
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, regressor
-from hil.regression.least_squares import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from hil.regression.uncertainty import scatter
+from hil.estimation.intervals import SIGNIFICANT
+from hil.least_squares.uncertainty import scatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
 BOUND = 0.02
 """Largest acceptable asymmetry, as share of the friction level."""
-SIGNIFICANT = 0.01
-"""p-value below which a hypothesis is given up."""
 FEWEST = 3
 """Measurements of an axis that a test needs."""
 

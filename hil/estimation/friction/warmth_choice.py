@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.friction.warmth import Warmth, warmth_at
-from hil.regression.least_squares import inverse
-from hil.regression.normal_equations import Normal
-from hil.regression.uncertainty import sandwich, scatter
+from hil.least_squares.normal_equations import Normal
+from hil.least_squares.solving import inverse
+from hil.least_squares.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.condensed import groups
-from hil.regression.least_squares import orthonormal, projected_out
-from hil.regression.terms import friction_columns, speed_scale, usable
-from hil.regression.thinned import smoothed_at
-from hil.regression.window import APART
+from hil.least_squares.solving import orthonormal, projected_out
+from hil.least_squares.terms import friction_columns, speed_scale, usable
+from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.window import APART
 from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:

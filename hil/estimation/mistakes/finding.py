@@ -34,9 +34,9 @@ from hil.estimation.mistakes.reading import Reading
 from hil.estimation.mistakes.saturation import saturated
 from hil.estimation.mistakes.search import linear, tried
 from hil.estimation.signals import signals
+from hil.least_squares.solving import orthonormal
+from hil.least_squares.window import HALF_WIDTH
 from hil.planning.measurement import shows_parameters
-from hil.regression.least_squares import orthonormal
-from hil.regression.window import HALF_WIDTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 LEAVES = 0.5
 """Share of the sum of squares that a mistake leaves at most, where limits are unknown: what is
-reached takes their place (`hil.regression.terms`), and friction of slow samples, which that lets
+reached takes their place (`hil.least_squares.terms`), and friction of slow samples, which that lets
 in, contradicts every model a little (public recordings of five machines: 0.75 and more)."""
 AGREES = 1.15
 """Misfit of an axis up to which recordings agree with each other."""

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.solving import orthonormal, projected_out, solved
+from hil.least_squares.terms import limit_or_reached
 from hil.model.dynamics import mass_matrix
-from hil.regression.least_squares import orthonormal, projected_out, solved
-from hil.regression.terms import limit_or_reached
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -32,7 +32,7 @@ def saturated(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]])
     for axis in range(robot.n_joints):
         own = [np.abs(s.tau[s.under_way, axis]) for m, s in prepared if axis in m.moved]
         size = np.concatenate(own) if own else np.zeros(0)
-        if size.size and (share := _share_at_top(size)) > LEVEL:
+        if size.size and (share := share_at_top(size)) > LEVEL:
             found[axis] = (share, float(size.max()))
     if not found:
         return None
@@ -42,7 +42,7 @@ def saturated(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]])
     return Mistake(MistakeName.SATURATION, (axis + 1,), detail, 1.0)
 
 
-def _share_at_top(size: Array) -> float:
+def share_at_top(size: Array) -> float:
     """Share of samples at the greatest torque, if that holds far more than values below it."""
     at_top = int(np.sum(size >= size.max() * (1 - _WIDTH)))
     below = np.unique(size[size < size.max() * (1 - _WIDTH)], return_counts=True)[1][-20:]

@@ -3,7 +3,7 @@
 Base parameters and friction are solved for under every reading (variable projection, Golub and
 Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432), so the residual depends on the few unknowns alone
 and its derivative is a difference of two residuals. Standard errors come from the scores of the
-parts (`hil.regression.uncertainty`), which hold friction that wanders from one part to the next.
+parts (`hil.least_squares.uncertainty`), which hold friction that wanders from one part to the next.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.regression.uncertainty import sandwich, scatter
+from hil.least_squares.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

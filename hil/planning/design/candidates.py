@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.solving import inverse_root
+from hil.least_squares.terms import place
 from hil.model.base_parameters import base_parameters
 from hil.planning.clearance import are_clear
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
@@ -29,8 +31,6 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.path_clearance import JointBoxes
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.precision import scatter_of
-from hil.regression.least_squares import inverse_root
-from hil.regression.terms import place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,7 +2,7 @@
 
 Both runs share base parameters p, torque ripple and friction of the transmitted torque; the loaded
 one has p + K phi and offsets of its own, since friction's asymmetry changes from day to day. Its
-normal equations over the unknowns x of `hil.regression.terms` become those of both runs by
+normal equations over the unknowns x of `hil.least_squares.terms` become those of both runs by
 
     x = E z,    z = (x of the run without, phi, offsets of the loaded run).
 
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.terms import N_COMMON, n_unknowns
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
@@ -29,7 +30,6 @@ from hil.planning.design.candidates import judged
 from hil.planning.design.tour import guarded_tour
 from hil.planning.prediction.predicted_samples import forecast
 from hil.planning.timetable import SETTLING, travel_times
-from hil.regression.terms import N_COMMON, n_unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

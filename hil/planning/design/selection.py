@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from hil.least_squares.solving import solved
+from hil.least_squares.terms import n_unknowns
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.precision import torque_scale
 from hil.planning.timetable import SETTLING, travel_times
-from hil.regression.least_squares import solved
-from hil.regression.terms import n_unknowns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

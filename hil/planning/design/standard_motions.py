@@ -21,8 +21,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from hil.least_squares.terms import SLOW
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW, Partner
-from hil.regression.terms import SLOW
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

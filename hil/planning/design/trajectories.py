@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 ExcitationCriterion = Literal["condition", "singular", "det"]
-CRITERIA: tuple[ExcitationCriterion, ...] = ("condition", "singular", "det")
 PERIOD = 10.0023
 """Of the fundamental [s]: no multiple of a usual SYNC period, so that periods see other increments
 of the encoders. Over twenty plants, ten minutes each, that made no difference to the torques."""

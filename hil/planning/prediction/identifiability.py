@@ -20,16 +20,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import regressor
-from hil.planning.measurement import ELEMENT_KINDS, element_measurements
-from hil.regression.least_squares import (
+from hil.least_squares.solving import (
     IDENTIFIABLE,
     eliminated,
     inverse,
     inverse_root,
     undetermined,
 )
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
+from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

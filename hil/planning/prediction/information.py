@@ -1,9 +1,9 @@
 """Information of a measurement about all base parameters, friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
-need no torque (`hil.regression.terms`). So the information X'X, friction's columns projected out of
-X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the motion
-is planned.
+need no torque (`hil.least_squares.terms`). So the information X'X, friction's columns projected out
+of X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the
+motion is planned.
 
 What noise leaves of it is a matter of three more matrices. The estimator is least squares, so the
 covariance of X'e is X' E(e e') X, with e
@@ -25,11 +25,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.differences import rounding_window
+from hil.least_squares.solving import orthonormal
+from hil.least_squares.terms import FEWEST, term_columns, usable
+from hil.least_squares.window import APART, weights
 from hil.planning.prediction.predicted_samples import forecast
-from hil.regression.differences import rounding_window
-from hil.regression.least_squares import orthonormal
-from hil.regression.terms import FEWEST, term_columns, usable
-from hil.regression.window import APART, weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

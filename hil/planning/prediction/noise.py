@@ -31,10 +31,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.least_squares.differences import jerk_window, rounding_window
+from hil.least_squares.terms import JERK
+from hil.least_squares.window import noise_gain
 from hil.model.motors import motor_inertia
-from hil.regression.differences import jerk_window, rounding_window
-from hil.regression.terms import JERK
-from hil.regression.window import noise_gain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -22,15 +22,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.solving import IDENTIFIABLE, inverse, undetermined, without_nuisance
+from hil.least_squares.terms import n_unknowns, place
+from hil.least_squares.uncertainty import sandwich
+from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.halton import halton
 from hil.planning.measurement import shows_parameters
 from hil.planning.prediction.information import shares
-from hil.regression.least_squares import IDENTIFIABLE, inverse, undetermined, without_nuisance
-from hil.regression.terms import n_unknowns, place
-from hil.regression.uncertainty import sandwich
-from hil.regression.window import APART
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -3,7 +3,7 @@
 Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
 partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
 servos round the corners of the trapezoids; samples there are of no use to the estimator anyway and
-are left out here by the same rules (`hil.regression.terms`): close to a reversal, and where the
+are left out here by the same rules (`hil.least_squares.terms`): close to a reversal, and where the
 acceleration changes fast.
 """
 
@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.window import smooth, widened
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
-from hil.regression.window import smooth, widened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -30,7 +30,7 @@ from hil.results.stamp import same_parameters
 from hil.results.tables import consistent
 from hil.results.tables import diagnosis as diagnosis_tables
 from hil.results.tables import payload as load_tables
-from hil.results.tables.validation import verdicts
+from hil.results.validation import judgements
 from hil.runs.atomic_file import own_folder, write_file
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def kept_model(run: IdentifiedRun | ForeignRun) -> Model | None:
 
 
 def validation(run: IdentifiedRun | ForeignRun) -> Section | None:
-    """Verdicts on the kept model, if it is the one of this report, and the newest's picture."""
+    """Judgements of the kept model, if it is the one of this report, and the newest's picture."""
     kept = kept_model(run)
     if kept is None or not kept.validations:
         return None
@@ -120,7 +120,7 @@ def validation(run: IdentifiedRun | ForeignRun) -> Section | None:
     return Section(
         "Validation",
         "validation.html",
-        {"verdicts": verdicts(kept.validations)},
+        {"judgements": judgements(kept.validations)},
         (picture,) if uri else (),
         leads=True,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.estimation import signals
-from hil.regression import terms, window
+from hil.least_squares import terms, window
 from hil.report.section import Section
 from hil.results.tables.drive_train import drive_train
 from hil.results.tables.table import Column, Part, Table, figures
@@ -13,7 +13,7 @@ from hil.results.tables.table import Column, Part, Table, figures
 if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.report.reported_run import IdentifiedRun, ReportedRun
-    from hil.results.advice import Advice
+    from hil.results.judgement import Reservation
     from hil.runs.journal import Session
 
 COLUMNS = (
@@ -23,11 +23,11 @@ COLUMNS = (
 
 
 def advice(run: IdentifiedRun) -> Section | None:
-    """Urgent advice as a table, all other as a list."""
+    """What is to be done as a table, notes as a list."""
     if run.source.imported:
         return None
-    urgent = [item for item in run.found.advice if item.urgent]
-    notes = [item for item in run.found.advice if not item.urgent]
+    urgent = [item for item in run.found.advice if item.word != "good"]
+    notes = [item for item in run.found.advice if item.word == "good"]
     return Section(
         "Findings and remedies",
         "advice.html",
@@ -35,7 +35,7 @@ def advice(run: IdentifiedRun) -> Section | None:
     )
 
 
-def _findings(items: list[Advice]) -> Table:
+def _findings(items: list[Reservation]) -> Table:
     """Findings under their remedies, each of which is stated once."""
     remedies = dict.fromkeys(item.remedy for item in items)
     return Table(
@@ -43,7 +43,7 @@ def _findings(items: list[Advice]) -> Table:
         COLUMNS,
         tuple(
             Part(
-                tuple((item.subject, item.what) for item in items if item.remedy == remedy),
+                tuple((item.subject, item.reason) for item in items if item.remedy == remedy),
                 f"Remedy: {remedy}",
             )
             for remedy in remedies

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.results.changes import FALSE_ALARM
+from hil.estimation.intervals import SIGNIFICANT
 from hil.results.history_file import half_width
 from hil.results.rounding import probability, rounded, signed, significant, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
@@ -25,7 +25,7 @@ def runs(found: History) -> Table:
         parts=(Part(tuple(_run(found, run) for run in found.runs)),),
         explanation=(
             f"Each run is compared with {found.reference} and with the one before. Of an unchanged"
-            f" machine anything is marked in at most {FALSE_ALARM:.0%} of the runs. Friction: what"
+            f" machine anything is marked in at most {SIGNIFICANT:.0%} of the runs. Friction: what"
             f" that of all axes differs by together from {found.reference}, which is put down to"
             " the temperature of the machine."
         ),

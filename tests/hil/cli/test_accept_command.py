@@ -49,7 +49,7 @@ def test_a_run_passes_the_limits_that_were_drafted_from_it(
     output = tmp_path / "accepted"
     given = "--serial", "R15-0042", "--operator", "A. <Smith>"
     status, out, _ = hil("accept", run, "--limits", limits, "-o", output, *given)
-    assert (status, "PASS: " in out) == (0, True)
+    assert (status, "good: " in out) == (0, True)
     page = (output / "acceptance.html").read_text()
     assert "R15-0042" in page
     assert "A. &lt;Smith&gt;" in page
@@ -65,11 +65,11 @@ def test_a_value_outside_its_limits_fails_with_exit_status_3(
     p5 = {"name": "p5", "unit": "kg m", "least": 50.0, "most": 51.0}
     change(limits, quantities=[p5])
     status, out, _ = hil("accept", run, "--limits", limits, "-o", tmp_path / "out")
-    assert (status, "FAIL: 1 of " in out) == (3, True)
+    assert (status, "failed: 1 of " in out) == (3, True)
     suite = ET.parse(tmp_path / "out" / "acceptance.xml").getroot()  # noqa: S314 - written by us
     (failure,) = suite.iter("failure")
     assert "must be at least 50 and at most 51" in str(failure.get("message"))
-    assert "FAIL" in (tmp_path / "out" / "acceptance.html").read_text()
+    assert "<strong>failed</strong> 1 of " in (tmp_path / "out" / "acceptance.html").read_text()
 
 
 @pytest.mark.parametrize(

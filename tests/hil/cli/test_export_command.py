@@ -16,10 +16,9 @@ from small_run import write_run
 from hil.export.formats import FORMATS, SIMULATORS
 from hil.export.recordings.formats import RECORDINGS
 from hil.results.identification import identify
+from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.outcome import Outcome
-from hil.results.verdict import KeptVerdict
 
 if TYPE_CHECKING:
     from command_line import Hil
@@ -41,10 +40,10 @@ def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def judged(model: Model, word: str) -> Model:
-    verdict = KeptVerdict(
-        run="../other", validated="2026-01-02T03:04:05Z", verdict=word, reason="why", relative=0.01
+    judgement = KeptJudgement(
+        run="../other", validated="2026-01-02T03:04:05Z", word=word, reason="why", relative=0.01
     )
-    return replace(model, validations=(verdict,))
+    return replace(model, validations=(judgement,))
 
 
 def test_the_json_file_holds_the_model_s_numbers(hil: Hil, run: Path, tmp_path: Path) -> None:
@@ -69,7 +68,7 @@ def test_file_and_terminal_say_that_no_validation_passed(
     assert any("no validation passed" in line for line in origin)
 
 
-@pytest.mark.parametrize(("word", "confirmed"), [("PASS", True), ("WARN", False)])
+@pytest.mark.parametrize(("word", "confirmed"), [("good", True), ("doubtful", False)])
 def test_a_verdict_is_stated_with_its_reason(
     hil: Hil, run: Path, tmp_path: Path, word: str, confirmed: bool
 ) -> None:
@@ -86,7 +85,7 @@ def test_a_verdict_is_stated_with_its_reason(
 def spoilt(run: Path, folder: Path) -> Path:
     """A folder whose model's identification failed."""
     model = Model.load(run)
-    outcome = Outcome(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
+    outcome = Judgement(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
     folder.mkdir(exist_ok=True)
     replace(model, outcome=outcome).save(folder / NAME)
     return folder

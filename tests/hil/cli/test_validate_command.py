@@ -40,11 +40,11 @@ def test_a_good_model_passes_and_keeps_the_verdict(hil: Hil, folders: tuple[Path
     first, other = folders
     status, out, _ = hil("validate", other, "--model", first)
     assert status == 0
-    assert "PASS: torques are predicted within" in out
+    assert "good: torques are predicted within" in out
     assert (other / "validation.png").read_bytes().startswith(b"\x89PNG")
-    assert "verdict: PASS" in (other / "validation.yaml").read_text()
+    assert "word: good" in (other / "validation.yaml").read_text()
     (kept,) = Model.load(first).validations
-    assert (kept.run, kept.verdict) == ("../other", "PASS")
+    assert (kept.run, kept.word) == ("../other", "good")
 
 
 def test_a_second_validation_on_the_same_run_takes_the_place_of_the_first(
@@ -60,14 +60,14 @@ def test_recordings_that_the_model_was_made_from_are_refused_in_a_copy_too(
     hil: Hil, folders: tuple[Path, Path], tmp_path: Path
 ) -> None:
     first, _ = folders
-    before = [each for each in Model.load(first).validations if each.verdict == "PASS"]
+    before = [each for each in Model.load(first).validations if each.word == "good"]
     copy = shutil.copytree(first, tmp_path / "copy")
     for folder in (first, copy):
         status, out, _ = hil("validate", folder, "--model", first)
         assert status == 3
-        assert "REFUSE: its recordings are those that the model was made from" in out
-        assert "verdict: REFUSE" in (folder / "validation.yaml").read_text()
-    after = [each for each in Model.load(first).validations if each.verdict == "PASS"]
+        assert "failed: its recordings are those that the model was made from" in out
+        assert "word: failed" in (folder / "validation.yaml").read_text()
+    after = [each for each in Model.load(first).validations if each.word == "good"]
     assert after == before
 
 
@@ -100,7 +100,7 @@ def test_a_refused_model_ends_with_status_3(hil: Hil, folders: tuple[Path, Path]
     replace(model, values=-model.values).save(wrong)
     status, out, _ = hil("validate", other, "--model", wrong)
     assert status == 3
-    assert "REFUSE: axis" in out
+    assert "failed: axis" in out
 
 
 def test_a_report_shows_what_its_model_was_worth_elsewhere(

@@ -41,7 +41,7 @@ def stacks(robot: Robot, *levels: Friction, noise: float = 0.0) -> list[list[Sta
         turns[measurement.index] += 1
         each = record(robot, measurement, TABLE_3_A, level, noise=noise, rng=rng)
         recorded.append((measurement, each))
-    prepared, _ = prepare(robot, recorded)
+    prepared, _ = prepare(recorded)
     return [axes for motion, s in prepared for axes in stack(robot, motion, s)]
 
 

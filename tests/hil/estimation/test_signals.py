@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from hil.estimation.signals import CUTOFF, ORDER, signals
-from hil.regression.window import HALF_WIDTH
+from hil.least_squares.window import HALF_WIDTH
 from hil.runs.recording import Recording
 
 PERIOD = 0.004

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from free_run import TRUTH, arm, recorded
 
+from hil.estimation.condensed import ROTOR
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.regression.least_squares import solved
-from hil.regression.terms import n_unknowns, place
+from hil.least_squares.solving import solved
+from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,20 +26,20 @@ LOUD = 1000.0
 
 def reweighted(fit: SimultaneousFit, rounds: int) -> Array:
     """Base parameters after some rounds of weights from residuals, all axes alike at first."""
-    items = [each.condensed() for _, axes in fit.stacked for each in axes]
-    weight, n = np.ones(ROBOT.n_joints), n_unknowns(ROBOT)
+    blocks = fit.blocks.without(ROTOR, "load", "load by direction").total
+    products, counts, n_base = blocks.products[0], blocks.counts[0], len(base_parameters(ROBOT))
+    k = products.shape[-1] - 1 - n_base
+    places = [np.r_[:n_base, n_base + axis * k : n_base + (axis + 1) * k] for axis in range(2)]
+    weight, n = np.ones(2), n_base + 2 * k
     for _ in range(rounds):
         N, v = np.zeros((n, n)), np.zeros(n)
-        for each in items:
-            at = place(ROBOT, each.axis)
-            N[np.ix_(at, at)] += weight[each.axis] * each.information
-            v[at] += weight[each.axis] * each.vector
-        x, left = solved(N, v), np.zeros((2, ROBOT.n_joints))
-        for each in items:
-            own = x[place(ROBOT, each.axis)]
-            square = each.square - 2 * each.vector @ own + own @ each.information @ own
-            left[:, each.axis] += square, each.n
-        weight = left[1] / left[0]
+        for at, product, each in zip(places, products, weight, strict=True):
+            N[np.ix_(at, at)] += each * product[1:, 1:]
+            v[at] += each * product[1:, 0]
+        x = solved(N, v)
+        around = [np.append(1.0, -x[at]) for at in places]
+        left = [a @ product @ a for a, product in zip(around, products, strict=True)]
+        weight = counts / left
     return x[: fit.n_base]
 
 

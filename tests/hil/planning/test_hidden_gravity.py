@@ -24,8 +24,7 @@ from hil.planning.design.by_counts import LEAST_SHARE, design
 from hil.planning.dry_run import dry_run
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import predict
-from hil.results.advice import advice
-from hil.results.error_budget import error_budget
+from hil.results.advice import CampaignResult, advice, error_budget
 from hil.results.prediction import predict as free_motion
 
 if TYPE_CHECKING:
@@ -168,8 +167,7 @@ def test_advice_for_a_hidden_mass_is_more_acceleration(
     found = estimates(robot, recorded, ("improved",))["improved"]
     uncertain = replace(found, covariance=np.diag([0.0, 0.0, 2.0**2]))
     prediction, budget = free_motion(uncertain, robot), error_budget(uncertain, robot)
-    advised = {
-        item.subject: item.remedy for item in advice(uncertain, prediction, budget, robot, plan, [])
-    }
+    judged = CampaignResult(uncertain, prediction, budget, robot, plan, [])
+    advised = {item.subject: item.remedy for item in advice(judged)}
     assert "more inertia measurements of axis 3" in advised["p3"]
     assert not any("gravity measurements" in remedy for remedy in advised.values())

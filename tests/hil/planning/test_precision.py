@@ -9,6 +9,8 @@ from scipy import stats
 from checked_files.yaml_file import FileError
 from hil.estimation import condensed
 from hil.estimation.signals import derivatives, signals
+from hil.least_squares.terms import usable
+from hil.least_squares.window import noise_gain, weights
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot
 from hil.planning.design.by_counts import design
@@ -17,8 +19,6 @@ from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import Differences, Noise, stated_noise
 from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
 from hil.planning.prediction.predicted_samples import forecast
-from hil.regression.terms import usable
-from hil.regression.window import noise_gain, weights
 from hil.runs.recording import IDLE, Recording
 
 PERIOD = 0.004

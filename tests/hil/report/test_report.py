@@ -12,6 +12,7 @@ from html import unescape
 import matplotlib as mpl
 import numpy as np
 import pytest
+from inflating import inflated
 from small_run import as_on_hardware, empty_plots, write_run
 
 from hil import cli
@@ -22,8 +23,7 @@ from hil.estimation.two_step_methods import estimates
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.page import report
-from hil.results.advice import advice
-from hil.results.error_budget import error_budget
+from hil.results.advice import CampaignResult, advice, error_budget
 from hil.results.identification import identify
 from hil.results.kept_findings import kept
 from hil.results.prediction import predict
@@ -32,7 +32,6 @@ from hil.results.tables.html import symbols
 from hil.runs.finding import Finding
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.view.packed import inflated
 
 PLOTS = {
     *ELEMENT_KINDS,
@@ -240,7 +239,9 @@ class TestAdvice:
         prediction = predict(estimate, folder.robot)
         campaign = list(folder) if campaign is None else campaign
         budget = error_budget(estimate, folder.robot)
-        found = advice(estimate, prediction, budget, folder.robot, folder.plan, campaign)
+        found = advice(
+            CampaignResult(estimate, prediction, budget, folder.robot, folder.plan, campaign)
+        )
         return {item.subject: item for item in found}
 
     def test_a_parameter_that_spoils_the_torques_is_weak(self, folder, found):
@@ -249,9 +250,9 @@ class TestAdvice:
         covariance[10] = covariance[:, 10] = 0.0
         covariance[10, 10] = 0.1**2
         item = self.advised(folder, replace(best, covariance=covariance))["p11"]
-        assert "% of the torque of joint" in item.what
+        assert "% of the torque of joint" in item.reason
         assert re.search(r"more inertia measurements of axis [45], such as i\d\d", item.remedy)
-        assert item.urgent
+        assert item.word == "doubtful"
 
     def test_few_degrees_of_freedom_alone_ask_for_nothing(self, folder, found):
         """Their interval is as wide as it must be; whether it is too wide shows in the torques."""
@@ -268,26 +269,26 @@ class TestAdvice:
         items = self.advised(folder, replace(best, causes=causes))
         assert next(iter(items)) == "axis 1, axis 3"
         gears = items["axis 1, axis 3"]
-        assert re.fullmatch(r"soft gears: compliances; ignored, \d+ % of the error", gears.what)
-        assert not gears.urgent
+        assert re.fullmatch(r"soft gears: compliances; ignored, \d+ % of the error", gears.reason)
+        assert gears.word == "good"
         alone = self.advised(folder, replace(best, causes=causes[:1]))["axis 3"]
-        assert re.fullmatch(r"coarse encoders: much noise; \d+ % of the error", alone.what)
-        assert alone.urgent
+        assert re.fullmatch(r"coarse encoders: much noise; \d+ % of the error", alone.reason)
+        assert alone.word == "doubtful"
 
     def test_a_measurement_that_scatters_stands_out(self, folder, found):
         local = found["improved"].local
         odd = next(value for value in local if value.kind == "inertia")
         worse = [replace(v, residual=90 * v.residual) if v is odd else v for v in local]
         items = self.advised(folder, replace(found["improved"], local=tuple(worse)))
-        assert re.search(r"scatters by .* N m, \d+ times as much", items[odd.id].what)
+        assert re.search(r"scatters by .* N m, \d+ times as much", items[odd.id].reason)
         assert not {v.id for v in local if v is not odd} & set(items)
 
     def test_axes_on_which_the_local_models_do_not_fit_are_stated(self, folder, found):
         best = found["improved"]
         residual = folder.robot.torque_limit * [0.003, 0.02, 0.003, 0.015, np.nan, 0.003]
         item = self.advised(folder, replace(best, residual=residual))["axis 2, axis 4"]
-        assert "leave 2.0 %, 1.5 % of the torque limit" in item.what
-        assert item.urgent
+        assert "leave 2.0 %, 1.5 % of the torque limit" in item.reason
+        assert item.word == "doubtful"
 
     def test_findings_and_measurements_left_out_are_stated(self, folder, found):
         campaign = list(folder)
@@ -297,8 +298,8 @@ class TestAdvice:
             found["improved"], left_out=(LeftOut("g02", "no usable sample: none at all"),)
         )
         items = self.advised(folder, best, campaign)
-        assert "3 attempts: axis 2 stood still" in items[campaign[3].measurement.id].what
-        assert items["g02"].what == "left out: no usable sample: none at all"
+        assert "3 attempts: axis 2 stood still" in items[campaign[3].measurement.id].reason
+        assert items["g02"].reason == "left out: no usable sample: none at all"
 
     def test_correlated_parameters_are_named_together(self, folder, found):
         best = found["improved"]
@@ -306,13 +307,13 @@ class TestAdvice:
         covariance[0, 1] = covariance[1, 0] = -0.97 * np.sqrt(covariance[0, 0] * covariance[1, 1])
         assert replace(best, covariance=covariance).correlation[0, 1] == pytest.approx(-0.97)
         items = self.advised(folder, replace(best, covariance=covariance))
-        assert "−0.97" in items["p1, p2"].what
+        assert "−0.97" in items["p1, p2"].reason
 
     def test_friction_that_differs_by_direction_is_of_note(self, folder, found):
         items = self.advised(folder, replace(found["improved"], causes=()))
         (subject,) = [s for s in items if s.startswith("axis 2")]
-        assert "−2.0" in items[subject].what
-        assert not items[subject].urgent
+        assert "−2.0" in items[subject].reason
+        assert items[subject].word == "good"
 
     def test_drives_taken_as_exact_are_of_note(self, folder, found):
         item = self.advised(folder, found["improved"])["torque constants and rotor inertias"]

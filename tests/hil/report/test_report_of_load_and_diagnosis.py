@@ -18,7 +18,7 @@ from hil.estimation.gravity_phase import Sinusoid
 from hil.model.base_parameters import base_parameters
 from hil.report.page import report
 from hil.report.sections.kept import current
-from hil.results.diagnosis import diagnose, evidence_for
+from hil.results.diagnosis import diagnose
 from hil.results.diagnosis_file import NAME, DiagnosisFile, write_diagnosis
 from hil.results.payload_file import PayloadFile, read_payload
 from hil.results.tables.payload import changes, quantities, torque_constants
@@ -154,19 +154,18 @@ class TestLoad:
 
 class TestDiagnosis:
     def test_what_the_file_leaves_out_is_ranked_first_and_significant(self, diagnosis):
-        evidence = evidence_for(diagnosis, "sy4")
-        assert evidence.first
-        assert evidence.significant
-        assert evidence.value == pytest.approx(OFFSET, abs=4 * evidence.standard_error)
+        first = diagnosis.errors.alone[0]
+        assert "sy4" in first.names
+        assert any("sy4" in each.names for each in diagnosis.errors.found)
+        assert first.value == pytest.approx(OFFSET, abs=4 * first.standard_error)
 
-    def test_what_is_not_left_out_has_no_evidence(self, diagnosis):
-        evidence = evidence_for(diagnosis, "sy2")
-        assert not evidence.first
-        assert not evidence.significant
-
-    def test_what_cannot_be_tested_is_no_evidence(self, diagnosis):
-        with pytest.raises(ValueError, match="m1 was not tested"):
-            evidence_for(diagnosis, "m1")
+    def test_what_is_not_left_out_is_tested_and_not_found(self, diagnosis):
+        tested, found = (
+            {name for each in ranked for name in each.names}
+            for ranked in (diagnosis.errors.alone, diagnosis.errors.found)
+        )
+        assert "sy2" in tested - found
+        assert "m1" not in tested
 
     def test_the_phase_is_that_of_the_forearms_first_moments(self, diagnosis):
         """tan(phase) = sy4 / (p13 sin q5): see docs/explanation/model_errors.md."""

@@ -74,7 +74,6 @@ RUNS = {
     "good": (campaign, None),
     "falsified sign": (falsified, None),
     "trajectories": (trajectories, None),
-    "trajectories, conventional": (trajectories, "strongest"),
     "imported": (imported, None),
     "imported, another method": (imported, "weighted least squares"),
     "imported strokes": (imported_strokes, None),

@@ -13,14 +13,14 @@ from hil.estimation.identify import estimate
 from hil.estimation.signals import signals
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.design.by_counts import design
-from hil.results.error_budget import error_budget
+from hil.results.advice import error_budget
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
-    from hil.results.error_term import ErrorTerm
+    from hil.results.judgement import ErrorTerm
     from hil.runs.recording import Recording
 
     Recorded = Sequence[tuple[Measurement, Recording]]

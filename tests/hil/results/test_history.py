@@ -15,8 +15,9 @@ from stated_model import stated_model
 from hil.errors import FileError, InvalidValue, Mismatch
 from hil.estimation.free_motion.result import TermValue
 from hil.estimation.friction_law import level_at
+from hil.estimation.intervals import SIGNIFICANT
 from hil.model.robot import Robot, load_robot
-from hil.results.changes import FALSE_ALARM, Change, adjusted, change
+from hil.results.changes import Change, adjusted, change
 from hil.results.history import history_of, read_history
 from hil.results.history_file import content
 from hil.results.quantities import Quantity, Reading
@@ -81,7 +82,7 @@ def test_an_unchanged_machine_is_marked_in_at_most_one_new_run_of_a_hundred() ->
         for run in range(runs)
     )
     # Welch's degrees of freedom keep the level in the mean; 0.5 % is the chance of 4000 draws
-    assert 0 < alarms <= (FALSE_ALARM + 0.005) * runs
+    assert 0 < alarms <= (SIGNIFICANT + 0.005) * runs
 
 
 def test_a_changed_parameter_is_named_first() -> None:

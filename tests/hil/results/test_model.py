@@ -7,7 +7,6 @@ import pytest
 import yaml
 from scipy import stats
 from small_run import write_run
-from synthetic import TABLE_3_A
 from trajectory_run import write_trajectory_run
 
 import hil
@@ -254,7 +253,7 @@ class TestView:
 
 
 def test_an_unknown_method_lists_all(run):
-    listed = r"'best' must be one of: improved; published; .*strongest"
+    listed = r"'best' must be one of: improved; published; .*free motion;.* -m benchmarks.rivals"
     with pytest.raises(UnknownName, match=listed):
         identify(run, "best")
 
@@ -265,27 +264,12 @@ def driven(manutec, tmp_path_factory):
     return write_trajectory_run(tmp_path_factory.mktemp("trajectory") / "run", manutec)
 
 
-class TestConventional:
-    """A model from trajectories is a model like any other, by the same command."""
-
-    def hil(self, *arguments):
-        with pytest.raises(SystemExit) as ended:
-            cli.main([str(argument) for argument in arguments])
-        return ended.value.code or 0
-
-    def test_the_command_writes_it_and_shows_the_same_tables(self, driven, capsys):
-        assert self.hil("identify", driven.path, "--method", "strongest") == 0
-        model = Model.load(driven.path)
-        assert (model.method, model.provenance.measurements, model.local) == ("strongest", 1, ())
-        assert np.linalg.norm(model.values - TABLE_3_A) < 0.02 * np.linalg.norm(TABLE_3_A)
-        assert np.isfinite(model.interval(0.8)).all()
-        shown = capsys.readouterr().out
-        assert "1 measurements, strongest method" in shown
-        assert "condition number" in shown
-
+class TestTrajectories:
     def test_an_unknown_method_is_wrong_usage_and_lists_all(self, driven, capsys):
-        assert self.hil("identify", driven.path, "--method", "best") == 2
-        assert "friction by period" in capsys.readouterr().err
+        with pytest.raises(SystemExit) as ended:
+            cli.main(["identify", str(driven.path), "--method", "best"])
+        assert ended.value.code == 2
+        assert "published" in capsys.readouterr().err
 
     def test_the_printed_method_refuses_it_with_the_reason(self, driven):
         with pytest.raises(NotIdentifiable, match="0 usable gravity measurements"):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import yaml
 from small_run import write_run
 
 from checked_files.yaml_file import FileError
@@ -18,9 +19,8 @@ from hil.results import identification
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.outcome_rules import outcome
-from hil.results.validation import validate
-from hil.results.verdict_rules import judged
+from hil.results.outcome import outcome
+from hil.results.validation import judged, validate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -120,14 +120,34 @@ def test_too_few_measurements_are_a_doubt_in_identification_and_validation(model
         "doubtful",
         f"15 measurements of {len(model.values)} parameters",
     )
-    assert judged((), 6, [str(found)]).word == "REFUSE"  # there are no scores either
-    assert validate(few, ()).verdict == "REFUSE"
+    assert judged((), 6, [found]).word == "failed"  # there are no scores either
+    assert validate(few, ()).word == "failed"
 
 
 def test_a_bad_condition_is_a_doubt(model: Model) -> None:
     found = outcome(replace(model, condition=model.condition | {"gravity": 4000.0}))
     assert found.word == "doubtful"
     assert found.reason.startswith("condition number 4e+03 of the gravity parameters")
+
+
+def test_all_reasons_are_kept_the_worst_first_and_those_of_earlier_versions_are_read(
+    model: Model, tmp_path: Path
+) -> None:
+    path, condition = tmp_path / NAME, model.condition | {"gravity": 4000.0}
+    few = model.provenance.model_copy(update={"measurements": 15})
+    mistake = Mistake(MistakeName.TORQUE_SIGN, (3,), "its torque has the wrong sign", left=0.1)
+    bad = replace(model, provenance=few, condition=condition)
+    replace(bad, outcome=outcome(bad, mistake)).save(path)
+    kept = Model.load(path).outcome
+    assert kept == outcome(bad, mistake)
+    assert [each.word for each in kept.reasons] == ["failed", "doubtful", "doubtful"]
+    assert all(each.remedy for each in kept.reasons)
+    earlier = {"run": "../r", "validated": "", "verdict": "PASS", "reason": "so", "relative": 0.1}
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    content["outcome"] = {"word": "good", "reason": "so", "remedy": ""}
+    path.write_text(yaml.safe_dump(content | {"validations": [earlier]}), encoding="utf-8")
+    old = Model.load(path)
+    assert (str(old.outcome), old.validations[0].word) == ("good: so", "good")
 
 
 def test_a_model_that_was_edited_or_cut_off_is_refused(model: Model, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from free_run import TRUTH, arm, classical, recorded, write_free_run
 
 from hil.results.identification import identify
-from hil.results.outcome_rules import outcome as judged
+from hil.results.outcome import outcome as judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.results.judgement import Judgement
     from hil.results.model import Model
-    from hil.results.outcome import Outcome
 
     Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def identified(path: Path, change: Callable[[Array], Array]) -> Model:
     return identify(write_free_run(path / "run", arm(), data))
 
 
-def outcome(path: Path, change: Callable[[Array], Array]) -> Outcome:
+def outcome(path: Path, change: Callable[[Array], Array]) -> Judgement:
     found = identified(path, change).outcome
     assert found is not None
     return found

@@ -9,6 +9,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from checked_files.yaml_file import load_yaml
 from drivers.drive_bus import LimitExceeded
 from hil.cli import app, imported
 from hil.cli.measuring import OnBus, measure
@@ -21,7 +22,7 @@ from hil.results.drive_torque import REVERSAL, drive_torque
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.tables.tracking import notes
-from hil.results.tracking import PASSES, load_tracking
+from hil.results.tracking import NAME, PASSES, Tracking
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from click.testing import Result
 
     from hil.planning.trajectory import Trajectory
-    from hil.results.tracking import Tracking
 
 ROBOT = load_robot("manutec-r15")
 SPEED, ACCELERATION = 0.8, 0.4
@@ -93,7 +93,7 @@ def tracked(model: Path, files: dict[str, Path], tmp_path_factory: pytest.TempPa
 
 
 def found(folder: Path) -> Tracking:
-    return load_tracking(folder)
+    return load_yaml(folder / NAME, Tracking)
 
 
 def test_torque_makes_the_errors_of_velocity_alone_five_times_smaller(tracked: Path) -> None:

@@ -12,11 +12,9 @@ from small_run import write_run
 
 from hil.estimation.signals import signals
 from hil.results.identification import identify
-from hil.results.outcome import Outcome
+from hil.results.judgement import INSIDE, Judgement
 from hil.results.predicted_torques import PredictedTorque, predicted_torques
-from hil.results.validation import validate
-from hil.results.verdict import AxisScore
-from hil.results.verdict_rules import INSIDE, judged
+from hil.results.validation import AxisScore, ValidationRecord, judged, validate
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:
@@ -42,7 +40,7 @@ def other(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 def test_a_model_that_holds_passes(model: Model, other: Run) -> None:
     found = validate(model, predicted_torques(model, pooled([other])))
-    assert found.verdict == "PASS"
+    assert found.word == "good"
     assert [score.axis for score in found.axes] == [1, 2, 3, 4, 5, 6]
     assert all(score.refitted < 0.02 for score in found.axes)
     assert all(score.inside > 0.9 for score in found.axes)
@@ -96,14 +94,14 @@ def test_friction_that_changed_is_named_though_the_bodies_hold(model: Model, oth
         return replace(each, predicted=each.predicted + level)
 
     found = validate(model, map(warmer, predicted_torques(model, pooled([other]))))
-    assert found.verdict == "WARN"
+    assert found.word == "doubtful"
     assert "the friction that the model states does not" in found.reason
 
 
 def test_a_model_without_a_law_is_judged_by_its_bodies_alone(model: Model, other: Run) -> None:
     bare = replace(model, friction_law=None)
     found = validate(bare, predicted_torques(bare, pooled([other])))
-    assert found.verdict == "WARN"
+    assert found.word == "doubtful"
     assert "axis 1, 2, 3, 4, 5, 6: the model states no friction" in found.reason
     assert not any(score.own_friction for score in found.axes)
     assert all(score.relative == score.refitted < 0.02 for score in found.axes)
@@ -112,13 +110,15 @@ def test_a_model_without_a_law_is_judged_by_its_bodies_alone(model: Model, other
 def test_an_identification_that_failed_is_refused_however_well_it_predicts(
     model: Model, other: Run
 ) -> None:
-    failed = replace(model, outcome=Outcome(word="failed", reason="axes 2 and 3 exchanged"))
+    failed = replace(model, outcome=Judgement(word="failed", reason="axes 2 and 3 exchanged"))
     found = validate(failed, predicted_torques(failed, pooled([other])))
-    assert found.verdict == "REFUSE"
+    assert found.word == "failed"
     assert found.reason == "its identification failed: axes 2 and 3 exchanged"
 
 
-@pytest.mark.parametrize(("inside", "word"), [(0.69, "WARN"), (0.78, "WARN"), (0.9, "PASS")])
+@pytest.mark.parametrize(
+    ("inside", "word"), [(0.69, "doubtful"), (0.78, "doubtful"), (0.9, "good")]
+)
 def test_intervals_that_hold_far_fewer_samples_than_they_say_do_not_pass(
     inside: float, word: str
 ) -> None:
@@ -142,14 +142,14 @@ def test_the_least_share_inside_is_that_of_an_error_which_all_samples_share() ->
 def test_another_arm_is_refused(model: Model, other: Run) -> None:
     wrong = replace(model, values=-model.values)
     found = validate(wrong, predicted_torques(wrong, pooled([other])))
-    assert found.verdict == "REFUSE"
+    assert found.word == "failed"
     assert "the mean torque alone by" in found.reason
 
 
 def test_a_torque_constant_that_changed_is_named(model: Model, other: Run) -> None:
     wrong = replace(model, values=model.values / 1.2)
     found = validate(wrong, predicted_torques(wrong, pooled([other])))
-    assert found.verdict == "WARN"
+    assert found.word == "doubtful"
     assert "1.2" in found.reason
     assert "torque constant" in found.reason
 
@@ -198,18 +198,18 @@ def test_what_is_wrong_with_a_recording_is_named(
     reason: str,
 ) -> None:
     found = validate(model, change(list(predicted_torques(model, pooled([other])))))
-    assert found.verdict == "WARN"
+    assert found.word == "doubtful"
     assert any(words in found.reason for words in reason.split("|"))
 
 
 def test_axes_that_do_not_move_are_named(model: Model, other: Run) -> None:
     some = [each for each in predicted_torques(model, pooled([other])) if each.axis != 4]
     found = validate(model, some)
-    assert (found.verdict, found.reason) == ("WARN", "axes 5 do not move in this recording")
+    assert (found.word, found.reason) == ("doubtful", "axes 5 do not move in this recording")
 
 
 def test_a_recording_without_samples_judges_nothing(model: Model) -> None:
-    assert validate(model, []).verdict == "REFUSE"
+    assert validate(model, []).word == "failed"
 
 
 def test_the_worst_word_stands() -> None:
@@ -217,10 +217,10 @@ def test_the_worst_word_stands() -> None:
         axis=1, unit="N m", samples=99, torque=1.0, residual=0.5, relative=0.5, naive=0.4,
         inside=0.1, gain=0.5, gain_error=0.0, asymmetry=0.9, limited=0.5, identified=0.01,
     )  # fmt: skip
-    assert judged([score], 1).word == "REFUSE"
-    assert judged([score.model_copy(update={"naive": 1.0})], 1).word == "WARN"
+    assert judged([score], 1).word == "failed"
+    assert judged([score.model_copy(update={"naive": 1.0})], 1).word == "doubtful"
     good = {"relative": 0.01, "gain": 1.0, "limited": 0.0, "inside": 0.95}
-    assert judged([score.model_copy(update=good)], 1).word == "PASS"
+    assert judged([score.model_copy(update=good)], 1).word == "good"
 
 
 def test_the_recording_of_the_model_s_own_plan_is_remarked_upon(
@@ -230,3 +230,24 @@ def test_the_recording_of_the_model_s_own_plan_is_remarked_upon(
 
     run = write_run(tmp_path / "run", manutec)
     assert "this very plan" in _notes(identify(run), run)[0]
+
+
+def test_errors_of_parameters_that_compensate_are_no_doubt_about_the_torque() -> None:
+    score = AxisScore(
+        axis=1, unit="N m", samples=999, torque=1.0, residual=0.14, relative=0.14, naive=0.7,
+        uncertain=0.66, inside=1.0, gain=1.0, gain_error=0.0, asymmetry=0.1, limited=0.0,
+        identified=0.12,
+    )  # fmt: skip
+    assert judged([score], 1).word == "good"
+    found = judged([score.model_copy(update={"identified": 0.05})], 1)
+    assert found.word == "doubtful"
+    assert "amount to 66% of this motion's torque, of which 13% show" in found.reason
+
+
+def test_a_validation_of_an_earlier_version_is_read() -> None:
+    stamp = dict.fromkeys(("folder", "measured", "robot_digest", "plan_digest", "recordings"), "")
+    validation = {"verdict": "WARN", "reason": "axes 5 do not move", "axes": []}
+    others = dict.fromkeys(("model", "method", "identified", "validated"), "")
+    kept = ValidationRecord.model_validate({"run": stamp, "validation": validation, **others})
+    assert str(kept.validation) == "doubtful: axes 5 do not move"
+    assert [each.word for each in kept.validation.reasons] == ["doubtful"]

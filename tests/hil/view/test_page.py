@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from inflating import inflated
 from sampled_depth import sampled_depth
 from small_run import SIMULATED, as_on_hardware
 from synthetic import TABLE_3_A, Friction, record
@@ -27,7 +28,7 @@ from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
 from hil.view import page
-from hil.view.packed import deflated, inflated, packed
+from hil.view.packed import deflated, packed
 from hil.view.planned import planned
 from hil.view.scene import of_plan, of_robot, of_run
 

@@ -15,6 +15,7 @@ import yaml
 from terminal import Terminal
 from typer.testing import CliRunner
 
+from checked_files.yaml_file import load_yaml
 from drivers.drive_bus import Sample
 from hil.cli import app
 from hil.cli.measuring import OnBus, measure
@@ -24,7 +25,7 @@ from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.watch import load_watched
+from hil.results.watch import NAME, Watched
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
@@ -123,7 +124,7 @@ def pushed(
 
 def test_pushes_are_found_on_their_axes_and_nothing_else_is(pushed: tuple[Path, Result]) -> None:
     folder, done = pushed
-    found = load_watched(folder)
+    found = load_yaml(folder / NAME, Watched)
     assert done.exit_code == 3, done.output
     assert [alarm.axis for alarm in found.alarms] == list(PUSHES)
     for alarm, (axis, (_, share)) in zip(found.alarms, PUSHES.items(), strict=True):
@@ -138,7 +139,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     assert "from outside at" in done.output
     assert "2 alarms in" in done.output
     assert (folder / "watch.png").read_bytes().startswith(b"\x89PNG")
-    found = load_watched(folder)
+    found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
     for axis in found.axes:  # a push in the first 15 s of motion counts as scatter too
         assert axis.soon
@@ -152,7 +153,7 @@ def test_strokes_raise_no_alarm_and_axes_that_stand_are_named(model: Path, tmp_p
     plan, folder = tmp_path / "strokes.yaml", tmp_path / "watch"
     plan.write_bytes(dump_plan(strokes_of((2, 4, 1), 12)).encode())
     done = called("watch", plan, "--model", model, "-o", folder, "--learn", 5, "--repeat", 2)
-    found = load_watched(folder)
+    found = load_yaml(folder / NAME, Watched)
     assert found.alarms == ()
     assert done.exit_code == 0, done.output
     assert found.watched > 60
@@ -177,7 +178,7 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
 
     monkeypatch.setattr(Watcher, "take", interrupted)
     called("watch", plan, "--model", model, "-o", folder, "--learn", 5)
-    found = load_watched(folder)
+    found = load_yaml(folder / NAME, Watched)
     assert found.learned + found.watched == pytest.approx(motion, abs=0.01)
     assert found.axes[5].soon is None
     assert (folder / "watch.png").is_file()
@@ -213,7 +214,7 @@ def test_a_push_may_stop_all_axes(model: Path, plan: Path, faults: Path, tmp_pat
     done = called(*words, "--bus-option", f"faults={faults}", "--stop", "--live", "0")
     assert done.exit_code == 1
     assert "live page: http://127.0.0.1:" in done.output
-    assert [alarm.axis for alarm in load_watched(tmp_path / "x").alarms] == [2]
+    assert [alarm.axis for alarm in load_yaml(tmp_path / "x" / NAME, Watched).alarms] == [2]
     assert "all axes stop" in done.output
     assert "emergency stop" not in done.output  # all have shown that they are off
     assert not (tmp_path / "x" / "run").exists()
@@ -295,7 +296,7 @@ def test_on_a_terminal_torques_are_shown_and_ctrl_c_keeps_what_was_seen(
     assert "from outside" in terminal.shown
     assert "stopped, the axes are off" in terminal.shown
     assert "Traceback" not in terminal.shown
-    found = load_watched(folder)
+    found = load_yaml(folder / NAME, Watched)
     assert found.alarms == ()
     assert found.watched > 0
     assert RunFolder.open(folder / "run").journal.sessions[0].reason == (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from free_run import COULOMB, TRUTH, arm, recorded
 
-from hil.estimation.free_motion.alternatives import covariance_of_choices
+from hil.estimation.free_motion.choice import covariance_of_choices
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
@@ -50,10 +50,12 @@ def test_it_is_a_covariance_of_what_all_laws_have(strange: np.ndarray) -> None:
 
 def test_a_dead_zone_smaller_than_the_chosen_one_is_no_alternative() -> None:
     gathered = gather(arm(), recorded(arm(), TRUTH, noise=0.05), VARIANTS[DEFAULT])
-    spoilt = gathered.products.pieces.copy()
-    spoilt[:, :, 0, 0] *= 2.0
-    spoilt[:, :, 0, :, 0] *= 2.0
-    products = replace(gathered.products, pieces=spoilt)
+    whole, *faster = gathered.products.pieces
+    spoilt = whole.products - faster[0].products
+    spoilt[:, :, 0] *= 2.0
+    spoilt[:, :, :, 0] *= 2.0
+    whole = replace(whole, products=spoilt + faster[0].products)
+    products = replace(gathered.products, pieces=(whole, *faster))
     none, some = (
         np.diag(covariance_of_choices(products, replace(gathered.choice, slowest=k)))[:N_BASE].max()
         for k in (0, 1)

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from hil.estimation.free_motion.choice import folds, simplest
 from hil.estimation.free_motion.friction_terms import LAWS, TERMS
 from hil.estimation.identify import estimate
+from hil.least_squares.choice import folds, simplest
 from hil.model.dynamics import inverse_dynamics
 
 if TYPE_CHECKING:
@@ -85,8 +85,8 @@ def test_a_difference_that_is_certain_but_negligible_keeps_the_simpler_alternati
 
 def test_an_axis_is_judged_by_its_own_residual_however_many_there_are() -> None:
     others, usual, rich = np.full(50, 6.0), np.full(50, 1.1), np.full(50, 1.0)
-    assert simplest({"usual": others + usual, "rich": others + rich}, n_axes=7) == "rich"
-    assert simplest({"usual": others + usual, "rich": others + rich}, n_axes=1) == "usual"
+    assert simplest({"usual": others + usual, "rich": others + rich}, n_channels=7) == "rich"
+    assert simplest({"usual": others + usual, "rich": others + rich}, n_channels=1) == "usual"
 
 
 @pytest.mark.parametrize("seed", range(60, 66))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.estimation.free_motion.filtering import Rates, low_passed, reach
+from hil.estimation.free_motion.motion import Rates, low_passed, reach
 
 PERIOD = 0.002
 

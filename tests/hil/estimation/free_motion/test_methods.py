@@ -94,13 +94,6 @@ def test_without_such_noise_no_bias_is_stated(robot: Robot) -> None:
     assert not found.bias_test.biased
 
 
-def test_the_robust_method_bears_a_stretch_in_which_somebody_touched_the_arm(robot: Robot) -> None:
-    data = recorded(robot, TRUTH)
-    data[1][1].tau[2000:3000] += 30.0
-    robust, plain = (estimate(robot, data, name) for name in ("robust", "weighted least squares"))
-    assert distance(robust) < 0.5 * distance(plain)
-
-
 def test_residuals_are_those_of_all_samples_over_the_torque(robot: Robot) -> None:
     noisy = estimate(robot, recorded(robot, TRUTH, noise=3.0), "least squares")
     clean = estimate(robot, recorded(robot, TRUTH, noise=0.3), "least squares")

@@ -7,10 +7,12 @@ import pytest
 
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.offsets import ASYMMETRY, with_doubt
+from hil.least_squares.layout import Layout
 
 OFFSET, COULOMB = 1 + COLUMNS.index("offset"), 1 + COLUMNS.index("Coulomb")
 G = 9.81
 FRICTION = 20.0
+LAYOUT = Layout(("p1",), COLUMNS, 1)
 
 
 def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
@@ -26,7 +28,7 @@ def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_weight_is_as_uncertain_as_an_unusual_offset() -> None:
     x, V = unknowns(error=12.0, own=0.01)
-    covariance, axes = with_doubt(x, V, V, 1)
+    covariance, axes = with_doubt(x, V, V, LAYOUT)
     assert axes == [0]
     unusual = np.sqrt(12.0**2 - (ASYMMETRY * FRICTION) ** 2)
     assert np.sqrt(covariance[0, 0]) == pytest.approx(unusual / G, rel=1e-3)
@@ -35,13 +37,13 @@ def test_weight_is_as_uncertain_as_an_unusual_offset() -> None:
 
 def test_a_usual_offset_is_no_reason_to_doubt() -> None:
     x, V = unknowns(error=0.5, own=0.01)
-    covariance, axes = with_doubt(x, V, V, 1)
+    covariance, axes = with_doubt(x, V, V, LAYOUT)
     assert covariance == pytest.approx(V)
     assert axes == []
 
 
 def test_an_offset_that_the_motion_shows_by_itself_is_no_reason_to_doubt() -> None:
     x, V = unknowns(error=12.0, own=3.0)
-    covariance, axes = with_doubt(x, V, V, 1)
+    covariance, axes = with_doubt(x, V, V, LAYOUT)
     assert covariance == pytest.approx(V)
     assert axes == []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from free_run import PERIOD, TRUTH, arm, recorded, some_motion
 
-from hil.estimation.free_motion.velocity_source import velocity_sources
+from hil.estimation.free_motion.settings import velocity_sources
 from hil.estimation.free_motion_methods import fit_free_motions
 from hil.results.tables.free_motion import statements
 

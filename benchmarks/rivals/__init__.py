@@ -1,0 +1,38 @@
+"""Methods of the literature that `hil` is compared with: what ``hil identify`` takes, by name.
+
+``python -m benchmarks.rivals RUN --method NAME`` is ``hil identify`` with these methods besides.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .free_motions import SOLVERS, fit_free_motions
+from .variants import VARIANTS, fit_trajectories, trajectories
+
+if TYPE_CHECKING:
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.identify import Identify, Recorded
+    from hil.estimation.options import Options
+    from hil.model.robot import Robot
+
+
+def _conventional(name: str) -> Identify:
+    def identify(robot: Robot, recorded: Recorded, _: Options) -> Estimate:
+        return fit_trajectories(robot, trajectories(recorded), VARIANTS[name], name=name)
+
+    return identify
+
+
+def _free_motion(name: str) -> Identify:
+    def identify(robot: Robot, recorded: Recorded, _: Options) -> Estimate:
+        return fit_free_motions(robot, recorded, name)
+
+    return identify
+
+
+RIVALS: dict[str, Identify] = {
+    **{name: _conventional(name) for name in VARIANTS},
+    **{name: _free_motion(name) for name in SOLVERS},
+}
+"""All rivals by name, as `hil.estimation.identify.METHODS` has methods."""

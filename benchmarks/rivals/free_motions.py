@@ -1,0 +1,84 @@
+"""Solvers for free motions, each over rows weighted axis by axis.
+
+Friction is Coulomb's, viscous and an offset at all speeds, as of weighted least squares.
+
+robust
+    pieces of time that fit worse than most count less (Huber's weights, found by iteration);
+total least squares
+    errors in the columns as in the torque, columns scaled to unit length.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.free_motion.gathering import gather
+from hil.estimation.free_motion.variants import Variant
+from hil.estimation.free_motion_methods import estimate_from
+
+from .solution import total_least_squares
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.least_squares.normal_equations import Normal
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+
+HUBER = 1.345
+"""Times the usual misfit from which on a piece counts less: 95 % efficiency where misfits are
+normal (Huber 1981)."""
+ROUNDS = 30
+"""Most rounds of Huber's weights."""
+
+
+def fit_free_motions(
+    robot: Robot, recorded: Iterable[tuple[RecordedMotion, Recording]], name: str
+) -> Estimate:
+    """Identify base parameters and friction by one of `SOLVERS`.
+
+    Raises
+    ------
+    NotEnoughData
+        No free motions, or too short ones.
+    NotIdentifiable
+        Base parameters that the motions do not excite, or that unknown gains leave open.
+    """
+    return estimate_from(robot, name, SOLVERS[name], gather(robot, recorded, Variant()))
+
+
+def robust(pieces: Normal) -> tuple[Normal, Array]:
+    """Return the equations with Huber's weights of pieces, and their solution."""
+    equations, x = pieces, pieces.solution()
+    for _ in range(ROUNDS):
+        before, misfit = x, np.sqrt(pieces.error(x))
+        usual = max(float(np.median(misfit)), 1e-300)
+        equations = pieces.weighted(np.minimum(1.0, HUBER * usual / np.maximum(misfit, 1e-300)))
+        x = equations.solution()
+        if np.allclose(before, x, rtol=1e-9, atol=0.0):
+            break
+    return equations, x
+
+
+def total(pieces: Normal) -> tuple[Normal, Array]:
+    """Return the equations, and their solution by total least squares; 0 for unheard unknowns."""
+    N, v = pieces.information, pieces.vector
+    heard = np.diag(N) > 0
+    x = np.zeros(len(v))
+    x[heard] = total_least_squares(N[np.ix_(heard, heard)], v[heard], float(pieces.square.sum()))
+    return pieces, x
+
+
+SOLVERS: dict[str, Callable[[Normal], tuple[Normal, Array]]] = {
+    "total least squares": total,
+    "robust": robust,
+}
+"""Solvers by the name of their method."""

@@ -1,0 +1,91 @@
+"""Friction in a conventional regression: columns fitted jointly, or a known characteristic.
+
+Models (1) and (2) are the paper's. The rich set is what can be had beyond them and still be linear:
+two degressive shapes, a progressive one, an offset for asymmetric friction and current sensors, and
+torque ripple at multiples of the motor's angle, which is no friction but would be taken for inertia
+of the wrist. Every set may have two customary columns besides: the offset, and friction that grows
+with the transmitted torque Q_t (Hamon, Gautier, Garrec, *Dynamic identification of robots with a
+dry friction model depending on load and velocity*, IROS 2010),
+
+    mu |Q_t| sign(qd),
+
+with Q_t of the previous estimate of the base parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hil.least_squares.ripple import RIPPLE_ORDERS
+from hil.least_squares.terms import curved
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+Terms = Literal["model 1", "model 2", "rich", "none"]
+Characteristic = Callable[["Array"], "Array"]
+"""Friction torque of one axis [N m] at its velocities (n,) [rad/s], measured beforehand."""
+N_OF_SPEED = {"model 1": 2, "model 2": 3, "rich": 5, "none": 0}
+"""Number of a set's columns that are functions of speed and change as friction does; the sets share
+them, each begins with those of the smaller ones."""
+DIRECTION = 1
+"""Place of the sign of the velocity among the columns."""
+OFFSET, LOAD, RIPPLE = 5, 6, 7
+"""Places of the offset, of the friction of the load, and of the first column of ripple."""
+N_FRICTION = RIPPLE + 2 * len(RIPPLE_ORDERS)
+"""Number of columns of one axis."""
+
+
+def friction_columns(robot: Robot, q: Array, qd: Array, axis: int, direction: Array) -> Array:
+    """All columns of one axis's friction, shape (n, N_FRICTION); that of the load is still zero.
+
+    Parameters
+    ----------
+    q, qd : ndarray, shape (n, n_joints)
+        [rad], [rad/s].
+    direction : ndarray, shape (n,)
+        Sign of the axis's velocity, from filtered positions.
+    """
+    v = qd[:, axis] / robot.velocity_limit[axis]
+    return np.stack(
+        [
+            v, direction, *curved(v),
+            np.ones(len(v)), np.zeros(len(v)), *_ripple(robot.gear_ratio[axis] * q[:, axis]),
+        ],
+        axis=1,
+    )  # fmt: skip
+
+
+def places(terms: Terms, *, offset: bool, load: bool) -> list[int]:
+    """Which columns a set of terms has, those of speed first; the rich set has offset and ripple.
+
+    Parameters
+    ----------
+    offset, load : bool
+        Add the offset, and the friction of the load.
+    """
+    rich = terms == "rich"
+    return [
+        *range(N_OF_SPEED[terms]),
+        *([OFFSET] if offset or rich else []),
+        *([LOAD] if load else []),
+        *(range(RIPPLE, N_FRICTION) if rich else []),
+    ]
+
+
+def _ripple(angle: Array) -> list[Array]:
+    """Sine and cosine of every order of the motor's angle."""
+    return [f(order * angle) for order in RIPPLE_ORDERS for f in (np.cos, np.sin)]
+
+
+def compensated(s: Signals, characteristics: Sequence[Characteristic]) -> Array:
+    """Friction torque of all axes by known characteristics, shape (n, n_joints) [N m]."""
+    return np.column_stack([f(s.qd[:, axis]) for axis, f in enumerate(characteristics)])

@@ -1,0 +1,203 @@
+"""Conventional identification (section 5 of the paper): one regression over exciting trajectories.
+
+All joints move at once, and the base parameters come from Q = A(q, qd, qdd) p + friction in one
+linear fit, eq. (11). Variants differ in how friction is treated (`friction_terms`), how rows are
+weighted and how the overdetermined system is solved (`solution`). Here are those by name that the
+literature proposes, and the strongest that we can build. None of them assumes that friction changes
+in the course of the measurement, but those by period.
+
+Friction of the load needs the base parameters that it is to be found with. So a method that has it
+solves without it, computes the transmitted torques from that solution and solves again, until the
+parameters stay the same (Hamon, Gautier, Garrec 2010). What friction of the load is wrong by is
+mu |error of Q_t|, so each round leaves about the share mu of the error that it began with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotEnoughData
+from hil.estimation.drive_train import LoadFriction
+from hil.estimation.estimate import Estimate
+from hil.planning.measurement import recorded_as
+from hil.planning.trajectory import Trajectory
+
+from .friction_terms import LOAD, N_OF_SPEED, places
+from .products import stack
+from .solution import solve
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
+
+    from .friction_terms import Characteristic, Terms
+    from .products import Products, Stacked
+    from .solution import Solution, Solver, Weighting
+
+    Array = NDArray[np.float64]
+
+SLOW = 0.05
+"""Share of an axis's speed limit below which samples are left out: near standstill friction
+depends on the way since the last reversal as well, which no term of these methods holds."""
+ROUNDS = 20
+"""Times that friction of the load and base parameters are found from each other, at most."""
+SETTLED = 0.01
+"""Share of a standard error by which parameters may still change when that ends: no digit of an
+interval shows it, and the next round would change them by mu times as much."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One conventional method.
+
+    Attributes
+    ----------
+    terms : str
+        Friction that is fitted jointly.
+    weighting, solver : str
+        See `solution`.
+    slowest : float
+        Samples below this share of the speed limit are left out.
+    by_period : bool
+        Friction has coefficients of its own in each period of a trajectory; offset, friction of
+        the load and ripple have not.
+    offset : bool
+        A constant torque besides; the rich set has it anyway.
+    load : bool
+        Friction that grows with the transmitted torque besides.
+    """
+
+    terms: Terms
+    weighting: Weighting = "residual"
+    solver: Solver = "least squares"
+    slowest: float = SLOW
+    by_period: bool = False
+    offset: bool = False
+    load: bool = False
+
+
+CUSTOMARY: dict[str, Variant] = {
+    "least squares, model 1": Variant("model 1", "uniform"),
+    "torque weights, model 1": Variant("model 1", "torque"),
+    "prior weights, model 1": Variant("model 1", "prior"),
+    "residual weights, model 1": Variant("model 1"),
+    "residual weights, model 2": Variant("model 2"),
+    "all speeds, model 2": Variant("model 2", slowest=0.0),
+    "instrumental, model 2": Variant("model 2", solver="instrumental"),
+    "total, model 2": Variant("model 2", solver="total"),
+}
+"""The paper's friction models as they stand. Low speeds are left out, as proponents of these
+methods do; "all speeds" shows what they cost."""
+BOTH = "offset and load"
+VARIANTS: dict[str, Variant] = {
+    **CUSTOMARY,
+    "residual weights, model 2, offset": Variant("model 2", offset=True),
+    **{f"{name}, {BOTH}": replace(v, offset=True, load=True) for name, v in CUSTOMARY.items()},
+    "strongest without load": Variant("rich"),
+    "strongest": Variant("rich", load=True),
+    "friction by period without load": Variant("rich", by_period=True),
+    "friction by period": Variant("rich", by_period=True, load=True),
+}
+"""Friction estimated jointly; a warm-up is a matter of the plan. Friction by period is no method of
+the literature: it takes from the two-step method that friction is fitted anew again and again."""
+COMPENSATED: dict[str, Variant] = {
+    "": Variant("none"),
+    "corrected": Variant("model 1", offset=True, load=True),
+}
+"""With a friction characteristic measured beforehand, which says nothing of reversals: as it is, or
+corrected by what the trajectory shows of its level and slope, offset and load. Offset and load
+without the level make it worse where friction has drifted since: they stand in for it."""
+
+
+def trajectories(
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+) -> list[tuple[Trajectory, Recording]]:
+    """Return those of recorded measurements that are trajectories.
+
+    Raises
+    ------
+    NotEnoughData
+        There are none.
+    """
+    found = recorded_as(Trajectory, recorded)
+    if not found:
+        raise NotEnoughData(
+            "no trajectories among the measurements; plan some with hil trajectory plan"
+        )
+    return found
+
+
+def fit_trajectories(
+    robot: Robot,
+    recorded: Sequence[tuple[Trajectory, Recording]],
+    variant: Variant,
+    characteristics: Sequence[Characteristic] | None = None,
+    name: str = "conventional",
+) -> Estimate:
+    """Identify base parameters from trajectories.
+
+    Parameters
+    ----------
+    robot : Robot
+    recorded : sequence of (Trajectory, Recording)
+    variant : Variant
+    characteristics : sequence of callable, optional
+        Friction of each axis that is compensated beforehand, with `COMPENSATED`.
+    name : str
+        Of the method, for the estimate.
+    """
+    data = stack(robot, recorded, variant.slowest, characteristics)
+    return estimate_of(robot, data, variant, name)
+
+
+def estimate_of(robot: Robot, data: Stacked, variant: Variant, name: str) -> Estimate:
+    """Identify from stacked trajectories, which several variants can share."""
+    n = data.products.n_base
+    found = _solution(robot, data.products, variant, load=False)
+    for _ in range(ROUNDS if variant.load else 0):
+        before = found.x[:n]
+        found = _solution(robot, data.loaded(before), variant, load=True)
+        error = np.sqrt(np.diag(found.covariance)[:n])
+        if (np.abs(found.x[:n] - before) <= SETTLED * error).all():
+            break
+    return Estimate(
+        method=name,
+        p=found.x[:n],
+        covariance=found.covariance[:n, :n],
+        degrees_of_freedom=np.full(n, max(found.n_blocks - 1.0, 1.0)),
+        drive_covariance=np.zeros((n, n)),
+        drive_effect=np.zeros((n, 2 * robot.n_joints)),
+        residual=found.residual,
+        n_measurements=data.products.n_trajectories,
+        condition={"all": found.condition},
+        local=(),
+        left_out=(),
+        load_friction=_load_friction(found, variant, n) if variant.load else None,
+    )
+
+
+def _solution(robot: Robot, data: Products, variant: Variant, *, load: bool) -> Solution:
+    """Solve with the columns of a variant; that of the load may still be missing."""
+    data = data.only(places(variant.terms, offset=variant.offset, load=load))
+    if variant.by_period:
+        data = data.by_period(_n_local(variant))
+    return solve(data, robot.torque_limit, variant.weighting, variant.solver)
+
+
+def _n_local(variant: Variant) -> int:
+    return N_OF_SPEED[variant.terms] if variant.by_period else 0
+
+
+def _load_friction(found: Solution, variant: Variant, n_base: int) -> LoadFriction:
+    """Each axis's share of the transmitted torque that is friction."""
+    columns = places(variant.terms, offset=variant.offset, load=True)[_n_local(variant) :]
+    k = np.arange(n_base + columns.index(LOAD), len(found.x), len(columns))
+    return LoadFriction(found.x[k], np.sqrt(np.diag(found.covariance)[k]))

@@ -1,0 +1,17 @@
+"""Arrays of NumPy by what they hold, as annotations name them; shapes stand in docstrings."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""Numbers."""
+Mask = NDArray[np.bool_]
+"""Whether something holds, element by element."""
+Indices = NDArray[np.intp]
+"""Places in another array, as NumPy finds them."""
+Integers = NDArray[np.int64]
+"""Whole numbers: rows of a file, or what compiled code counts by."""
+Numbers = NDArray[np.int16]
+"""Numbers of strokes and groups, as recordings hold them."""

@@ -1,0 +1,49 @@
+"""What a regression is asked to find beside the base parameters, and how it states its errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil.errors import UnknownName
+
+if TYPE_CHECKING:
+    from hil.least_squares.regression import Covariance
+
+NUISANCES = ("lag", "compliance", "presliding", "drift")
+"""What may lie between torque and rigid bodies beside friction: torques read late, gears that give
+way, friction that turns round over a distance, its level that changes while one measures."""
+COVARIANCES: tuple[Covariance, ...] = ("jackknife", "clusters", "CR2", "white")
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of a regression.
+
+    Attributes
+    ----------
+    friction : str
+        ``auto``: found anew in each measurement where the robot was measured here, by the law that
+        held-out data call for where it was imported; or the name of a law
+        (`hil.friction.laws.LAWS`), for imports.
+    nuisance : tuple of str
+        Which of `NUISANCES` are looked for; each is taken only where the data show it.
+    covariance : str
+        One of `COVARIANCES` (`hil.least_squares.regression`).
+    """
+
+    friction: str = "auto"
+    nuisance: tuple[str, ...] = NUISANCES
+    covariance: Covariance = "jackknife"
+
+    def __post_init__(self) -> None:
+        for name in self.nuisance:
+            if name not in NUISANCES:
+                raise UnknownName(f"nuisance {name!r} must be one of: {', '.join(NUISANCES)}")
+        if self.covariance not in COVARIANCES:
+            raise UnknownName(
+                f"covariance {self.covariance!r} must be one of: {', '.join(COVARIANCES)}"
+            )
+
+
+DEFAULTS = Options()

@@ -1,0 +1,264 @@
+"""Inner products of a torque and named columns: all that least squares needs of samples.
+
+A *group* is what is left out, held out or clustered together: a measurement, a period, a pair of
+strokes, a piece of time. A *channel* is what has a residual variance of its own: the torque of an
+axis. Of the samples of channel j in group k, with torque y and columns W, a block holds
+
+    P_kj = [y W]'[y W].
+
+Blocks add up over groups. They follow any change of columns without another pass over samples,
+
+    [y W] -> [y W] T    so    P -> T' P T,
+
+which is how unknown gains, drifting levels and a load beside a known robot enter. Columns that
+belong to a group alone are eliminated from its block by orthogonal projection (Frisch, Waugh and
+Lovell). So recordings of any kind and rate make one regression: what they share are the unknowns of
+the same names; an axis whose torque was recorded in two ways is two channels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.least_squares.layout import Layout, axis_names
+from hil.least_squares.normal_equations import Normal, successive
+from hil.least_squares.solving import eliminated
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from hil.arrays import Array, Indices, Mask
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """Inner products by group and channel.
+
+    Attributes
+    ----------
+    shared, own : tuple of str
+        Columns whose unknowns all channels share, then columns of each channel alone.
+    products : ndarray, shape (n_groups, n_channels, m, m)
+        Of the torque, the shared and the own columns, in this order.
+    counts : ndarray, shape (n_groups, n_channels)
+        Samples, less coefficients that were eliminated.
+    channels : tuple of str
+        Their names; by default those of axes.
+    labels : mapping of str to ndarray of int, shape (n_groups,)
+        What each group is of, such as its recording.
+    """
+
+    shared: tuple[str, ...]
+    own: tuple[str, ...]
+    products: Array
+    counts: Array
+    channels: tuple[str, ...] = ()
+    labels: Mapping[str, Indices] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.channels:
+            object.__setattr__(self, "channels", axis_names(self.products.shape[1]))
+
+    def __len__(self) -> int:
+        return len(self.products)
+
+    @property
+    def n_channels(self) -> int:
+        """Channels."""
+        return int(self.products.shape[1])
+
+    @property
+    def layout(self) -> Layout:
+        """Where the columns' unknowns stand."""
+        return Layout(self.shared, self.own, self.channels)
+
+    @property
+    def squares(self) -> Array:
+        """Squares of the torque of all groups together, shape (n_channels,)."""
+        found: Array = self.products[:, :, 0, 0].sum(axis=0)
+        return found
+
+    def place(self, *names: str) -> Indices:
+        """Places of columns in the products."""
+        order = (*self.shared, *self.own)
+        return np.array([1 + order.index(name) for name in names], dtype=np.intp)
+
+    def where(self, mask: Mask) -> Blocks:
+        """Some groups alone."""
+        labels = {name: label[mask] for name, label in self.labels.items()}
+        return replace(self, products=self.products[mask], counts=self.counts[mask], labels=labels)
+
+    def merged(self, label: Indices) -> Blocks:
+        """Groups of one label, shape (n_groups,), added up to one."""
+        _, first, of = np.unique(label, return_index=True, return_inverse=True)
+        products, counts = self.products, self.counts
+        if np.any(np.diff(of) < 0):
+            order = np.argsort(of, kind="stable")
+            products, counts, of = products[order], counts[order], of[order]
+        begins = np.searchsorted(of, np.arange(len(first)))
+        products = np.add.reduceat(products, begins, axis=0)
+        counts = np.add.reduceat(counts, begins, axis=0)
+        labels = {name: each[first] for name, each in self.labels.items()}
+        return replace(self, products=products, counts=counts, labels=labels)
+
+    def grouped(self, most: int) -> Blocks:
+        """Successive groups added up to `most` larger ones, if there are more."""
+        label = np.zeros(len(self), dtype=np.intp)
+        for number, part in enumerate(successive(0, len(self), min(most, len(self)))):
+            label[part] = number
+        return self.merged(label)
+
+    @property
+    def total(self) -> Blocks:
+        """All groups added up to one."""
+        products, counts = (x.sum(axis=0, keepdims=True) for x in (self.products, self.counts))
+        labels = {name: label[:1] for name, label in self.labels.items()}
+        return replace(self, products=products, counts=counts, labels=labels)
+
+    def joined(self, *others: Blocks) -> Blocks:
+        """Groups of all, one after the other; columns and channels that one lacks are zero."""
+        every = (self, *others)
+        shared, own, channels = (
+            tuple(dict.fromkeys(name for each in every for name in getattr(each, kind)))
+            for kind in ("shared", "own", "channels")
+        )
+        parts = [each.expanded(shared, own, channels) for each in every]
+        labels = {
+            name: np.concatenate([each.labels[name] for each in every])
+            for name in self.labels
+            if all(name in each.labels for each in every)
+        }
+        products, counts = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("products", "counts")
+        )
+        return Blocks(shared, own, products, counts, channels, labels)
+
+    def expanded(
+        self, shared: tuple[str, ...], own: tuple[str, ...], channels: tuple[str, ...]
+    ) -> Blocks:
+        """The same among more columns and channels, zero where there was nothing."""
+        order = (*shared, *own)
+        at = np.array([0, *(1 + order.index(name) for name in (*self.shared, *self.own))])
+        of = np.array([channels.index(name) for name in self.channels])
+        products = np.zeros((len(self), len(channels), 1 + len(order), 1 + len(order)))
+        counts = np.zeros((len(self), len(channels)))
+        products[:, of[:, None, None], at[:, None], at] = self.products
+        counts[:, of] = self.counts
+        return Blocks(shared, own, products, counts, channels, self.labels)
+
+    def only(self, shared: Sequence[str], own: Sequence[str]) -> Blocks:
+        """Some columns alone, in the order given."""
+        at = np.concatenate([[0], self.place(*shared, *own)]).astype(np.intp)
+        products = self.products[:, :, at[:, np.newaxis], at]
+        return replace(self, shared=tuple(shared), own=tuple(own), products=products)
+
+    def without(self, *names: str) -> Blocks:
+        """The same less some columns."""
+        shared, own = (
+            [name for name in names_of if name not in names] for names_of in (self.shared, self.own)
+        )
+        return self.only(shared, own)
+
+    def combined(self, T: Array, shared: Sequence[str], own: Sequence[str]) -> Blocks:
+        """Blocks of columns that are combinations of those that there are.
+
+        Parameters
+        ----------
+        T : ndarray, shape (..., m, 1 + n_shared + n_own)
+            Torque, shared and own columns, each by the columns of `products`; what goes before
+            may be groups and channels.
+        """
+        products = np.swapaxes(T, -1, -2) @ self.products @ T
+        return replace(self, shared=tuple(shared), own=tuple(own), products=products)
+
+    def recast(
+        self,
+        torque: Array | None = None,
+        added: Mapping[str, Array] | None = None,
+        dropped: Sequence[str] = (),
+    ) -> Blocks:
+        """Blocks of another torque, or with other shared columns; `combined` where most stay.
+
+        Parameters
+        ----------
+        torque : ndarray, shape (n_channels, m), optional
+            What is to be explained, by the columns of `products`; by default the torque as it is.
+        added : mapping of str to ndarray, shape (n_channels, m) or (n_groups, n_channels, m)
+            Shared columns that come behind the others, likewise.
+        dropped : sequence of str
+            Shared columns that go.
+        """
+        m, new = self.products.shape[-1], added or {}
+        first = np.eye(1, m) if torque is None else torque
+        lead = np.broadcast_shapes(self.products.shape[:2], *(x.shape[:-1] for x in new.values()))
+        made = np.stack([np.broadcast_to(x, (*lead, m)) for x in (first, *new.values())], axis=-1)
+        stay = tuple(name for name in self.shared if name not in dropped)
+        kept, k = self.place(*stay, *self.own), len(stay)
+        # where columns stand in the result: those that are made, and those that stay
+        n_made, size = made.shape[-1], made.shape[-1] + len(kept)
+        at = np.concatenate([[0], np.arange(1 + k, k + n_made)])
+        place = np.setdiff1d(np.arange(size), at)
+        products = np.empty((*lead, size, size))
+        right, left = self.products @ made, np.swapaxes(made, -1, -2) @ self.products
+        products[..., at[:, None], at] = np.swapaxes(made, -1, -2) @ right
+        for to, of in _runs(place, kept):
+            products[..., to, at], products[..., at, to] = right[..., of, :], left[..., of]
+            for beside, other in _runs(place, kept):
+                products[..., to, beside] = self.products[..., of, other]
+        return replace(self, shared=(*stay, *new), products=products)
+
+    def eliminated(self, *names: str) -> Blocks:
+        """Blocks in which some columns have coefficients of each group alone."""
+        local = self.place(*names)
+        kept = np.setdiff1d(np.arange(self.products.shape[-1]), local)
+        order = np.concatenate([kept, local])
+        products = np.zeros((*self.products.shape[:2], len(kept), len(kept)))
+        counts = self.counts.copy()
+        for group, channel in zip(*np.nonzero(self.counts), strict=True):
+            whole = self.products[group, channel][np.ix_(order, order)]
+            products[group, channel], rank = eliminated(whole, len(local))
+            counts[group, channel] -= rank
+        shared, own = (
+            tuple(name for name in names_of if name not in names)
+            for names_of in (self.shared, self.own)
+        )
+        return replace(self, shared=shared, own=own, products=products, counts=counts)
+
+    def normal(self, weights: Array) -> Normal:
+        """Normal equations of all unknowns by group, channels weighted by `weights`."""
+        n, k, n_own = self.layout.size, len(self.shared), len(self.own)
+        N, v = np.zeros((len(self), n, n)), np.zeros((len(self), n))
+        for channel, weight in enumerate(weights):
+            part = Normal.split(weight * self.products[:, channel])
+            own = slice(k + channel * n_own, k + (channel + 1) * n_own)
+            N[:, :k, :k] += part.N[:, :k, :k]
+            N[:, :k, own], N[:, own, :k] = part.N[:, :k, k:], part.N[:, k:, :k]
+            N[:, own, own] = part.N[:, k:, k:]
+            v[:, :k] += part.v[:, :k]
+            v[:, own] = part.v[:, k:]
+        return Normal(N, v, self.products[:, :, 0, 0] @ weights)
+
+    def squares_left(self, x: Array) -> Array:
+        """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
+        left = np.zeros(self.counts.shape)
+        for channel in range(self.n_channels):
+            around = np.concatenate([[1.0], -x[self.layout.place(channel)]])
+            left[:, channel] = (self.products[:, channel] @ around) @ around
+        return np.maximum(left, 0.0)
+
+    def mean_squares(self, x: Array) -> Array:
+        """Mean square of what `x` leaves of each channel, all groups together."""
+        found: Array = self.total.squares_left(x)[0] / np.maximum(self.counts.sum(axis=0), 1.0)
+        return found
+
+
+def _runs(to: Indices, of: Indices) -> list[tuple[slice, slice]]:
+    """Places and those that they come from, as slices: these are copied many times faster."""
+    ends = np.flatnonzero((np.diff(to) != 1) | (np.diff(of) != 1)) + 1
+    first, last = np.append(0, ends), np.append(ends, len(to))
+    pairs = zip(first.tolist(), last.tolist(), strict=True)
+    return [(slice(to[a], to[b - 1] + 1), slice(of[a], of[b - 1] + 1)) for a, b in pairs if b > a]

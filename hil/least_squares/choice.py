@@ -1,0 +1,114 @@
+"""Which of several models the data call for: by what they predict of groups that were held out.
+
+Alternatives are compared by the error of prediction on groups that were held out, in turn. What is
+usual, the first of them, stands unless something richer is certainly better. Of many alternatives
+that are worth nothing, the best looks better, too: so what counts is the greatest t of all
+differences of squared errors, against the greatest t of the same differences with signs of groups
+drawn at random (White, A reality check for data snooping, Econometrica 68 (2000) 1097-1126;
+studentised, since alternatives scatter differently). Alternatives that predict alike cost little in
+this way, and fewer than six groups show nothing. Up to `NEGLIGIBLE` less of the residual of the
+channel concerned is none. Chosen is the simplest that nothing beats; if one that is simpler still
+predicts as well, that is.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.least_squares.layout import embedded
+from hil.least_squares.normal_equations import successive
+from hil.least_squares.solving import solved
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from hil.least_squares.normal_equations import Normal
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+
+FOLDS = 12
+"""Parts of the groups that are held out in turn."""
+CHANCE = 0.025
+"""Probability of a difference by chance below which it is none: of 5 %, either side."""
+FLIPS = 4096
+"""Draws of signs: the probability is known within 0.0025."""
+NEGLIGIBLE = 0.01
+"""Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
+where friction is Coulomb's and viscous exactly (two axes, white noise)."""
+
+
+def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
+    """Name of the first alternative that no other certainly beats.
+
+    Parameters
+    ----------
+    errors : mapping of name to ndarray, shape (n_blocks,)
+        Squared errors on held-out blocks of all that was tried, the simplest alternative first.
+    n_channels : int
+        Channels that the errors are of, weighted alike, where the alternatives are of one of
+        them: its own residual is an n-th of theirs.
+    """
+    squares = np.array(list(errors.values()))
+    sums = squares.sum(axis=1)
+    enough = ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * sums.min() / n_channels
+    found = next(
+        k
+        for k, error in enumerate(squares)
+        if sums[k] - sums.min() <= enough or not _certainly_positive(error - squares)
+    )
+    return list(errors)[int(np.flatnonzero(sums <= sums[found])[0])]
+
+
+class HeldOut:
+    """Errors of prediction on blocks that a fit did not see.
+
+    Parameters
+    ----------
+    fitted : Normal
+        Equations that are solved.
+    scored : Normal
+        Equations of the samples that count, of the same blocks.
+    """
+
+    def __init__(self, fitted: Normal, scored: Normal) -> None:
+        self._scored = scored
+        self._folds = folds(len(fitted.v))
+        N, v = fitted.information, fitted.vector
+        self._N = [N - fitted.N[fold].sum(axis=0) for fold in self._folds]
+        self._v = [v - fitted.v[fold].sum(axis=0) for fold in self._folds]
+
+    def error(self, kept: NDArray[np.intp]) -> Array:
+        """Squared error of each block by a fit of some unknowns to the other folds' blocks."""
+        found = np.zeros(len(self._scored.v))
+        for fold, N, v in zip(self._folds, self._N, self._v, strict=True):
+            x = embedded(solved(N[np.ix_(kept, kept)], v[kept]), kept, len(v))
+            left = (self._scored.N[fold] @ x - 2.0 * self._scored.v[fold]) @ x
+            found[fold] = self._scored.square[fold] + left
+        return np.maximum(found, 0.0)
+
+
+def folds(n: int) -> list[slice]:
+    """Successive blocks that are held out together."""
+    return successive(0, n, min(FOLDS, n))
+
+
+def _certainly_positive(gains: Array) -> bool:
+    """Whether any row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
+    n = gains.shape[1]
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, n))
+    t = float(_t(gains, np.ones((1, n))).max())
+    by_chance = _t(gains, signs).max(axis=1) >= t * (1.0 - np.sqrt(np.finfo(float).eps))
+    return t > 0.0 and bool(by_chance.mean() <= CHANCE)
+
+
+def _t(gains: Array, signs: Array) -> Array:
+    """Mean over its standard error, of each row of gains with each row of signs."""
+    n = gains.shape[1]
+    mean = signs @ gains.T / n
+    variance = ((gains**2).mean(axis=1) - mean**2) / max(n - 1, 1)
+    return np.asarray(mean / np.sqrt(np.maximum(variance, np.finfo(float).tiny)))

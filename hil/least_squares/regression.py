@@ -1,0 +1,289 @@
+"""One regression: blocks, weights of their channels, the unknowns that are kept, and its solution.
+
+The unknowns of all channels are found together,
+
+    N x = v,    N = sum_j w_j W_j'W_j,    v = sum_j w_j W_j'y_j,
+
+each channel weighted with the reciprocal of its residual variance w_j, which follows from the
+solution as the solution does from it; they are found from each other again and again (`weighed`).
+What the solution is worth is asked with the covariance as an argument (`fit`); rules are those of
+`hil.least_squares.uncertainty`, and what they hold for is decided by the groups:
+
+jackknife
+    groups left out in turn: whatever differs from one group to the next;
+clusters
+    Huber's sandwich over groups: the same to first order, cheaper where there are many;
+CR2
+    scores corrected for the solution's having come to meet them: few groups carry an unknown;
+white
+    the residuals are white noise: what is foreseen, and for comparison.
+
+What a model lacks, such as a shape of friction, repeats with the motion and shows in no group of
+time. But it differs from one part of the space of states to the next. Cells of that space are to it
+what groups of time are to noise: each leaves a score, and were the model complete these would sum
+up to as little. So the covariance is the sum of two where cells are given,
+
+    V = V_groups + N^-1 (sum of score score' over cells) N^-1,
+
+with the degrees of freedom that as many groups and cells give as carry an unknown. Over-all it is
+too large rather than too small: noise counts in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hil.least_squares.layout import embedded
+from hil.least_squares.normal_equations import reweighted
+from hil.least_squares.solving import condition, inverse, undetermined_beside
+from hil.least_squares.uncertainty import (
+    bias_reduced,
+    degrees_if_white,
+    effective_degrees,
+    jackknife,
+    left_out,
+    sandwich,
+    scatter,
+)
+
+if TYPE_CHECKING:
+    from hil.arrays import Array, Indices, Mask
+    from hil.least_squares.blocks import Blocks
+    from hil.least_squares.layout import Layout
+    from hil.least_squares.normal_equations import Normal
+
+Solver = Callable[["Normal"], "tuple[Normal, Array]"]
+"""What weights the equations of groups, and solves them."""
+Covariance = Literal["jackknife", "clusters", "CR2", "white"]
+ROUNDS = 20
+"""Times that weights and solution are found from each other, at most: the change of the weights
+falls by half an order of magnitude or more each time."""
+
+
+class Uncertainty(NamedTuple):
+    """Covariance of the kept unknowns, shape (k, k), its degrees of freedom, (k,), and cells' part.
+
+    The latter is what scatters over cells, 0 without any.
+    """
+
+    covariance: Array
+    degrees_of_freedom: Array
+    of_cells: Array
+
+
+def least_squares(equations: Normal) -> tuple[Normal, Array]:
+    """Solve all groups' equations, as they are."""
+    return equations, equations.solution()
+
+
+def by_groups_and_cells(groups: Normal, cells: Normal, x: Array) -> Uncertainty:
+    """Uncertainty of a solution by leaving out groups, and what scatters over cells."""
+    changes = left_out(groups.N, groups.scores(x))
+    influence = cells.scores(x) @ inverse(groups.information)
+    influence = influence[cells.square > 0]
+    of_cells = scatter(influence, few=True)
+    degrees = effective_degrees(np.vstack([changes, influence]) ** 2)
+    return Uncertainty(jackknife(changes) + of_cells, degrees, of_cells)
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """A regression over blocks.
+
+    Attributes
+    ----------
+    blocks : Blocks
+    weights : ndarray, shape (n_channels,)
+        Reciprocal residual variances.
+    kept : ndarray of int
+        Unknowns that are found; the others are zero.
+    solver : callable
+        Weights the equations of groups as it sees fit, and solves them.
+    """
+
+    blocks: Blocks
+    weights: Array
+    kept: Indices
+    solver: Solver = least_squares
+
+    @classmethod
+    def weighed(
+        cls,
+        blocks: Blocks,
+        kept: Indices | None = None,
+        first: Array | None = None,
+        rounds: int = ROUNDS,
+    ) -> Regression:
+        """Regression with weights from what it leaves of each channel.
+
+        Parameters
+        ----------
+        kept : ndarray of int, optional
+            By default all unknowns.
+        first : ndarray, shape (n_channels,), optional
+            Weights to begin with; by default the reciprocal mean squares of the torque.
+        rounds : int
+            At most.
+        """
+        total = blocks.total
+        counts, heard = np.maximum(total.counts[0], 1.0), total.squares > 0
+        squares = np.where(heard, total.squares, 1.0)
+        # below this share of the torque nothing is left but rounding
+        least = np.finfo(float).eps * squares / counts
+        if kept is None:
+            kept = np.arange(blocks.layout.size)
+        if first is None:
+            first = np.where(heard, counts / squares, 0.0)
+
+        def weigh(weights: Array) -> Array:
+            left = total.mean_squares(total.normal(weights).solution(kept))
+            return np.asarray(np.where(heard, 1.0 / np.maximum(left, least), 0.0))
+
+        return cls(blocks, reweighted(weigh, first, rounds), kept)
+
+    def of(self, blocks: Blocks) -> Regression:
+        """The same of other blocks, with these weights."""
+        return Regression(blocks, self.weights, self.kept, self.solver)
+
+    @property
+    def layout(self) -> Layout:
+        """All unknowns, whether they are kept or not."""
+        return self.blocks.layout
+
+    @cached_property
+    def _solved(self) -> tuple[Normal, Array]:
+        return self.solver(self.blocks.normal(self.weights).only(self.kept))
+
+    @property
+    def normal(self) -> Normal:
+        """Normal equations of the kept unknowns by group, as the solver weights them."""
+        return self._solved[0]
+
+    @cached_property
+    def solution(self) -> Array:
+        """All unknowns, shape (n,)."""
+        return embedded(self._solved[1], self.kept, self.layout.size)
+
+    def undetermined(self, n: int) -> Mask:
+        """Of the first `n` unknowns those that the groups leave open beside all others."""
+        return undetermined_beside(self.normal.information, n)
+
+    def uncertainty(
+        self,
+        covariance: Covariance = "jackknife",
+        cells: Blocks | None = None,
+        most: int | None = None,
+    ) -> Uncertainty:
+        """How uncertain the kept unknowns are.
+
+        Parameters
+        ----------
+        covariance : str
+            By which rule.
+        cells : Blocks, optional
+            The same samples in other groups, the scatter of which is added.
+        most : int, optional
+            Groups, at most: successive ones are added up, so what lasts longer counts.
+        """
+        normal = self.normal if most is None else self.normal.grouped(most)
+        x = self.solution[self.kept]
+        if cells is not None and covariance == "jackknife":
+            return by_groups_and_cells(normal, cells.normal(self.weights).only(self.kept), x)
+        inverted = inverse(self.normal.information)
+        degrees = degrees_if_white(inverted, normal.N)
+        of_cells = np.zeros_like(inverted)
+        if covariance == "jackknife":
+            found = jackknife(left_out(normal.N, normal.scores(x)))
+        elif covariance == "clusters":
+            found = sandwich(inverted, scatter(normal.scores(x), few=True))
+        elif covariance == "CR2":
+            found = bias_reduced(normal.N, normal.v).covariance
+        else:
+            found = inverted
+            freedom = self.blocks.counts.sum() - len(self.kept)
+            degrees = np.full(len(x), max(float(freedom), 1.0))
+        if cells is not None:
+            other = cells.normal(self.weights).only(self.kept)
+            influence = other.scores(x) @ inverted
+            of_cells = scatter(influence[other.square > 0], few=True)
+        return Uncertainty(found + of_cells, degrees, of_cells)
+
+    def fit(
+        self,
+        covariance: Covariance = "jackknife",
+        cells: Blocks | None = None,
+        most: int | None = None,
+    ) -> Fit:
+        """Solve, and ask what the solution is worth; parameters as of `uncertainty`."""
+        error, n = self.uncertainty(covariance, cells, most), self.layout.size
+        return Fit(
+            layout=self.layout,
+            kept=self.kept,
+            x=self.solution,
+            covariance=embedded(error.covariance, self.kept, n),
+            degrees_of_freedom=embedded(error.degrees_of_freedom, self.kept, n),
+            residual=np.sqrt(self.blocks.mean_squares(self.solution)),
+            condition=condition(self.normal.information),
+            n_groups=len(self.blocks),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Unknowns by name, with their uncertainty.
+
+    Attributes
+    ----------
+    layout : Layout
+    kept : ndarray of int
+        Unknowns that were found; the others are zero, and nothing is said of them.
+    x : ndarray, shape (n,)
+    covariance : ndarray, shape (n, n)
+    degrees_of_freedom : ndarray, shape (n,)
+    residual : ndarray, shape (n_channels,)
+        Root mean square of what is left of each channel.
+    condition : float
+        Of the weighted columns at unit length.
+    n_groups : int
+        Groups behind it.
+    """
+
+    layout: Layout
+    kept: Indices
+    x: Array
+    covariance: Array
+    degrees_of_freedom: Array
+    residual: Array
+    condition: float
+    n_groups: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the kept unknowns."""
+        names = self.layout.names
+        return tuple(names[k] for k in self.kept)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Values of the kept unknowns by name, in SI."""
+        return dict(zip(self.names, self.x[self.kept].tolist(), strict=True))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors of the kept unknowns by name."""
+        errors = np.sqrt(np.diag(self.covariance)[self.kept].clip(0.0))
+        return dict(zip(self.names, errors.tolist(), strict=True))
+
+    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Confidence intervals of the kept unknowns by name, after Student."""
+        t = special.stdtrit(self.degrees_of_freedom[self.kept], 0.5 + level / 2)
+        half = t * np.sqrt(np.diag(self.covariance)[self.kept].clip(0.0))
+        values = self.x[self.kept]
+        rows = zip(self.names, (values - half).tolist(), (values + half).tolist(), strict=True)
+        return {name: (low, high) for name, low, high in rows}

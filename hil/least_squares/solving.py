@@ -1,0 +1,251 @@
+"""Linear least squares over unknowns whose units and sizes differ by orders of magnitude.
+
+Observations ``W x = y``, shape (m, n), and their normal equations ``N x = v`` with N = W'W and
+v = W'y say the same. Every function here scales the unknowns first, so that the columns of W have
+unit length,
+
+    N = D R D,    D = diag(sqrt(N_jj)),    R = V S V',
+
+and neither a unit nor a size decides what counts as small (van der Sluis, Numer. Math. 14 (1969)
+14-23: no other diagonal scaling has a much better condition). A direction of R is *determined* if
+its eigenvalue is above `RANK` times the largest one; what is not determined is set to zero. With
+the determined directions V_r, all else follows from one matrix, the root of the inverse,
+
+    B = D^-1 V_r S_r^(-1/2),    B'N B = 1,    B B' = N^+,    x = B B'v,
+
+and W B is an orthonormal basis of what the columns of W span. Some unknowns c are nuisance. With
+the others p, the matrix P = [1, -N_pc N_cc^+] takes them out of the normal equations (Schur
+complement; in terms of columns, orthogonal projection after Frisch, Waugh and Lovell):
+
+    (P N)_p p = P v,    (P N)_c = 0.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+Number = TypeVar("Number", np.float64, np.complex128)
+RANK = 1e-12
+"""Share of the largest eigenvalue of R; the square of that of columns of unit length."""
+IDENTIFIABLE = 1e-8
+"""The same for unknowns that somebody wants to know, measured and not made up: a condition number
+of columns of unit length of 1e4. Beyond, an error of 1e-4 of the torque, which noise and friction
+always leave, makes the worst combination of unknowns as uncertain as its own torque is large, no
+standard error holds what a misfit does to it, and normal equations have lost half of 16 digits."""
+SILENT = 1e-12
+"""Length of a column, as share of the longest, that rounding alone may leave of zero."""
+RIDGE = 1e-12
+"""Added to the unit diagonal of R, so that unknowns without excitation stay zero."""
+_PART = 1e-3
+"""Part of an unknown in directions that are not determined, from which on it is not either."""
+
+
+def solved(N: Array, side: Array) -> Array:
+    """Solve normal equations ``N x = side``; unknowns that nothing excites stay zero.
+
+    Quick enough to leave out one measurement after the other.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n, n)
+        Symmetric, positive semi-definite.
+    side : ndarray, shape (n,) or (n, k)
+
+    Returns
+    -------
+    x : ndarray, shape of `side`
+    """
+    scale = _to_unit(np.diag(N))
+    scaled = N * np.outer(scale, scale) + RIDGE * np.eye(len(N))
+    solution: Array = (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
+    return solution
+
+
+def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
+    """B of ``B'N B = 1`` and ``B B' = N^+``, shape (n, number of determined directions).
+
+    If N is a covariance, B' whitens.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n, n)
+        Symmetric, positive semi-definite.
+    rank : float
+        Share of the largest eigenvalue of R (but of 1, if that is less) above which a direction is
+        determined.
+    size : ndarray, shape (n,), optional
+        Squares of D where the diagonal of N is not what N is to be compared with: what
+        elimination has left of N is small compared with what it was before.
+    """
+    scale, values, vectors = _scaled(N, size)
+    kept = _determined(values, rank)
+    root: Array = scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(values[kept])
+    return root
+
+
+def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
+    """N^+, shape (n, n), zero in what is not determined; parameters as of `inverse_root`."""
+    root = inverse_root(N, rank, size)
+    return root @ root.T
+
+
+def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> NDArray[np.bool_]:
+    """Unknowns with a part in directions that are not determined, shape (n,)."""
+    _, values, vectors = _scaled(N, size)
+    part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
+    found: NDArray[np.bool_] = part > _PART
+    return found
+
+
+def undetermined_beside(N: Array, n: int) -> NDArray[np.bool_]:
+    """Of the first `n` unknowns those that are not `IDENTIFIABLE` beside all others, shape (n,).
+
+    What elimination of the others leaves is compared with what there was before.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n + k, n + k)
+    """
+    left = without_nuisance(N, n) @ N[:, :n]
+    return undetermined(left, IDENTIFIABLE, np.diag(N)[:n])
+
+
+def condition(N: Array) -> float:
+    """Condition number of columns of unit length; those that are zero do not count.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n, n)
+    """
+    heard = np.diag(N) > 0
+    size = 1.0 / np.sqrt(np.diag(N)[heard])
+    return float(np.sqrt(np.linalg.cond(N[np.ix_(heard, heard)] * np.outer(size, size))))
+
+
+def projected_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
+    """What of `x` lies outside the span of orthonormal columns `Q`, shape of `x`.
+
+    Parameters
+    ----------
+    Q : ndarray, shape (m, r)
+    x : ndarray, shape (m,) or (m, k)
+    """
+    return np.asarray(x - Q @ (Q.T @ x))
+
+
+def orthonormal(W: Array, rank: float = RANK) -> tuple[Array, Array]:
+    """Q = W B with orthonormal columns that span those of W, and B.
+
+    Parameters
+    ----------
+    W : ndarray, shape (m, n)
+
+    Returns
+    -------
+    Q : ndarray, shape (m, r)
+    B : ndarray, shape (n, r)
+        Root of the inverse of W'W, from W itself, not from its square.
+    """
+    scale = _to_unit(np.sum(W**2, axis=0))
+    Q, sizes, turned = np.linalg.svd(W * scale, full_matrices=False)
+    kept = _determined(sizes[::-1] ** 2, rank)[::-1]
+    return Q[:, kept], scale[:, np.newaxis] * turned[kept].T / sizes[kept]
+
+
+def fitted(W: Array, y: Array) -> Array:
+    """Solve ``W x = y`` by least squares.
+
+    Parameters
+    ----------
+    W : ndarray, shape (m, n)
+    y : ndarray, shape (m,) or (m, k)
+
+    Returns
+    -------
+    x : ndarray, shape (n,) or (n, k)
+    """
+    Q, B = orthonormal(W)
+    return B @ (Q.T @ y)
+
+
+def eliminated(product: Array, k: int, rank: float = RANK) -> tuple[Array, int]:
+    """Inner products of columns with the span of the last `k` projected out, and its rank.
+
+    Parameters
+    ----------
+    product : ndarray, shape (n + k, n + k)
+    rank : float
+        As of `inverse_root`.
+
+    Returns
+    -------
+    product : ndarray, shape (n, n)
+    rank : int
+    """
+    n = len(product) - k
+    within = product[:n, n:] @ inverse_root(product[n:, n:], rank)
+    return product[:n, :n] - within @ within.T, within.shape[1]
+
+
+def without_nuisance(N: Array, n: int) -> Array:
+    """P, which combines normal equations so that all unknowns but the first `n` drop out.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n + k, n + k)
+
+    Returns
+    -------
+    P : ndarray, shape (n, n + k)
+    """
+    return np.hstack([np.eye(n), -N[:n, n:] @ inverse(N[n:, n:])])
+
+
+def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array, Array]:
+    """Shares of measurements in the normal equations of the first `n` unknowns.
+
+    Their sums are the normal equations without nuisance; that is held at the solution of all.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n + k, n + k)
+        N of each measurement.
+    sides : ndarray, shape (n_measurements, n + k)
+        v of each.
+
+    Returns
+    -------
+    shares : ndarray, shape (n_measurements, n, n)
+    sides : ndarray, shape (n_measurements, n)
+    """
+    N, v = shares.sum(axis=0), sides.sum(axis=0)
+    P, nuisance = without_nuisance(N, n), inverse(N[n:, n:]) @ v[n:]
+    rows = P @ shares
+    return rows @ P.T, sides @ P.T - rows[:, :, n:] @ nuisance
+
+
+def _to_unit(squares: Array) -> Array:
+    """Reciprocal lengths of columns, from their squares; zero for those that are silent."""
+    heard = squares > SILENT**2 * squares.max(initial=0.0)
+    scale: Array = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
+    return scale
+
+
+def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
+    """D^-1, eigenvalues of R from the smallest, and its eigenvectors as columns."""
+    scale = _to_unit(np.diag(N) if size is None else size)
+    values, vectors = np.linalg.eigh(N * np.outer(scale, scale))
+    return scale, values, vectors
+
+
+def _determined(values: Array, rank: float) -> NDArray[np.bool_]:
+    """Which of the eigenvalues of R, from the smallest, belong to determined directions."""
+    found: NDArray[np.bool_] = values > rank * max(1.0, values.max(initial=0.0))
+    return found

@@ -1,0 +1,48 @@
+"""The low-pass of the improved method at some samples only, for all columns at once.
+
+Of samples that follow each other faster than the window is wide, few are used: the window leaves
+nothing in between. Means are taken there alone, which is a product with a matrix of few elements.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from scipy import sparse
+
+from hil.least_squares.window import weights
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Number = TypeVar("Number", np.float64, np.complex128)
+
+
+def smoothed_at(
+    index: NDArray[np.intp], x: NDArray[Number], period: float, passes: int = 1
+) -> NDArray[Number]:
+    """Weighted means over the window at the samples `index` of `x`.
+
+    Parameters
+    ----------
+    index : ndarray, shape (n,)
+        Further from both ends than `passes` half windows reach.
+    x : ndarray, shape (n_samples, k)
+        Samples every `period` [s].
+    passes : int
+        How often the window is taken.
+
+    Returns
+    -------
+    means : ndarray, shape (n, k)
+    """
+    window = reduce(np.convolve, [weights(period)] * passes)
+    first = index[:, np.newaxis] - len(window) // 2
+    places = (first + np.arange(len(window))).ravel()
+    rows = len(window) * np.arange(len(index) + 1)
+    matrix = sparse.csr_array(
+        (np.tile(window, len(index)), places, rows), shape=(len(index), len(x))
+    )
+    return np.asarray(matrix @ x)

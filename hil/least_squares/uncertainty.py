@@ -1,0 +1,217 @@
+"""How uncertain a least-squares solution is: what scatters, and what that does to the unknowns.
+
+Unknowns x solve ``N x = v``; measurement k has the share S_k in N and s_k in v. Its *score* is what
+its own normal equations leave at the solution of all, ``s_k - S_k x``.
+
+sandwich
+    To first order the solution moves by N^-1 times the right-hand side's error. So with the
+    covariance M of that error (the meat), the covariance of x is N^-1 M N^-1. The scores estimate
+    it, M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), whatever noise
+    within a measurement is like; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
+jackknife
+    How far the solution moves when a measurement is left out, exactly
+    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, says the same without first order: the covariance
+    is (n - 1) / n times the sum of the changes' squares (Efron and Tibshirani, *An Introduction to
+    the Bootstrap*, 1993, chapter 11). It holds whatever differs from one measurement to the next,
+    but where single measurements carry much it is too large: the solution without one of them is
+    worse than the solution is.
+bias-reduced
+    In between: scores made as large as they were before the solution came to meet them, by the
+    root of what it leaves of their variance were the noise white, which is then without bias (CR2
+    of Bell and McCaffrey, Survey Methodology 28 (2002) 169-181). For white noise and B of
+    ``B'N B = 1`` measurement k has the share ``H = B'S_k B`` of the solution, and changes it by
+    ``B (1 - H)^(-1/2) B'(s_k - S_k x)``; the jackknife's has (1 - H)^-1 and the sandwich's 1.
+
+How many measurements carry an unknown decides what such a covariance is worth. If they have the
+shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
+(Satterthwaite, Biometrics Bull. 2 (1946) 110-114).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.least_squares.solving import inverse, inverse_root, solved, undetermined
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+FEWEST = 2.0
+"""Degrees of freedom, at least: of Student's t with fewer, intervals are too wide to be of use."""
+ALMOST_NONE = 1.0
+"""Degrees of freedom, at least: a variance that a single measurement carries is evidence of next to
+nothing."""
+_ALONE = 1e-6
+"""Of a direction that one measurement alone determines, what rounding leaves of 1 - H."""
+
+
+class Solved(NamedTuple):
+    """A solution and how uncertain what differs between measurements makes it.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+    covariance : ndarray, shape (n, n)
+    degrees_of_freedom : ndarray, shape (n,)
+    """
+
+    x: Array
+    covariance: Array
+    degrees_of_freedom: Array
+
+
+def scatter(scores: Array, *, few: bool = False) -> Array:
+    """Covariance of the normal equations' right-hand side, from measurements' scores.
+
+    Parameters
+    ----------
+    scores : ndarray, shape (n_measurements, n)
+    few : bool
+        Take the scores' mean off and correct by n / (n - 1), which matters where there are few
+        or where the solution does not make their sum zero.
+
+    Returns
+    -------
+    meat : ndarray, shape (n, n)
+    """
+    n = len(scores)
+    spread = scores - scores.mean(axis=0) if few else scores
+    meat: Array = spread.T @ spread * (n / max(n - 1, 1) if few else 1.0)
+    return meat
+
+
+def sandwich(inverse: Array, meat: Array) -> Array:
+    """Covariance of x, shape (n, n), from the inverse of N and the right-hand side's covariance."""
+    covariance: Array = inverse @ meat @ inverse.T
+    return covariance
+
+
+def classical(J: Array, variance: float) -> Array:
+    """Covariance of x for white residuals, inf on the diagonal where x is not determined.
+
+    Parameters
+    ----------
+    J : ndarray, shape (m, n)
+        Change of the residuals per change of x.
+    variance : float
+        Of the residuals.
+    """
+    N = J.T @ J
+    covariance = variance * inverse(N)
+    np.fill_diagonal(covariance, np.where(undetermined(N), np.inf, np.diag(covariance)))
+    return covariance
+
+
+def jackknife(changes: Array) -> Array:
+    """Covariance of x, shape (n, n).
+
+    Parameters
+    ----------
+    changes : ndarray, shape (n_measurements, n)
+        Of x, each by leaving out one measurement.
+    """
+    n = len(changes)
+    return (n - 1) / n * (changes.T @ changes)
+
+
+def left_out(shares: Array, scores: Array) -> Array:
+    """Change of x by leaving out each measurement, shape (n_measurements, n).
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n, n)
+    scores : ndarray, shape (n_measurements, n)
+        At the solution of all.
+    """
+    N = shares.sum(axis=0)
+    return np.array([solved(N - S, -score) for S, score in zip(shares, scores, strict=True)])
+
+
+def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
+    """Effective degrees of freedom of variances to which measurements contribute `shares`.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n)
+        Not negative.
+    fewest : float
+        Least value that is returned; the largest is ``n_measurements - 1``.
+
+    Returns
+    -------
+    degrees : ndarray, shape (n,)
+    """
+    squares = np.maximum((shares**2).sum(axis=0), np.finfo(float).tiny)
+    degrees: Array = shares.sum(axis=0) ** 2 / squares - 1.0
+    return np.clip(degrees, fewest, len(shares) - 1.0)
+
+
+def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> Array:
+    """Effective degrees of freedom by each measurement's share of the variance of white noise.
+
+    After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares taken from the residuals
+    instead are as uncertain as the variance itself: with them a ratio of 14 between an unknown and
+    its standard error came out as chance.
+
+    Parameters
+    ----------
+    inverse : ndarray, shape (n, n)
+        Of N.
+    shares : ndarray, shape (n_measurements, n, n)
+    fewest : float
+        As of `effective_degrees`.
+    """
+    return effective_degrees(np.einsum("ij,njk,ki->ni", inverse, shares, inverse), fewest)
+
+
+def leave_one_out(shares: Array, sides: Array) -> Solved:
+    """Solve normal equations with all measurements, and without each of them.
+
+    Degrees of freedom are those of `degrees_if_white`.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n, n)
+    sides : ndarray, shape (n_measurements, n)
+    """
+    N = shares.sum(axis=0)
+    x = solved(N, sides.sum(axis=0))
+    changes = left_out(shares, sides - shares @ x)
+    degrees = degrees_if_white(solved(N, np.eye(len(N))), shares, ALMOST_NONE)
+    return Solved(x, jackknife(changes), degrees)
+
+
+def bias_reduced(shares: Array, sides: Array) -> Solved:
+    """Solve normal equations whose noise is about white, of variance 1.
+
+    No variance is less than that of such noise: of what one measurement alone determines it leaves
+    no score. Degrees of freedom are those of `degrees_if_white`.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n, n)
+    sides : ndarray, shape (n_measurements, n)
+    """
+    N = shares.sum(axis=0)
+    B = inverse_root(N)
+    x = B @ (B.T @ sides.sum(axis=0))
+    scores = (sides - shares @ x) @ B
+    H, V = np.linalg.eigh(B.T @ shares @ B)
+    left = np.sqrt(np.clip(1.0 - H, _ALONE, 1.0))
+    changes = np.einsum("kij,kj->ki", V, np.einsum("kji,kj->ki", V, scores) / left) @ B.T
+    covariance, white = changes.T @ changes, np.einsum("ij,ij->i", B, B)
+    covariance += np.diag(np.maximum(white - np.diag(covariance), 0.0))
+    return Solved(x, covariance, degrees_if_white(B @ B.T, shares, ALMOST_NONE))
+
+
+def correlation_of(covariance: Array) -> Array:
+    """Correlations, shape (n, n); zero with what has no variance or an infinite one."""
+    variance = np.diag(covariance)
+    finite = np.isfinite(variance) & (variance > 0)
+    scale = np.where(finite, 1.0, 0.0) / np.sqrt(np.where(finite, variance, 1.0))
+    found: Array = np.where(np.isfinite(covariance), covariance, 0.0) * np.outer(scale, scale)
+    return found

@@ -1,0 +1,241 @@
+"""What recordings of one robot say, as one regression that can be asked and changed.
+
+::
+
+    problem = hil.regression(run, other_run, nuisance=("lag", "drift"), covariance="CR2")
+    fit = problem.fit()
+    fit.params["p3"], fit.conf_int()["p3"]
+    fit.torque_parts(recording)["friction"]
+
+Runs may be of any kind, measured here or imported, in any mixture; which recipe they call for is
+`Problem.method`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotEnoughData
+from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.friction_law import friction_torque
+from hil.estimation.intervals import half_width
+from hil.estimation.options import DEFAULTS, Options
+from hil.estimation.signals import signals
+from hil.model.dynamics import gravity_torque, inverse_dynamics
+from hil.model.motors import motor_torque
+from hil.results.identification import Identified, identified, method_for
+from hil.results.recorded_torque import processing_of
+from hil.runs.pooling import refuse_mixed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.arrays import Array
+    from hil.estimation.estimate import Estimate
+    from hil.least_squares.regression import Covariance
+    from hil.results.model import Model
+    from hil.results.tables.summary import Summary
+    from hil.runs.recording import Recording
+    from hil.runs.run import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Recordings of one robot, and what is asked of them.
+
+    Attributes
+    ----------
+    runs : tuple of Run
+    options : Options
+    recipe : str, optional
+        One of `hil.estimation.identify.METHODS`; by default the one that the recordings call for.
+    """
+
+    runs: tuple[Run, ...]
+    options: Options = DEFAULTS
+    recipe: str | None = None
+
+    @property
+    def method(self) -> str:
+        """Name of the recipe."""
+        return self.recipe or method_for(self.runs[0], self.runs[1:])[0]
+
+    def fit(self) -> Fit:
+        """Find everything together.
+
+        Raises
+        ------
+        NotIdentifiable, NotEnoughData
+            Recordings that do not suffice.
+        """
+        first, *others = self.runs
+        return Fit(identified(first, self.method, others, options=self.options))
+
+
+def regression(
+    *runs: Run,
+    friction: str = DEFAULTS.friction,
+    nuisance: Sequence[str] = DEFAULTS.nuisance,
+    covariance: Covariance = DEFAULTS.covariance,
+    method: str | None = None,
+) -> Problem:
+    """State what is asked of runs of one robot.
+
+    Parameters
+    ----------
+    *runs : Run
+        Of any kind: campaigns, trajectories, strokes of one axis, imports.
+    friction : str
+        ``auto``, or the name of a law for imports.
+    nuisance : sequence of str
+        What is looked for beside friction, of ``lag``, ``compliance``, ``presliding``, ``drift``.
+    covariance : {"jackknife", "clusters", "CR2", "white"}
+        How errors of the measured part are stated.
+    method : str, optional
+        Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
+
+    Raises
+    ------
+    NotEnoughData
+        No run.
+    Mismatch
+        Runs of different robots, or the same one twice.
+    UnknownName
+        An option that there is not.
+    """
+    if not runs:
+        raise NotEnoughData("0 runs: give one or more, such as hil.Run.open('runs/first')")
+    refuse_mixed(runs)
+    return Problem(runs, Options(friction, tuple(nuisance), covariance), method)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What was found, by name.
+
+    Base parameters are named as the robot's, in kg m^2, kg m or kg; what belongs to an axis begins
+    with it: ``axis 2 Coulomb`` [N m or N], ``axis 2 lag`` [s], ``axis 2 compliance`` [rad/(N m)].
+
+    Attributes
+    ----------
+    identified : Identified
+    """
+
+    identified: Identified
+
+    @property
+    def estimate(self) -> Estimate:
+        """Base parameters with their errors, and what they were found from."""
+        return self.identified.estimate
+
+    @property
+    def model(self) -> Model:
+        """Model made of it, with its word."""
+        return self.identified.model
+
+    @cached_property
+    def _found(self) -> dict[str, tuple[float, float]]:
+        """Value and standard error by name."""
+        estimate, model = self.estimate, self.model
+        rows = zip(model.names, estimate.p, estimate.standard_error, strict=True)
+        found = {name: (float(value), float(error)) for name, value, error in rows}
+        for axis, law in enumerate(model.friction_law.axes if model.friction_law else (), start=1):
+            for term, each in (law.terms if law else {}).items():
+                found[f"axis {axis} {term}"] = each.value, each.standard_error
+        if (train := estimate.drive_train) is not None:
+            for axis in range(len(train.lag)):
+                found[f"axis {axis + 1} lag"] = float(train.lag[axis]), float(train.lag_error[axis])
+                if train.soft[axis]:
+                    pair = train.compliance[axis], train.compliance_error[axis]
+                    found[f"axis {axis + 1} compliance"] = float(pair[0]), float(pair[1])
+        if estimate.free is not None:
+            for axis, lag in enumerate(estimate.free.lag, start=1):
+                found[f"axis {axis} lag"] = lag.value, lag.standard_error
+            for gain in estimate.free.gains:
+                found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
+        return found
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all that was found."""
+        return tuple(self._found)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Values by name, in SI."""
+        return {name: each[0] for name, each in self._found.items()}
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors by name."""
+        return {name: each[1] for name, each in self._found.items()}
+
+    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Confidence intervals by name: of base parameters after Student, of others normal."""
+        half = dict(zip(self.model.names, self.estimate.half_width(level), strict=True))
+        normal = float(half_width(np.ones(1), np.zeros(1), np.full(1, np.inf), level)[0])
+        found = {}
+        for name, (value, error) in self._found.items():
+            width = float(half.get(name, normal * error))
+            found[name] = value - width, value + width
+        return found
+
+    def summary(self) -> Summary:
+        """Tables of what was found, for a terminal or a notebook."""
+        return self.model.summary()
+
+    def torque_parts(self, recording: Recording) -> dict[str, Array]:
+        """Torque of a recording by its parts, each of shape (n, n_joints) [N m or N].
+
+        ``time`` has shape (n,) [s]. Parts of the model are ``gravity``, ``inertia``, ``velocity``
+        (Coriolis and centrifugal), ``rotors`` and ``friction``; ``measured`` less their sum is
+        ``left``. All pass the low-pass that the model was found with.
+
+        Raises
+        ------
+        NotEnoughData
+            A recording shorter than the low-pass reaches.
+        """
+        model = self.model
+        robot, p = model.robot, model.values
+        time, q, qd, qdd, measured, low_pass = _signals(model, recording)
+        still, rigid = np.zeros_like(q), inverse_dynamics(robot, p, q, qd, qdd)
+        gravity = gravity_torque(robot, p, q)
+        parts = {
+            "gravity": gravity,
+            "inertia": inverse_dynamics(robot, p, q, still, qdd) - gravity,
+            "velocity": inverse_dynamics(robot, p, q, qd, still) - gravity,
+            "rotors": motor_torque(robot, q, qd, qdd),
+            "friction": still
+            if model.friction_law is None
+            else friction_torque(robot, model.friction_law, q, qd, rigid),
+        }
+        parts = {name: low_pass(part) for name, part in parts.items()}
+        left = measured - np.sum(list(parts.values()), axis=0)
+        return {"time": time, **parts, "measured": measured, "left": left}
+
+
+def _signals(
+    model: Model, recording: Recording
+) -> tuple[Array, Array, Array, Array, Array, Callable[[Array], Array]]:
+    """Time, motion and torque of a recording as a model takes them, and its low-pass."""
+    if model.friction is None:
+        s = signals(recording)
+        used = s.valid
+
+        def smoothed(x: Array) -> Array:
+            return np.asarray(s.smoothed(x)[used])
+
+        return s.time[used], s.q, s.qd, s.qdd, smoothed(s.tau), smoothed
+    motion = filtered_motion(recording, processing_of(model))
+    every, used = motion.rates.fine * motion.rates.coarse, motion.used
+
+    def passed(x: Array) -> Array:
+        return motion.passed(x)[: len(used)][used]
+
+    time = recording.time[::every][: len(used)][used]
+    return time, motion.q, motion.qd, motion.qdd, motion.tau[used], passed

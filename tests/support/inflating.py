@@ -1,0 +1,10 @@
+"""What pages carry, unpacked."""
+
+import base64
+import gzip
+import json
+
+
+def inflated(text: str) -> object:
+    """Return what `hil.view.packed.deflated` has packed."""
+    return json.loads(gzip.decompress(base64.b64decode(text)))
