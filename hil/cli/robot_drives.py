@@ -105,7 +105,7 @@ def _refuse_contradictions(axes: Sequence[AxisDrive], robot: Robot, text: str, s
             f"{source}:{line_of(text, ('axes',))}: axes: {len(axes)} axes must be"
             f" {robot.n_joints}, one for each joint of {robot.name}"
         )
-    problems = [
+    problems: list[tuple[tuple[str | int, ...], str]] = [
         (("axes", index, *keys), message)
         for index, axis in enumerate(axes)
         for keys, message in _contradictions(axis, index, robot)

@@ -15,8 +15,6 @@ from hil.results.model_file import NAME, read_model_file
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
@@ -29,7 +27,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
     Recordings = tuple[tuple[RecordedMotion, Recording], ...]
-    Recordings = Sequence[tuple[RecordedMotion, Recording]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
