@@ -28,8 +28,8 @@ from hil import Robot
 from hil.export.c_code import write_c
 from hil.export.expressions import count
 from hil.export.functions import functions
-from hil.export.identifiers import identifier
-from hil.export.operations import of_whole_links
+from hil.export.rigid_bodies import of_whole_links
+from hil.export.source_code import identifier
 
 ROBOTS = ("manutec-r15", str(Path(__file__).parents[1] / "tests" / "robots" / "ur10e.yaml"))
 FRICTION = ("offset", "Coulomb", "viscous", "arc tangent")

@@ -15,9 +15,8 @@ from checked_files.near import did_you_mean
 from hil import cli
 from hil.cli.arguments import PLANT, RobotsDrives
 from hil.cli.outputs import folder_to_write
-from hil.terminal.console import out
+from hil.terminal.console import out, working
 from hil.terminal.interruption import interruptible
-from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

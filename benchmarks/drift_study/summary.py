@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from hil.model.dependencies import GROUPS
-from hil.report.charts.colours import GRID, INK, MEASURED, MODEL, MUTED
-from hil.report.plots.style import image, plotting
+from hil.report.charts.chart import GRID, INK, MEASURED, MODEL, MUTED
+from hil.report.pictures import image, plotting
 from hil.runs.atomic_file import write_file
 
 from .campaigns import KINDS

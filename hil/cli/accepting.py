@@ -10,15 +10,15 @@ import typer
 from hil.cli.arguments import RunPath
 from hil.cli.outputs import (
     REFUSED,
+    output_option,
     place_to_write,
     refuse_existing,
     refuse_no_folder,
     say_judgement,
     say_simulated,
 )
-from hil.terminal.console import out, say
+from hil.terminal.console import out, say, working
 from hil.terminal.printable import printable
-from hil.terminal.working import working
 
 commands = typer.Typer()
 PAGE, JUNIT = "acceptance.html", "acceptance.xml"
@@ -28,13 +28,7 @@ PAGE, JUNIT = "acceptance.html", "acceptance.xml"
 def accept(
     folder: RunPath,
     output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            callback=place_to_write,
-            help="Folder of page and JUnit XML; file of a draft.",
-        ),
+        Path, output_option(place_to_write, "Folder of page and JUnit XML; file of a draft.")
     ],
     limits: Annotated[
         Path | None, typer.Option("--limits", help="File of limits that the run is judged by.")
@@ -76,7 +70,7 @@ def _draft(folder: Path, output: Path, factor: float) -> None:
 
 def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) -> bool:
     from checked_files.yaml_file import load_yaml
-    from hil.report.acceptance_page import write_page
+    from hil.report.further_pages import write_acceptance_page
     from hil.results.acceptance import Limits, judge, table, write_junit
     from hil.results.model import Model
     from hil.results.tables.terminal import show
@@ -89,7 +83,7 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
     with working("judging the run by the limits"):
         run, model = Run.open(folder), Model.load(folder)
         found = judge(run, model, bounds)
-        write_page(output / PAGE, run, found, stated)
+        write_acceptance_page(output / PAGE, run, found, stated)
     write_junit(output / JUNIT, run.robot.name, model.provenance.measured, found)
     say_simulated(run)
     show(table(found), out)

@@ -1,21 +1,31 @@
 """Arguments that several commands take, and what is refused about them in the same words.
 
-The modules of commands import these and little else: help and completion of a command load no
-numerics, no bus and no files; a command imports what it works with when it is called.
+Options that belong together are a record, which a command takes as one parameter
+(`expand_records`). The modules of commands import these and little else: help and completion of a
+command load no numerics, no bus and no files; a command imports what it works with when it is
+called.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ParamSpec, get_type_hints
 
 import typer
 
 from hil.runs import SIMULATED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from _typeshed import DataclassInstance
+
+    from hil.estimation.consistent.conditions import BodyBounds
+
+P = ParamSpec("P")
 PLANT = "manutec-r15"
 """Channel of the virtual plant where neither a robot nor drives name one."""
 
@@ -76,6 +86,13 @@ RobotsDrives = Annotated[
     typer.Option("--drives", help="Drives file; by default the one that comes with the robot."),
 ]
 AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; nothing is asked.")]
+RealTime = Annotated[
+    bool,
+    typer.Option("--realtime", help="Run with as much real-time priority as this system grants."),
+]
+
+
 Interface = Annotated[str, typer.Option(help="Name of a python-can interface.")]
 RobotsChannel = Annotated[
     str | None,
@@ -93,11 +110,61 @@ BusOptions = Annotated[
         "--bus-option", help="Further argument of the interface as key=value; may be repeated."
     ),
 ]
-Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; nothing is asked.")]
-RealTime = Annotated[
-    bool,
-    typer.Option("--realtime", help="Run with as much real-time priority as this system grants."),
-]
+
+
+@dataclass(frozen=True)
+class RobotsBus:
+    """Options: the bus of a robot's drives."""
+
+    interface: Interface = SIMULATED
+    channel: RobotsChannel = None
+    drives_file: RobotsDrives = None
+    bus_option: BusOptions = None
+
+
+@dataclass(frozen=True)
+class DrivesBus:
+    """Options: the bus of the drives of a drives file."""
+
+    interface: Interface = SIMULATED
+    channel: DrivesChannel = None
+    bus_option: BusOptions = None
+
+
+def expand_records(command: Callable[P, None]) -> Callable[..., None]:
+    """Give a command the fields of records as options, in place of the parameters that take them.
+
+    Parameters
+    ----------
+    command : callable
+        Some of its parameters are data classes of options, in the order of the help.
+    """
+    records: dict[str, type[DataclassInstance]] = {}
+    options: list[Parameter] = []
+    hints = get_type_hints(command, include_extras=True)
+    for name, parameter in signature(command).parameters.items():
+        if isinstance(kind := hints[name], type) and is_dataclass(kind):
+            records[name] = kind
+            own = get_type_hints(kind, include_extras=True)
+            stated = [(each.name, each.default, own[each.name]) for each in fields(kind)]
+        else:
+            stated = [(name, parameter.default, kind)]
+        options += [
+            Parameter(each, Parameter.KEYWORD_ONLY, default=default, annotation=hint)
+            for each, default, hint in stated
+        ]
+
+    @wraps(command)
+    def expanded(*args: P.args, **given: P.kwargs) -> None:
+        for name, kind in records.items():
+            if name not in given:
+                own = {each.name: given.pop(each.name) for each in fields(kind)}
+                given[name] = kind(**own)
+        command(*args, **given)
+
+    vars(expanded)["__signature__"] = signature(command).replace(parameters=options)
+    expanded.__annotations__ = {each.name: each.annotation for each in options}
+    return expanded
 
 
 def refuse_no_channel(interface: str, channel: str | None) -> None:
@@ -140,3 +207,26 @@ def _value(text: str) -> object:
         except ValueError:
             continue
     return text
+
+
+def body_bounds(masses: Sequence[str] | None) -> BodyBounds:
+    """Bounds of masses as they are written, ``LINK:LEAST:MOST``.
+
+    Raises
+    ------
+    InvalidValue
+        Bounds that no body meets.
+    """
+    from hil.estimation.consistent.conditions import BodyBounds
+
+    found = {}
+    for text in masses or ():
+        try:
+            link, least, most = text.split(":")
+            found[int(link)] = float(least), float(most)
+        except ValueError as error:
+            raise typer.BadParameter(
+                f"{text} must be LINK:LEAST:MOST, such as 2:10:40 for 10 to 40 kg of link 2",
+                param_hint="--mass",
+            ) from error
+    return BodyBounds(masses=found)

@@ -17,8 +17,7 @@ from hil.cli.arguments import bus_options, refuse_no_channel
 from hil.model.robot import ROBOTS
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
-from hil.terminal.keys import Keys
-from hil.terminal.operator import TerminalOperator
+from hil.terminal.keys import Keys, TerminalOperator
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,11 +25,12 @@ if TYPE_CHECKING:
     import can
 
     from drivers.drives_file import AxisDrive, DrivesFile
+    from hil.cli.arguments import DrivesBus
 
 SUFFIX = ".drives.yaml"
 
 
-def selected(name: str, axes: list[str] | None) -> DrivesFile:
+def selected(name: str, axes: list[str] | None = None) -> DrivesFile:
     """Return a drives file, or as much of it as concerns some axes."""
     drives = load_drives(drives_path(name))
     if not axes:
@@ -95,12 +95,11 @@ def _product(axis: AxisDrive) -> tuple[int, int, int]:
     return axis.node, axis.identity.vendor, axis.identity.product
 
 
-def opened_bus(
-    name: str, drives: DrivesFile, interface: str, channel: str | None, pairs: list[str] | None
-) -> can.BusABC:
+def opened_bus(name: str, drives: DrivesFile, where: DrivesBus) -> can.BusABC:
     """Open the bus of a drives file, by default that of the plant with these drives."""
-    refuse_no_channel(interface, channel)
-    return opened(interface, channel or _plant_of(drives, name), drives.bitrate, pairs)
+    refuse_no_channel(where.interface, where.channel)
+    channel = where.channel or _plant_of(drives, name)
+    return opened(where.interface, channel, drives.bitrate, where.bus_option)
 
 
 def opened(

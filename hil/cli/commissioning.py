@@ -8,28 +8,19 @@ it, and Ctrl-C does. Whatever ends a command, the axes stop and are switched off
 from __future__ import annotations
 
 import math
-from contextlib import closing
+from contextlib import closing, contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli import check_view, jitter_view
-from hil.cli.arguments import (
-    AxisName,
-    BusOptions,
-    Drives,
-    DrivesChannel,
-    Interface,
-    RealTime,
-    Yes,
-)
-from hil.runs import SIMULATED
+from hil.cli import check_view
+from hil.cli.arguments import AxisName, Drives, DrivesBus, RealTime, Yes, expand_records
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     import can
     import numpy as np
@@ -37,6 +28,8 @@ if TYPE_CHECKING:
 
     from drivers.commissioning.verdict import Verdict
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.found_settings.keeping import SettingsKeeper
+    from hil.terminal.keys import TerminalOperator
 
     Array = NDArray[np.float64]
 
@@ -44,11 +37,10 @@ commands = typer.Typer()
 
 
 @commands.command()
+@expand_records
 def check(
     drives_file: Drives,
-    interface: Interface = SIMULATED,
-    channel: DrivesChannel = None,
-    bus_option: BusOptions = None,
+    where: DrivesBus,
     axis: Annotated[
         list[str] | None, typer.Option(help="Axis to check instead of all; may be repeated.")
     ] = None,
@@ -77,16 +69,13 @@ def check(
     from drivers.operator_tools.check import check as check_drives
     from drivers.operator_tools.check_powered import SmallMoves
     from hil.cli import bus_access
-    from hil.cli.drive_settings import keeper_of_bus
 
     drives = bus_access.selected(drives_file, axis)
     gravity = None if model is None else _gravity(model, drives)
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
-        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
-        bus_access.operator_at_terminal(agreed=yes) as operator,
+        _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
         bus_access.real_time_if(realtime, lock_step=getattr(bus, "lock_step", False)) as granted,
-        keeper_of_bus(interface, channel) as keeper,
         closing(
             check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
         ) as verdicts,
@@ -94,12 +83,13 @@ def check(
         for line in granted:
             say(line)
         computer = _wake_ups(bus, drives.sync_period, jitter_time, realtime=realtime)
-        serves = check_view.show(map(_line, chain(computer, verdicts)), out)
+        serves = check_view.show(chain(computer, verdicts), out)
     if not serves:
         raise typer.Exit(1)
 
 
 @commands.command()
+@expand_records
 def jog(
     drives_file: Drives,
     axis: AxisName,
@@ -107,37 +97,29 @@ def jog(
     speed: Annotated[
         float, typer.Option(min=0.01, help="Speed of the axis \\[deg/s; mm/s if prismatic].")
     ] = 5,
-    interface: Interface = SIMULATED,
-    channel: DrivesChannel = None,
-    bus_option: BusOptions = None,
+    *,
+    where: DrivesBus,
     yes: Yes = False,
 ) -> None:
     """Move one axis by a small relative way, slowly; no other axis is powered."""
-    from drivers.drives_file import load_drives
     from drivers.operator_tools import jog as jogging
     from hil.cli import bus_access
-    from hil.cli.drive_settings import keeper_of_bus
 
-    drives = load_drives(bus_access.drives_path(drives_file))
+    drives = bus_access.selected(drives_file)
     drive = bus_access.find_axis(drives, axis)
-    with (
-        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
-        bus_access.operator_at_terminal(agreed=yes) as operator,
-        keeper_of_bus(interface, channel) as keeper,
-    ):
+    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         way, velocity = _si(drive, by), _si(drive, speed)
         stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
     torque = drive.effort_unit
-    out.print(
+    say(
         f"{drive.name}: from {jogging.shown(drive, stroke.q[0])} to"
         f" {jogging.shown(drive, stroke.q[-1])}, torque at most {stroke.peak_torque:.3g} {torque},"
-        f" following error at most {jogging.shown(drive, stroke.following_error)}; off",
-        highlight=False,
-        soft_wrap=True,
+        f" following error at most {jogging.shown(drive, stroke.following_error)}; off"
     )
 
 
 @commands.command()
+@expand_records
 def home(
     drives_file: Drives,
     axis: AxisName,
@@ -150,36 +132,41 @@ def home(
     patience: Annotated[
         float, typer.Option(min=1, help="Longest duration of the homing \\[s].")
     ] = 60,
-    interface: Interface = SIMULATED,
-    channel: DrivesChannel = None,
-    bus_option: BusOptions = None,
+    *,
+    where: DrivesBus,
     yes: Yes = False,
 ) -> None:
     """Let one drive find its reference by its own homing mode; no other axis is powered."""
     from checked_files.yaml_file import FileError
-    from drivers.drives_file import load_drives
     from drivers.operator_tools import home as homing
     from drivers.operator_tools.jog import shown
     from hil.cli import bus_access
-    from hil.cli.drive_settings import keeper_of_bus
 
-    path = bus_access.drives_path(drives_file)
-    drives = load_drives(path)
+    drives = bus_access.selected(drives_file)
     drive = bus_access.find_axis(drives, axis)
     if drive.homing is None:
+        path = bus_access.drives_path(drives_file)
         raise FileError(f"{path}: {drive.name}: homing is missing; state method, position, speeds")
     how = drive.homing if method is None else drive.homing.model_copy(update={"method": method})
-    with (
-        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
-        bus_access.operator_at_terminal(agreed=yes) as operator,
-        keeper_of_bus(interface, channel) as keeper,
-    ):
+    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
-    out.print(
-        f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off",
-        highlight=False,
-        soft_wrap=True,
-    )
+    say(f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off")
+
+
+@contextmanager
+def _commanded(
+    drives_file: str, drives: DrivesFile, where: DrivesBus, *, agreed: bool
+) -> Iterator[tuple[can.BusABC, TerminalOperator, SettingsKeeper]]:
+    """Have the bus open, an operator at the terminal, and what the drives held kept."""
+    from hil.cli import bus_access
+    from hil.cli.drive_settings import keeper_of_bus
+
+    with (
+        bus_access.opened_bus(drives_file, drives, where) as bus,
+        bus_access.operator_at_terminal(agreed=agreed) as operator,
+        keeper_of_bus(where.interface, where.channel) as keeper,
+    ):
+        yield bus, operator, keeper
 
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
@@ -197,8 +184,6 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
 
 def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
     """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
-    import numpy as np
-
     from drivers.can_bus.capabilities import capabilities_of
     from drivers.operator_tools import wake_ups
 
@@ -208,15 +193,7 @@ def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool
     found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
     if found is None:
         return []
-    classes, _ = np.histogram(found.late, [*jitter_view.EDGES, math.inf])
-    jitter = jitter_view.Jitter(
-        len(found.late),
-        1 / period,
-        [(100 * share, found.quantile(share)) for share in (0.5, 0.99, wake_ups.IN_TIME)],
-        found.longest,
-        classes.tolist(),
-    )
-    jitter_view.render(jitter, out)
+    check_view.show_wake_ups(found, wake_ups.IN_TIME, out)
     by_kernel = capabilities_of(bus).kernel_sync
     return [wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=by_kernel)]
 
@@ -224,14 +201,3 @@ def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool
 def _si(drive: AxisDrive, value: float) -> float:
     """Turn degrees into rad, or mm into m."""
     return value / 1000 if drive.joint == "prismatic" else math.radians(value)
-
-
-def _line(verdict: Verdict) -> check_view.Line:
-    return check_view.Line(
-        verdict.grade.value,
-        verdict.place,
-        verdict.check,
-        verdict.found,
-        verdict.bound,
-        verdict.remedy,
-    )

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,5 +49,4 @@ def _write_json(points: Sequence[Judged]) -> None:
     import json
     from dataclasses import asdict
 
-    out.print(json.dumps([asdict(each) for each in points], indent=2), markup=False,
-              highlight=False, soft_wrap=True)  # fmt: skip
+    say(json.dumps([asdict(each) for each in points], indent=2))

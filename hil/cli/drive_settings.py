@@ -14,19 +14,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
+from rich.table import Table
+from rich.text import Text
 
 from drivers.commissioning.announcement import announce
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools.unpowered import UnpoweredDrives
-from hil.cli import bus_state, changes_view
+from hil.cli import bus_state
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import file_errors, write_file
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     import can
 
@@ -63,12 +65,9 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
         write_file(path, content)
         bus_state.name_run(interface, channel, kept)  # from here on the drives are written to
 
-    with bus_state.bus_locked(interface, channel):
-        bus_state.refuse_left_behind(interface, channel, kept)
-        keeper = SettingsKeeper(kept, write, (interface, channel))
+    with _keeper_alone(interface, channel, kept, write, kept) as keeper:
         try:
-            with _reported(keeper):
-                yield keeper
+            yield keeper
         finally:
             if not keeper.unrestored and not bus_state.left_behind(kept):
                 bus_state.forget_run(interface, channel, kept)
@@ -86,17 +85,29 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
     if interface == SIMULATED:
         yield SettingsKeeper()
         return
-    channel = channel or ""
-    with bus_state.bus_locked(interface, channel):
-        bus_state.refuse_left_behind(interface, channel, None)
-        path = bus_state.state_file(interface, channel)
-        keeper = SettingsKeeper(path, bus_state.write_with_folder, (interface, channel))
+    path = bus_state.state_file(interface, channel := channel or "")
+    with _keeper_alone(interface, channel, path, bus_state.write_with_folder) as keeper:
         try:
-            with _reported(keeper):
-                yield keeper
+            yield keeper
         finally:
-            if path.exists() and not keeper.unrestored:
-                _remove_restored(path)
+            if path.exists() and not keeper.unrestored and load_found_settings(path).restored:
+                with file_errors(path, "removed"):
+                    path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _keeper_alone(
+    interface: str,
+    channel: str,
+    path: Path,
+    write: Callable[[Path, bytes], None],
+    ours: Path | None = None,
+) -> Iterator[SettingsKeeper]:
+    """Hold the lock of a bus, whose drives hold nothing of another session than `ours`."""
+    with bus_state.bus_locked(interface, channel):
+        bus_state.refuse_left_behind(interface, channel, ours)
+        with _reported(SettingsKeeper(path, write, (interface, channel))) as keeper:
+            yield keeper
 
 
 @contextmanager
@@ -131,22 +142,26 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
         except DriveError as error:
             problems.append(error)
             continue
-        rows = [changed_row(each.entry, each.present, each.value) for each in found.changes]
-        changes_view.render(server.label, rows, out, "to be written")
+        changes = [(each.entry, each.present, each.value) for each in found.changes]
+        show_changed(server.label, changes, "to be written")
         for note in found.limits.notes:
-            out.print(f"{server.label}: {note}", style="yellow", highlight=False, soft_wrap=True)
+            say(f"{server.label}: {note}", style="yellow")
     if problems:
         raise DriveRefused("\n".join(map(str, problems)))
 
 
-def changed_row(entry: Entry, present: int | None, value: int) -> changes_view.ObjectChange:
-    """Return the row of an object: what the drive holds, and what is written in its place."""
-    place = f"{entry.index:04X}:{entry.subindex:02X}"
-    held = "-" if present is None else entry.shown(present)
-    return changes_view.ObjectChange(place, entry.name, held, entry.shown(value))
-
-
-def _remove_restored(path: Path) -> None:
-    if load_found_settings(path).restored:
-        with file_errors(path, "removed"):
-            path.unlink(missing_ok=True)
+def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], column: str) -> None:
+    """Print one drive's objects: what it holds, where it can be read, and what is written."""
+    if not changes:
+        say(f"{label}: nothing differs")
+        return
+    table = Table(title=Text(label), title_justify="left", box=None, pad_edge=False)
+    for heading in ("object", "name"):
+        table.add_column(heading)
+    for heading in ("value on the drive", column):
+        table.add_column(heading, justify="right")
+    for entry, present, value in changes:
+        held = "-" if present is None else entry.shown(present)
+        place = f"{entry.index:04X}:{entry.subindex:02X}"
+        table.add_row(place, Text(entry.name), held, entry.shown(value))
+    out.print(table, highlight=False)

@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.table import Table
+from rich.text import Text
 
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
-from hil.cli import restoring, scan_view
+from hil.cli import restoring
 from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_no_channel
-from hil.cli.outputs import new_file
+from hil.cli.outputs import new_file, output_option
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -54,20 +55,17 @@ def scan(
 ) -> None:
     """Find the nodes on a bus and what they lack for measuring; only reads."""
     found = _scanned(interface, channel, bus_option, bitrate, _numbers(nodes))
-    scan_view.render([_row(node) for node in found.nodes.values()], out)
+    _show_nodes(list(found.nodes.values()))
     if found.syncs:
-        out.print(
+        say(
             f"{found.syncs} SYNCs of another master were heard: stop it before measuring",
             style="yellow",
-            highlight=False,
         )
 
 
 @drives_commands.command()
 def new(
-    output: Annotated[
-        Path, typer.Option("-o", "--output", callback=new_file, help="Drives file to write.")
-    ],
+    output: Annotated[Path, output_option(new_file, "Drives file to write.")],
     eds: Annotated[
         list[Path] | None, typer.Option(help="EDS or DCF file of a drive; may be repeated.")
     ] = None,
@@ -197,26 +195,44 @@ def _numbers(text: str | None) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def _row(found: FoundNode) -> scan_view.NodeRow:
-    heard = (
-        (f"heartbeat ({found.state})", bool(found.state) and found.state != "boot-up"),
-        ("boot-up", bool(found.boots)),
-        ("EMCY", bool(found.emergencies)),
-        ("SDO", bool(found.answers)),
-    )
-    about, review = found.dictionary, found.review
-    identity = (about.vendor, about.product, about.revision) if about else ()
-    modes = review.modes if review else None
-    return scan_view.NodeRow(
-        found.node,
-        ", ".join(how for how, true in heard if true),
-        about.model if about else "",
-        ", ".join("?" if part is None else f"{part:X}h" for part in identity),
-        " ".join(MODES[mode] for mode in modes or ()),
-        _state(found),
-        "unknown" if review is None else "yes" if review.serves else "no",
-        tuple(_remarks(found)),
-    )
+def _show_nodes(found: Sequence[FoundNode]) -> None:
+    """Print a line a node, then what they lack and why that matters, stated once."""
+    title = "1 node" if len(found) == 1 else f"{len(found)} nodes"
+    table = Table("node", "heard by", "device", "identity (1018)", title=title)
+    for heading in ("modes", "state", "serves"):
+        table.add_column(heading)
+    remarks: dict[tuple[str, bool], list[int]] = {}
+    for node in found:
+        about, review = node.dictionary, node.review
+        identity = (about.vendor, about.product, about.revision) if about else ()
+        texts = (
+            ", ".join(_heard(node)),
+            about.model if about else "",
+            ", ".join("?" if part is None else f"{part:X}h" for part in identity),
+            " ".join(MODES[mode] for mode in (review.modes if review else None) or ()),
+            _state(node),
+        )
+        serves, style = "unknown", "yellow"
+        if review is not None:
+            serves, style = ("yes", "green") if review.serves else ("no", "bold red")
+        table.add_row(str(node.node), *map(Text, texts), Text(serves, style=style))
+        for remark in _remarks(node):
+            remarks.setdefault(remark, []).append(node.node)
+    out.print(table)
+    for (text, fatal), nodes in sorted(remarks.items(), key=lambda item: not item[0][1]):
+        line = Text(f"{_spans(nodes)}: ", style="bold red" if fatal else "yellow")
+        out.print(line.append(text, style="none"), soft_wrap=True, highlight=False)
+
+
+def _heard(found: FoundNode) -> Iterator[str]:
+    """How a node was noticed."""
+    if found.state and found.state != "boot-up":
+        yield f"heartbeat ({found.state})"
+    for how, noticed in (
+        ("boot-up", found.boots), ("EMCY", found.emergencies), ("SDO", found.answers),
+    ):  # fmt: skip
+        if noticed:
+            yield how
 
 
 def _state(found: FoundNode) -> str:
@@ -227,23 +243,27 @@ def _state(found: FoundNode) -> str:
     return "" if state is None else state.value.lower()
 
 
-def _remarks(found: FoundNode) -> Iterator[scan_view.Remark]:
+def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
+    """What is to be known about a node, and whether that keeps it from being used."""
     if found.answers > 1:
-        yield scan_view.Remark(
-            f"{found.answers} devices answer by this number: give each its own, one at a time",
-            fatal=True,
-        )
+        text = f"{found.answers} devices answer by this number: give each its own, one at a time"
+        yield text, True
     if _state(found) == State.OPERATION_ENABLED.value.lower():
-        yield scan_view.Remark(
-            "is powered and may move: another master holds it, release it before measuring",
-            fatal=False,
-        )
-    if found.review is None:
-        yield scan_view.Remark(
-            "answers no SDO: a stopped node, or a master's heartbeat; a drive must be brought to "
-            "pre-operational",
-            fatal=False,
-        )
+        yield "is powered and may move: another master holds it, release it before measuring", False
+    if found.review is not None:
+        yield from ((str(finding), finding.fatal) for finding in found.review.findings)
         return
-    for finding in found.review.findings:
-        yield scan_view.Remark(str(finding), finding.fatal)
+    text = "answers no SDO: a stopped node, or a master's heartbeat; a drive must be brought to"
+    yield f"{text} pre-operational", False
+
+
+def _spans(nodes: Sequence[int]) -> str:
+    """Return node numbers as "node 3" or "nodes 1-4, 7"."""
+    spans: list[list[int]] = []
+    for node in sorted(set(nodes)):
+        if spans and node == spans[-1][-1] + 1:
+            spans[-1].append(node)
+        else:
+            spans.append([node])
+    texts = (f"{span[0]}-{span[-1]}" if len(span) > 1 else f"{span[0]}" for span in spans)
+    return ("nodes " if len(set(nodes)) > 1 else "node ") + ", ".join(texts)

@@ -1,68 +1,76 @@
-"""A dry run's answer on the terminal."""
+"""A dry run's answer on the terminal: what a plan takes, and how precisely it identifies.
+
+The last column of predictions is the torque that a standard deviation amounts to, of the limit.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
+from rich import box
 from rich.table import Table
 
 from checked_files.yaml_file import line_of
+from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import FOR_A_LAW
-from hil.results.rounding import clock
+from hil.planning.prediction.precision import IMPRECISE
+from hil.results.rounding import clock, rounded, significant, unit
+from hil.terminal.console import say
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
-
-SHOWN = 10
-"""Problems that are shown one by one."""
+    from hil.planning.prediction.precision import Precision
 
 
 def render(result: DryRun, console: Console) -> None:
     """Print what a plan will cost and what it will give."""
     console.print(_costs(result))
     if result.bus:
-        console.print(
+        say(
             f"bus load {result.bus_load:.1%} at {result.bus.bitrate / 1000:g} kbit/s"
             f" ({result.bus.frames}; at most {result.bus.most:.0%})",
-            soft_wrap=True,
+            console=console,
         )
     for axis, planned in result.without_law.items():
-        console.print(
-            f"[yellow]axis {axis + 1}: {planned} measurements move it, a law of its friction needs"
-            f" {FOR_A_LAW}; torques will lack its friction; add measurements that move it[/]",
-            soft_wrap=True,
+        say(
+            f"axis {axis + 1}: {planned} measurements move it, a law of its friction needs"
+            f" {FOR_A_LAW}; torques will lack its friction; add measurements that move it",
+            "yellow",
+            console,
         )
     if result.groups:
         console.print(_gains(result))
         for group in result.groups:
             if group.poorly_identifiable:
                 names = ", ".join(group.poorly_identifiable)
-                console.print(
-                    f"[yellow]poorly identifiable in {_words(group.group)}: {names}; vary more"
-                    " joints or add configurations[/]",
-                    soft_wrap=True,
+                say(
+                    f"poorly identifiable in {_words(group.group)}: {names}; vary more joints or"
+                    " add configurations",
+                    "yellow",
+                    console,
                 )
             if group.hidden:
                 names = ", ".join(group.hidden)
-                console.print(
+                say(
                     f"{names}: acceleration shows what no gravity torque distinguishes from an"
                     " offset or from each other; condition and rank are those of all kinds of"
                     " measurement together",
-                    soft_wrap=True,
+                    console=console,
                 )
 
 
-def describe_problems(result: DryRun, text: str, source: str) -> str:
-    """Return one line for each problem, with its place in the plan's `text`."""
+def describe_problems(result: DryRun, text: str, source: str, most: int = 10) -> str:
+    """Return one line for each problem up to `most`, with its place in the plan's `text`."""
     lines = [
         f"{source}:{line_of(text, problem.location)}:"
         f" {'.'.join(map(str, problem.location))}: {problem.message}"
-        for problem in result.problems[:SHOWN]
+        for problem in result.problems[:most]
     ]
-    more = len(result.problems) - SHOWN
+    more = len(result.problems) - most
     return "\n".join([*lines, f"... and {more} more of that kind"] if more > 0 else lines)
 
 
@@ -98,3 +106,64 @@ def _gains(result: DryRun) -> Table:
 
 def _words(group: str) -> str:
     return group.replace("_", "-")
+
+
+def render_precision(found: Precision, robot: Robot, console: Console) -> None:
+    """Print how precisely a plan will identify every base parameter."""
+    columns = {"std. deviation": [_figure(each) for each in found.deviation]}
+    _print_precision("How precisely, predicted", columns, found, robot, console)
+
+
+def render_refinement(before: Precision, after: Precision, robot: Robot, console: Console) -> None:
+    """Print what is known and what will be known with the measurements proposed."""
+    pairs = list(zip(before.deviation.tolist(), after.deviation.tolist(), strict=True))
+    columns = {
+        "now": [_figure(now) for now, _ in pairs],
+        "then": [_figure(then) for _, then in pairs],
+        "then / now": [f"{then / now:.2f}" if math.isfinite(now) else "" for now, then in pairs],
+    }
+    _print_precision("Predicted standard deviations", columns, after, robot, console)
+
+
+def _print_precision(
+    title: str, columns: dict[str, list[str]], found: Precision, robot: Robot, console: Console
+) -> None:
+    """Print figures by group, what they mean as torques, and which are imprecise."""
+    table = Table(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("", no_wrap=True)
+    for heading in columns:
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("torque, %", justify="right", no_wrap=True)
+    table.add_column("")
+    for group, members in base_parameters(robot).groups.items():
+        if members:
+            table.add_row(f"[bold]{_words(group)}[/bold]")
+        for k in members:
+            cells = (each[k] for each in columns.values())
+            table.add_row(found.names[k], *cells, unit(found.units[k]), *_weight(found, k))
+        table.add_section()
+    console.print(table)
+    say(
+        f"torque: what a standard deviation amounts to, of an axis's limit; {found.source}",
+        console=console,
+    )
+    named = zip(found.names, found.imprecise, strict=True)
+    if imprecise := ", ".join(name for name, it_is in named if it_is):
+        say(
+            f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a torque"
+            " limit. Give more minutes, or measure on with hil plan --refine",
+            "yellow",
+            console,
+        )
+
+
+def _figure(deviation: float) -> str:
+    return rounded(deviation, deviation) if math.isfinite(deviation) else "not identifiable"
+
+
+def _weight(found: Precision, k: int) -> tuple[str, str]:
+    """What a standard deviation means, and whether that is much."""
+    effect = float(found.effect[k])
+    figure = significant(100 * effect, 2) if math.isfinite(effect) else ""
+    return figure, "[yellow]imprecise[/]" if found.imprecise[k] else ""

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import Masses, Without
-from hil.cli.outputs import REFUSED, folder_to_write
-from hil.terminal.console import say
+from hil.cli.arguments import Masses, Without, body_bounds
+from hil.cli.outputs import REFUSED, folder_to_write, output_option
+from hil.terminal.console import say, working
 from hil.terminal.printable import printable
-from hil.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from hil.export.exported import Exported
+    from hil.export.given_urdf import Given
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
@@ -35,10 +34,7 @@ def export(
         ),
     ],
     to: Annotated[str, typer.Option(help="Name of the format; an unknown one lists all.")],
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", callback=folder_to_write, help="Folder to write into."),
-    ],
+    output: Annotated[Path, output_option(folder_to_write, "Folder to write into.")],
     urdf: Annotated[
         Path | None,
         typer.Option(
@@ -53,9 +49,8 @@ def export(
     ] = False,
 ) -> None:
     """Write an identified model, or the recordings of a run, as files of other tools."""
-    from hil.export.formats import refuse_unknown
+    from hil.export.formats import SIMULATORS, refuse_unknown
     from hil.export.recordings.formats import RECORDINGS
-    from hil.export.simulators import SIMULATORS
 
     refuse_unknown(to)
     if to in RECORDINGS:
@@ -87,20 +82,24 @@ def _model_written(
     source: Path, to: str, output: Path, urdf: Path | None, masses: list[str] | None, force: bool
 ) -> tuple[Path, ...]:
     with working("reading the model") as now:
-        from hil.export.exported import write_exported
-        from hil.export.formats import export
-        from hil.export.origin import cautions, origin, passed, validations
-        from hil.export.simulators import SIMULATORS
+        from hil.cli.results import show_bodies
+        from hil.export.exported import cautions, origin, passed, validations, write_exported
+        from hil.export.formats import SIMULATORS, export
+        from hil.export.given_urdf import given_urdf
         from hil.results.model import Model
 
         model = Model.load(source)
         if model.failed and not force:
-            raise _failed(model, source)
+            text = f"its identification {model.outcome}; --force writes it all the same, with"
+            sys.stderr.write(printable(f"{source}: {text} FAILED on top of every file\n"))
+            raise typer.Exit(REFUSED)
         now(f"writing the model as {to}")
+        given = None if urdf is None else given_urdf(urdf, model.robot)
         if to in SIMULATORS:
-            exported = _bodies(model, source, to, urdf, masses)
-        else:
-            exported = export(model, to, origin(model, source))
+            model = _model_with_bodies(model, source, given, masses)
+        exported = export(model, to, origin(model, source), given)
+        if to in SIMULATORS:
+            show_bodies(model)
         paths = write_exported(exported, output)
     for line in cautions(model):
         say(line, style="bold red" if model.failed else "yellow")
@@ -109,17 +108,6 @@ def _model_written(
     for remark in exported.remarks:
         say(remark)
     return paths
-
-
-def _failed(model: Model, source: Path) -> typer.Exit:
-    """State why a failed model is not written; return what ends the command."""
-    sys.stderr.write(
-        printable(
-            f"{source}: its identification {model.outcome}; --force writes it all the same, with"
-            " FAILED on top of every file\n"
-        )
-    )
-    return typer.Exit(REFUSED)
 
 
 def _recordings_written(
@@ -142,29 +130,18 @@ def _recordings_written(
         return export_recordings(run, to, output, joints, lambda name: now(f"writing {name}"))
 
 
-def _bodies(
-    model: Model, source: Path, to: str, urdf: Path | None, masses: list[str] | None
-) -> Exported:
+def _model_with_bodies(
+    model: Model, source: Path, given: Given | None, masses: list[str] | None
+) -> Model:
     """The model with bodies, found now unless the model has them as they are asked for."""
-    from hil.cli.consistent_view import body_bounds, render
-    from hil.export.given_urdf import bodies_of, given_urdf
-    from hil.export.origin import origin
-    from hil.export.simulators import export_to_simulator
+    from hil.export.given_urdf import bodies_of
     from hil.results.consistency import SHAPES, with_consistent_robot
 
-    given = None if urdf is None else given_urdf(urdf, model.robot)
     likely = None if given is None else bodies_of(given, model.robot)
-    if model.consistent is None or masses or likely is not None:
-        model = with_consistent_robot(
-            model,
-            _recordings(source),
-            body_bounds(masses),
-            likely,
-            SHAPES if likely is None else f"the inertials of {urdf}",
-        )
-    exported = export_to_simulator(model, to, origin(model, source), given)
-    render(model)
-    return exported
+    if model.consistent is not None and not masses and likely is None:
+        return model
+    of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
+    return with_consistent_robot(model, _recordings(source), body_bounds(masses), likely, of)
 
 
 def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:

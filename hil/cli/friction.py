@@ -11,8 +11,7 @@ import typer
 from hil.cli.arguments import PlanWorkspace, RobotName, RunPath
 from hil.cli.measuring import run
 from hil.cli.outputs import NewPlan, refuse_unwritable, say_simulated
-from hil.terminal.console import out
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -84,10 +83,11 @@ def fit(
 ) -> None:
     """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""
     with working("reading the run") as now:
-        from hil.cli import friction_view
         from hil.estimation.friction.symmetry import BOUND
         from hil.results.friction import evaluate
         from hil.results.friction_file import NAME, write_friction
+        from hil.results.tables import friction as tables
+        from hil.results.tables.terminal import show, show_remark
         from hil.runs.pooling import recorded
         from hil.runs.run import Run
 
@@ -98,8 +98,13 @@ def fit(
         found = evaluate(run, list(recorded(run)), model, bound)
     path = write_friction(run, found)
     say_simulated(run)
-    friction_view.render(found, out)
-    out.print(f"friction in {path}", highlight=False, soft_wrap=True)
+    for table in (
+        tables.models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts),
+    ):  # fmt: skip
+        show(table, out)
+    for left in found.left_out:
+        show_remark(f"left out: {left}", out)
+    say(f"friction in {path}")
 
 
 def _planned(

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.outputs import file_to_write
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -83,9 +82,9 @@ def history(
         say(f"history in {json_file}")
     if page is not None:
         with working("drawing the page"):
-            from hil.report.history_page import write_page
+            from hil.report.further_pages import write_history_page
 
-            write_page(page, found)
+            write_history_page(page, found)
         say(f"page in {page}")
     if fail_on_change and newest:
         raise typer.Exit(CHANGED)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hil.cli.outputs import new_folder, refuse_no_folder
+from hil.cli.outputs import new_folder, output_option, refuse_no_folder
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
@@ -21,12 +21,7 @@ commands = typer.Typer()
 
 @commands.command("import")
 def import_(
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--output", callback=new_folder, help="Run folder to make, or map with --draft."
-        ),
-    ],
+    output: Annotated[Path, output_option(new_folder, "Run folder to make, or map with --draft.")],
     maps: Annotated[
         list[Path] | None, typer.Argument(help="Maps that state which column is what.")
     ] = None,

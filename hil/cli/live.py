@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -10,8 +11,7 @@ from typer.core import TyperCommand
 if TYPE_CHECKING:
     from hil.live.listener import Listener
 
-LIVE_PORT, FOXGLOVE_PORT = 8420, 8765
-PORTS = {"--live": LIVE_PORT, "--foxglove": FOXGLOVE_PORT}
+PORTS = {"--live": 8420, "--foxglove": 8765}
 """Options that take a port, and the one that each means without."""
 LOOPBACK = "127.0.0.1"
 
@@ -93,12 +93,17 @@ def with_ports(arguments: list[str]) -> list[str]:
     return found
 
 
-def listeners(
-    live: int | None,
-    live_address: str | None,
-    foxglove: int | None,
-    foxglove_address: str | None,
-) -> list[Listener]:
+@dataclass(frozen=True)
+class Shown:
+    """Options: where a run is shown while it goes on."""
+
+    live: Live = None
+    live_address: LiveAddress = None
+    foxglove: Foxglove = None
+    foxglove_address: FoxgloveAddress = None
+
+
+def listeners(shown: Shown) -> list[Listener]:
     """Processes that are to be told of the run.
 
     Raises
@@ -106,10 +111,13 @@ def listeners(
     typer.BadParameter
         An address without what is served at it.
     """
-    page = "--live", "the live page", "hil.live.page_server", live, live_address
+    page = "--live", "the live page", "hil.live.page_server"
     stream = "--foxglove", "the stream to Foxglove", "hil.live.foxglove_server"
     found = []
-    for option, what, module, port, address in (page, (*stream, foxglove, foxglove_address)):
+    for option, what, module, port, address in (
+        (*page, shown.live, shown.live_address),
+        (*stream, shown.foxglove, shown.foxglove_address),
+    ):
         if port is not None:
             found.append((what, module, address or LOOPBACK, str(port)))
         elif address is not None:

@@ -6,37 +6,28 @@ part at `open_drive_bus`, by its arguments.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hil.cli.arguments import (
-    BusOptions,
-    Interface,
     PlanFile,
     RealTime,
     RobotOption,
-    RobotsChannel,
-    RobotsDrives,
+    RobotsBus,
     WorkspaceOption,
     bus_options,
+    expand_records,
     refuse_no_channel,
 )
-from hil.cli.live import (
-    Foxglove,
-    FoxgloveAddress,
-    Live,
-    LiveAddress,
-    PortsOptional,
-    listeners,
-)
-from hil.cli.outputs import file_to_write, folder_to_write
+from hil.cli.live import PortsOptional, Shown, listeners
+from hil.cli.outputs import file_to_write, folder_to_write, output_option
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
-from hil.terminal.console import out
-from hil.terminal.working import working
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -61,16 +52,12 @@ class Pacing(StrEnum):
 
 
 @commands.command(cls=PortsOptional)
+@expand_records
 def run(
     plan_file: PlanFile,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the run."),
-    ],
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    output: Annotated[Path, output_option(folder_to_write, "Folder of the run.")],
+    *,
+    where: RobotsBus,
     resume: Annotated[
         bool, typer.Option("--resume", help="Measure what a run that was stopped is missing.")
     ] = False,
@@ -107,10 +94,7 @@ def run(
         ),
     ] = False,
     realtime: RealTime = False,
-    live: Live = None,
-    live_address: LiveAddress = None,
-    foxglove: Foxglove = None,
-    foxglove_address: FoxgloveAddress = None,
+    shown: Shown,
 ) -> None:
     """Measure a plan into a folder; the robot moves."""
     with working("reading the plan") as now:
@@ -120,15 +104,16 @@ def run(
         if symmetric is not None:
             now(f"testing the friction of {symmetric}")
             _gate(symmetric, the_robot)
-    shown_by = listeners(live, live_address, foxglove, foxglove_address)
-    how = OnBus(interface, channel, drives_file, bus_option, pacing, frame_log, realtime, shown_by)
+    how = OnBus(**vars(where), pacing=pacing, frame_log=frame_log, realtime=realtime)
+    how = replace(how, listeners=listeners(shown))
     if what_changes:
         _show_changes(the_plan, the_robot, plan_file, output, how)
     else:
         measure(the_plan, the_robot, plan_file, output, how, resume, speed if rehearse else None)
 
 
-class OnBus(NamedTuple):
+@dataclass(frozen=True)
+class OnBus(RobotsBus):
     """On which bus a plan is measured, and how; as the options of `hil run`.
 
     Attributes
@@ -137,10 +122,6 @@ class OnBus(NamedTuple):
         Processes that are told what happens, not started yet.
     """
 
-    interface: str
-    channel: str | None
-    drives_file: Path | None
-    options: list[str] | None
     pacing: Pacing = Pacing.AUTO
     frame_log: Path | None = None
     realtime: bool = False
@@ -190,7 +171,7 @@ def measure(
         refuse_unusable(output, resume)
         drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
-    options = bus_options(how.options)
+    options = bus_options(how.bus_option)
     planned = repeated(the_plan, rounds)
     feed = _feed(how, planned, the_robot, rehearsal)
     display = display or shown
@@ -210,12 +191,11 @@ def measure(
         return found if feed is None else feed.in_front(found)
 
     with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
-        folder = prepare_folder(output, planned, the_robot, text, resume, out)
+        folder = prepare_folder(output, planned, the_robot, text, resume)
         carry_out(
             folder,
             bus,
             BusName(how.interface, channel),
-            out,
             rehearsal,
             lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
             display if feed is None else partial(feed.display, display),
@@ -237,20 +217,19 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
 
     drives, _ = _checked_drives(the_plan, the_robot, source, how)
     channel = how.channel or the_robot.name
-    bus_options(how.options)
+    bus_options(how.bus_option)
     kept = drive_settings.kept_in(output, how.interface, channel)
-    with bus_access.opened(how.interface, channel, drives.bitrate, how.options) as bus:
+    with bus_access.opened(how.interface, channel, drives.bitrate, how.bus_option) as bus:
         drive_settings.show_changes(drives, bus, kept)
-    out.print("nothing was written, nothing was powered", highlight=False)
+    say("nothing was written, nothing was powered")
 
 
 def _checked_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
     """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
-    from hil.cli.bus_cycle import bus_cycle
     from hil.cli.plan_files import refuse_problems
-    from hil.cli.robot_drives import load_robots_drives, narrowed_drives, packaged_drives
+    from hil.cli.robot_drives import bus_cycle, load_robots_drives, narrowed_drives, packaged_drives
     from hil.planning.dry_run import dry_run
 
     refuse_no_channel(how.interface, how.channel)
@@ -267,7 +246,7 @@ def _gate(folder: Path, the_robot: Robot) -> None:
     from hil.runs.run import Run
 
     for line in refuse_asymmetric(Run.open(folder), the_robot):
-        out.print(line, style="yellow", highlight=False, soft_wrap=True)
+        say(line, style="yellow")
 
 
 def _in_lock_step(how: OnBus) -> bool:

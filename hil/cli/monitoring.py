@@ -1,24 +1,30 @@
-"""The command that watches the bus beside whoever commands the drives."""
+"""The command that watches the bus beside whoever commands the drives.
+
+A table of what goes on is drawn again and again until a key ends it. Where nobody sits at a
+terminal it is printed once, when the time is over.
+"""
 
 from __future__ import annotations
 
 import math
-from time import monotonic
+import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
 
-from hil.cli import monitor_view
-from hil.cli.arguments import BusOptions, Drives, DrivesChannel, Interface
-from hil.runs import SIMULATED
+from hil.cli.arguments import Drives, DrivesBus, expand_records
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import can
+    from rich.console import Console
 
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.operator_tools.monitor import AxisPicture, BusPicture
@@ -27,11 +33,10 @@ commands = typer.Typer()
 
 
 @commands.command()
+@expand_records
 def monitor(
     drives_file: Drives,
-    interface: Interface = SIMULATED,
-    channel: DrivesChannel = None,
-    bus_option: BusOptions = None,
+    where: DrivesBus,
     duration: Annotated[
         float | None,
         typer.Option(
@@ -47,24 +52,69 @@ def monitor(
     ] = False,
 ) -> None:
     """Show states, positions, torques and emergencies live; sends nothing unless asked to."""
-    from drivers.drives_file import load_drives
     from drivers.operator_tools.monitor import BusPicture, questions
     from hil.cli import bus_access
 
-    drives = load_drives(bus_access.drives_path(drives_file))
+    drives = bus_access.selected(drives_file)
     picture, asked = BusPicture(drives), questions(drives) if inputs else ()
     with (
-        bus_access.opened_bus(drives_file, drives, interface, channel, bus_option) as bus,
+        bus_access.opened_bus(drives_file, drives, where) as bus,
         interruptible(lambda: "stopped watching"),
         Keys() as keys,
     ):
-        monitor_view.follow(
-            lambda time: _listen(bus, picture, time, asked),
-            lambda: _snapshot(picture, drives),
+        follow(
+            lambda duration: _listen(bus, picture, duration, asked),
+            lambda hint: _table(picture, drives, hint),
             keys,
             out,
             duration,
         )
+
+
+def follow(
+    listen: Callable[[float], None],
+    draw: Callable[[str], Table],
+    keys: Keys,
+    console: Console,
+    duration: float | None,
+    every: float = 0.1,
+) -> None:
+    """Listen and show what is seen until q is pressed or the time is over.
+
+    Parameters
+    ----------
+    listen : callable
+        Takes frames for so long [s].
+    draw : callable
+        Draws what was seen until now, with a hint below.
+    keys : Keys
+        Entered; p pauses the table and goes on, q ends.
+    console : Console
+        Where to draw.
+    duration : float or None
+        How long at most [s].
+    every : float
+        Time between two tables [s].
+    """
+    ends = math.inf if duration is None else time.monotonic() + duration
+    paused = False
+    if not console.is_terminal:
+        while time.monotonic() < ends:
+            listen(every)
+        console.print(draw(""))
+        return
+    with Live(console=console, auto_refresh=False, transient=False) as live:
+        while time.monotonic() < ends:
+            listen(every)
+            pressed = keys.pressed().lower()
+            if "q" in pressed:
+                return
+            paused ^= pressed.count("p") % 2 == 1
+            if not paused:
+                shown = draw("p pauses, q quits")
+            else:
+                shown.caption = "paused: p goes on, q quits"
+            live.update(shown, refresh=True)
 
 
 def _listen(
@@ -72,31 +122,35 @@ def _listen(
 ) -> None:
     for question in asked:
         bus.send(question)
-    ends = monotonic() + duration
-    while (left := ends - monotonic()) > 0:
+    ends = time.monotonic() + duration
+    while (left := ends - time.monotonic()) > 0:
         frame = bus.recv(left)
         if frame is not None:
-            picture.take(frame, monotonic())
+            picture.take(frame, time.monotonic())
 
 
-def _snapshot(picture: BusPicture, drives: DrivesFile) -> monitor_view.Snapshot:
-    rows = [_row(axis, drive) for axis, drive in zip(picture.axes, drives.axes, strict=True)]
-    return monitor_view.Snapshot(rows, picture.sync_rate(monotonic()))
-
-
-def _row(axis: AxisPicture, drive: AxisDrive) -> monitor_view.AxisLine:
-    silent = monotonic() - axis.heard
-    unit = drive.effort_unit
-    return monitor_view.AxisLine(
-        axis.name,
-        str(axis.node),
-        axis.nmt,
-        ", ".join(filter(None, (axis.state and axis.state.value, axis.interlock))),
-        "" if math.isnan(axis.q) else _position(drive, axis.q),
-        "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {unit}",
-        "never" if math.isinf(silent) else f"{silent:.1f} s",
-        _alarm(axis),
-    )
+def _table(picture: BusPicture, drives: DrivesFile, hint: str) -> Table:
+    """What was seen until now, a row an axis."""
+    rate = picture.sync_rate(time.monotonic())
+    drawn = Table(title=f"SYNC at {rate:.4g} Hz" if rate else "no SYNC", caption=hint)
+    for heading in ("axis", "node", "NMT", "state"):
+        drawn.add_column(heading)
+    for heading in ("position", "torque", "heard"):
+        drawn.add_column(heading, no_wrap=True, justify="right")
+    drawn.add_column("emergency")
+    for axis, drive in zip(picture.axes, drives.axes, strict=True):
+        silent = time.monotonic() - axis.heard
+        drawn.add_row(
+            axis.name,
+            str(axis.node),
+            axis.nmt,
+            ", ".join(filter(None, (axis.state and axis.state.value, axis.interlock))),
+            "" if math.isnan(axis.q) else _position(drive, axis.q),
+            "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {drive.effort_unit}",
+            "never" if math.isinf(silent) else f"{silent:.1f} s",
+            Text(_alarm(axis), style="bold red"),
+        )
+    return drawn
 
 
 def _position(drive: AxisDrive, q: float) -> str:

@@ -12,13 +12,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from hil.terminal.console import say
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from typer.models import OptionInfo
+
     from hil.errors import FileError
     from hil.results.judgement import Judgement
     from hil.runs.run import Run
@@ -65,7 +69,14 @@ def new_folder(ctx: typer.Context, path: Path | None) -> Path | None:
     return folder_to_write(ctx, path)
 
 
-NewPlan = Annotated[Path, typer.Option("-o", "--output", callback=new_file, help="Plan to write.")]
+def output_option(
+    callback: Callable[[typer.Context, Path | None], Path | None], text: str
+) -> OptionInfo:
+    """Return the option -o, looked at by a callback of this module."""
+    return cast("OptionInfo", typer.Option("-o", "--output", callback=callback, help=text))
+
+
+NewPlan = Annotated[Path, output_option(new_file, "Plan to write.")]
 
 
 def say_simulated(*runs: Run) -> None:

@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from hil.cli.arguments import BusOptions, Interface, ModelPath, RobotsChannel, RobotsDrives
-from hil.cli.outputs import folder_to_write, refuse_unwritable, say_simulated
-from hil.runs import SIMULATED
-from hil.terminal.console import out
-from hil.terminal.working import working
+from hil.cli.arguments import ModelPath, RobotsBus, expand_records
+from hil.cli.outputs import folder_to_write, output_option, refuse_unwritable, say_simulated
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.cli.measuring import OnBus
@@ -72,9 +70,10 @@ def two_runs(
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     with working("reading the runs") as now:
-        from hil.cli import payload_view
         from hil.results import payload as results
         from hil.results import payload_file
+        from hil.results.tables import payload as tables
+        from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
         path = loaded / payload_file.NAME
@@ -83,17 +82,20 @@ def two_runs(
         now("estimating both runs anew and the load between them")
         found = results.find_payload(*runs, mass, gains=gains)
     say_simulated(*runs)
-    payload_view.render(payload_file.write_payload(*runs, found), out)
-    out.print(f"load in {path}; hil report {loaded} shows it", highlight=False, soft_wrap=True)
+    load = payload_file.write_payload(*runs, found)
+    show(tables.changes(load), out)
+    show(tables.quantities(load), out)
+    for sentence in (tables.goodness_of_fit(load), tables.unseen(load)):
+        show_sentence(sentence, out)
+    show(tables.torque_constants(load), out)
+    say(f"load in {path}; hil report {loaded} shows it")
 
 
 @payload.command()
+@expand_records
 def measure(
     model: ModelPath,
-    output: Annotated[
-        Path,
-        typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the measurement."),
-    ],
+    output: Annotated[Path, output_option(folder_to_write, "Folder of the measurement.")],
     minutes: Annotated[
         float,
         typer.Option(min=0.5, max=3, help="Duration of motion, ways included \\[min]."),
@@ -115,10 +117,8 @@ def measure(
             " may be given again."
         ),
     ] = None,
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    *,
+    where: RobotsBus,
     resume: Annotated[
         bool, typer.Option("--resume", help="Measure what a measurement that was stopped misses.")
     ] = False,
@@ -137,7 +137,7 @@ def measure(
     poses = _poses(bare_run.robot, pose or [])
     with working("reading what the run without the load knows"):
         bare = know(bare_run)
-    how = OnBus(interface, channel, drives_file, bus_option)
+    how = OnBus(**vars(where))
     slow = _kept_plan(output / SLOW, bare)
     if slow is None:
         with working("choosing slow measurements"):
@@ -145,11 +145,10 @@ def measure(
             slow = stage.plan
             held = load_plan.holds(bare, slow)
         _show_stage("slow", stage, bare)
-        out.print(
+        say(
             f"all axes hold up to {held:.3g} kg in these poses, its centre up to"
-            f" {load_plan.REACH:g} m from the last frame",
-            highlight=False, soft_wrap=True,
-        )  # fmt: skip
+            f" {load_plan.REACH:g} m from the last frame"
+        )
     _carry_out(slow, bare, output / SLOW, how, resume=resume)
     fast = _kept_plan(output / FAST, bare)
     if fast is None:
@@ -164,8 +163,8 @@ def measure(
         kept = write_load(output, bare, runs, find_load(bare, runs, mass))
     say_simulated(*runs)
     for line in kept.verdict:
-        out.print(line, highlight=False, markup=False, soft_wrap=True)
-    out.print(f"load in {output / NAME}", highlight=False, soft_wrap=True)
+        say(line)
+    say(f"load in {output / NAME}")
 
 
 def _poses(robot: Robot, stated: list[str]) -> tuple[tuple[int, float], ...]:
@@ -241,7 +240,4 @@ def _show_stage(name: str, stage: LoadPlan, bare: BareRun) -> None:
 
     entries = timetable(stage.plan, bare.robot, stage.plan.measurements)
     lasts = clock(sum(each.travel + each.duration for each in entries))
-    out.print(
-        f"{name}: {len(entries)} measurements in {lasts} min of motion", highlight=False,
-        soft_wrap=True,
-    )  # fmt: skip
+    say(f"{name}: {len(entries)} measurements in {lasts} min of motion")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,22 +18,15 @@ from hil.cli.arguments import (
 )
 from hil.cli.outputs import NewPlan
 from hil.planning import LONGEST
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from hil.model.robot import Robot
-    from hil.planning.plan import Plan
-    from hil.planning.workspace import Workspace
+    from collections.abc import Sequence
 
 commands = typer.Typer()
 
-MOST = 2000
-"""Measurements of a kind; choosing among more takes longer than measuring them."""
-REFINEMENT = 10.0
-"""Duration of a refinement unless another is asked for [min]."""
+Count = partial(typer.Option, min=1, max=2000)
+"""Option of a number of measurements; choosing among more takes longer than measuring them."""
 
 
 @commands.command("dry-run")
@@ -57,9 +51,8 @@ def dry_run_(
 ) -> None:
     """State what a plan takes and what it gives; nothing moves."""
     from hil.cli import dry_run_view
-    from hil.cli.bus_cycle import bus_cycle
     from hil.cli.plan_files import load, refuse_problems
-    from hil.cli.robot_drives import known_drives
+    from hil.cli.robot_drives import bus_cycle, known_drives
     from hil.planning.dry_run import dry_run
 
     if view:
@@ -77,15 +70,14 @@ def dry_run_(
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
-        from hil.cli import precision_view
-        from hil.cli.assumed_noise import noise_of
+        from hil.cli.robot_drives import noise_of
         from hil.friction.ripple import ripple_left_out
         from hil.planning.prediction.precision import predict
 
         with working("predicting the precision"):
             noise = noise_of(the_robot, noise_from, drives_file)
             found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
-        precision_view.render(found, the_robot, out)
+        dry_run_view.render_precision(found, the_robot, out)
         if ripple := ripple_left_out(the_robot):
             say(ripple, style="yellow")
 
@@ -99,15 +91,15 @@ def plan(
     ] = None,
     gravity: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of gravity measurements.", show_default="56"),
+        Count(help="Number of gravity measurements.", show_default="56"),
     ] = None,
     inertia: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of inertia measurements.", show_default="80"),
+        Count(help="Number of inertia measurements.", show_default="80"),
     ] = None,
     coupling: Annotated[
         int | None,
-        typer.Option(min=1, max=MOST, help="Number of coupling measurements.", show_default="16"),
+        Count(help="Number of coupling measurements.", show_default="16"),
     ] = None,
     minutes: Annotated[
         float | None,
@@ -143,17 +135,43 @@ def plan(
     """Choose configurations and motions from g(q) and M(q)."""
     asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
     counts = {kind: number for kind, number in asked.items() if number is not None}
-    _refuse_contradictions(
-        name, run, minutes, counts, warm_up, workspace, noise_from,
-        with_trajectories=with_trajectories,
-    )  # fmt: skip
+    own = warm_up or workspace is not None or noise_from is not None
+    for wrong, why in (
+        ((name is None) == (not run), "give a robot, or a run with --refine: one of the two"),
+        (
+            counts and (minutes is not None or run),
+            "--gravity, --inertia and --coupling are for a plan by counts; leave them out with"
+            " --minutes and --refine, which choose them",
+        ),
+        (
+            run and own,
+            "--refine takes workspace and noise from the run; leave --warm-up, --workspace and"
+            " --noise-from out",
+        ),
+        (
+            with_trajectories and run,
+            "--with-trajectories does not go with --refine, which chooses among strokes",
+        ),
+        (
+            with_trajectories and minutes is None,
+            "--with-trajectories needs --minutes, within which all kinds are weighed against each"
+            " other; for trajectories alone there is hil trajectory plan",
+        ),
+        (
+            noise_from is not None and minutes is None,
+            "--noise-from is for --minutes; a plan by counts uses no noise",
+        ),
+    ):
+        if wrong:
+            raise typer.BadParameter(why)
     if run:
-        _refine(run, minutes or REFINEMENT, output)
+        _refine(run, minutes or 10.0, output)
         return
     with working("reading the robot") as now:
         from checked_files.yaml_file import FileError
         from hil.cli.plan_files import load_guard, write_plan
         from hil.model.robot import load_robot, refuse_unknown
+        from hil.planning.design.by_counts import design
 
         the_robot = load_robot(str(name))
         refuse_unknown(the_robot)
@@ -161,47 +179,27 @@ def plan(
             guard = load_guard(workspace, the_robot)
             if minutes is None:
                 now("choosing measurements")
-                designed = _by_counts(the_robot, counts, warm_up, guard)
+                designed = design(the_robot, counts, warm_up, guard)
             else:
+                from hil.cli.robot_drives import noise_of
+                from hil.planning.design.by_minutes import design_within
+
                 now(f"choosing the most informative measurements of {minutes:g} minutes")
-                designed = _by_minutes(
-                    the_robot, minutes, noise_from, warm_up, guard, trajectories=with_trajectories
-                )
+                designed = design_within(
+                    the_robot, minutes, noise_of(the_robot, noise_from), warm_up, guard,
+                    with_trajectories=with_trajectories,
+                )  # fmt: skip
         except ValueError as error:
             raise FileError(f"{name}: {error}") from error
     write_plan(output, designed, the_robot)
 
 
-def _by_counts(
-    robot: Robot, counts: Mapping[str, int], warm_up: float, guard: Workspace | None
-) -> Plan:
-    from hil.planning.design.by_counts import design
-
-    return design(robot, counts, warm_up, guard)
-
-
-def _by_minutes(
-    robot: Robot,
-    minutes: float,
-    noise_from: Path | None,
-    warm_up: float,
-    guard: Workspace | None,
-    *,
-    trajectories: bool,
-) -> Plan:
-    from hil.cli.assumed_noise import noise_of
-    from hil.planning.design.by_minutes import design_within
-
-    noise = noise_of(robot, noise_from)
-    return design_within(robot, minutes, noise, warm_up, guard, with_trajectories=trajectories)
-
-
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
     with working("finding what the runs have shown") as now:
         from checked_files.yaml_file import FileError
-        from hil.cli import precision_view
-        from hil.cli.assumed_noise import experience_of
+        from hil.cli.dry_run_view import render_refinement
         from hil.cli.plan_files import write_plan
+        from hil.cli.robot_drives import experience_of
         from hil.planning.design.by_minutes import refine
         from hil.planning.prediction.precision import information, precision
 
@@ -216,41 +214,4 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
         more = information(robot, designed.measurements, designed.sample_period, noise)
         before, then = (precision(robot, each, noise.source) for each in (known, known + more))
     write_plan(output, designed, robot)
-    precision_view.render_refinement(before, then, robot, out)
-
-
-def _refuse_contradictions(
-    name: str | None,
-    run: list[Path] | None,
-    minutes: float | None,
-    counts: Mapping[str, int],
-    warm_up: float,
-    workspace: Path | None,
-    noise_from: Path | None,
-    *,
-    with_trajectories: bool,
-) -> None:
-    """Refuse options that do not go together."""
-    if (name is None) == (not run):
-        raise typer.BadParameter("give a robot, or a run with --refine: one of the two")
-    if counts and (minutes is not None or run):
-        raise typer.BadParameter(
-            "--gravity, --inertia and --coupling are for a plan by counts; leave them out with"
-            " --minutes and --refine, which choose them"
-        )
-    if run and (warm_up or workspace is not None or noise_from is not None):
-        raise typer.BadParameter(
-            "--refine takes workspace and noise from the run; leave --warm-up, --workspace and"
-            " --noise-from out"
-        )
-    if with_trajectories and run:
-        raise typer.BadParameter(
-            "--with-trajectories does not go with --refine, which chooses among strokes"
-        )
-    if with_trajectories and minutes is None:
-        raise typer.BadParameter(
-            "--with-trajectories needs --minutes, within which all kinds are weighed against each"
-            " other; for trajectories alone there is hil trajectory plan"
-        )
-    if noise_from is not None and minutes is None:
-        raise typer.BadParameter("--noise-from is for --minutes; a plan by counts uses no noise")
+    render_refinement(before, then, robot, out)

@@ -10,7 +10,7 @@ import typer
 
 from hil.cli.arguments import PLANT, BusOptions, refuse_no_channel
 from hil.runs import SIMULATED
-from hil.terminal.console import out, say
+from hil.terminal.console import say
 from hil.terminal.interruption import interruptible
 
 if TYPE_CHECKING:
@@ -65,8 +65,7 @@ def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[Fou
     """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
     from drivers.found_settings.settings_file import dump_found_settings
     from drivers.operator_tools.put_back import put_back
-    from hil.cli import changes_view
-    from hil.cli.drive_settings import changed_row
+    from hil.cli.drive_settings import show_changed
     from hil.runs.atomic_file import write_file
 
     failed = False
@@ -74,8 +73,7 @@ def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[Fou
         if drive.doubt:
             say(f"{drive.name} (node {drive.node}): {drive.doubt}", style="yellow")
     for each in put_back(bus, settings):
-        rows = [changed_row(entry, present, value) for entry, present, value in each.written]
-        changes_view.render(each.label, rows, out, "put back")
+        show_changed(each.label, each.written, "put back")
         settings = settings.with_drives([each.drive])
         write_file(file, dump_found_settings(settings).encode())
         for line in each.left:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import Masses, RunPath, RunPaths, Without
+from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds
 from hil.cli.outputs import (
     REFUSED,
     folder_to_write,
@@ -16,10 +16,10 @@ from hil.cli.outputs import (
     say_judgement,
     say_simulated,
 )
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
+    from hil.results.model import Model
     from hil.runs.run import Run
 
 commands = typer.Typer()
@@ -59,7 +59,6 @@ def identify(
     """
     begun = perf_counter()
     with working("reading the run") as now:
-        from hil.cli.consistent_view import body_bounds, render
         from hil.estimation.friction.symmetry import of_local_values
         from hil.results import identification, kept_findings, model_file
         from hil.results.advice import budget_table
@@ -77,7 +76,7 @@ def identify(
         if method is None:
             method, reason = identification.method_for(run, more)
             if run.imported or any(each.imported for each in more):
-                out.print(f"{method} method: {reason}", highlight=False, soft_wrap=True)
+                say(f"{method} method: {reason}")
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
         if more or run.imported:
             found = identification.identified(run, method, more).model
@@ -97,11 +96,11 @@ def identify(
     show(budget_table(found.error_budget), out)
     for term in found.error_budget:
         show_sentence(f"{term.cause}: {term.found}", out)
-    render(found)
+    show_bodies(found)
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
-    out.print(f"model in {path} ({took})", highlight=False, soft_wrap=True)
+    say(f"model in {path} ({took})")
     if found.failed:
         raise typer.Exit(REFUSED)
 
@@ -130,7 +129,7 @@ def report(
     _show_unusable_model(run)
     _show_shortfall(run)
     say_simulated(run)
-    out.print(f"report in {path} ({perf_counter() - begun:.1f} s)", highlight=False, soft_wrap=True)
+    say(f"report in {path} ({perf_counter() - begun:.1f} s)")
 
 
 @commands.command()
@@ -161,9 +160,11 @@ def compare(
 def diagnose(folder: RunPath, without: Without = None) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
     with working("reading the run") as now:
-        from hil.cli import diagnosis_view
-        from hil.report.plots.diagnosis import write_diagnosis_plots
+        from hil.report.sections.kept import write_diagnosis_plots
         from hil.results import diagnosis, diagnosis_file
+        from hil.results.tables.diagnosis import candidates, sentences
+        from hil.results.tables.drive_train import drive_train
+        from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
         refuse_unwritable(folder / diagnosis_file.NAME)
@@ -174,9 +175,12 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
         now("drawing")
         plots = write_diagnosis_plots(folder, found)
     say_simulated(run)
-    diagnosis_view.render(kept, found.estimate, run.robot, out)
-    out.print(f"plots in {plots}", highlight=False, soft_wrap=True)
-    _show_place("diagnosis", folder / diagnosis_file.NAME)
+    show(candidates(kept), out)
+    for sentence in sentences(kept):
+        show_sentence(sentence, out)
+    show(drive_train(found.estimate, run.robot), out)
+    say(f"plots in {plots}")
+    say(f"diagnosis in {folder / diagnosis_file.NAME}; hil report {folder} shows it")
 
 
 def _refuse_unknown(method: str | None) -> None:
@@ -192,9 +196,19 @@ def _refuse_unknown(method: str | None) -> None:
         )
 
 
+def show_bodies(model: Model) -> None:
+    """Show the bodies of a model, if they were asked for."""
+    from hil.results.tables.consistent import bodies, changed_parameters, torque_costs
+    from hil.results.tables.terminal import show
+
+    if model.consistent is not None:
+        for table in (bodies, changed_parameters, torque_costs):
+            show(table(model.robot, model.consistent), out)
+
+
 def _show_shortfall(run: Run) -> None:
     if run.shortfall:
-        out.print(f"[yellow]{run.shortfall}[/]", soft_wrap=True)
+        say(run.shortfall, style="yellow")
 
 
 def _show_unusable_model(run: Run) -> None:
@@ -212,9 +226,3 @@ def _show_unusable_model(run: Run) -> None:
         why = str(error)
     if why is not None:
         say(f"not used, the report is of a new estimate: {why}", style="yellow")
-
-
-def _show_place(what: str, path: Path) -> None:
-    out.print(
-        f"{what} in {path}; hil report {path.parent} shows it", highlight=False, soft_wrap=True
-    )

@@ -1,21 +1,37 @@
-"""The drives of a plan's robot: found, held against the robot file, narrowed to a workspace."""
+"""The drives of a plan's robot: found, held against the robot file, and what they let expect.
+
+Robot file and drives file both state joint types, gear ratios, torque constants and limits, since
+each is used without the other. Where they contradict each other every torque would be wrong by the
+same factor, and no residual would show it. So they are compared before anything moves. Drives also
+say what a cycle of a plan puts on the bus, and in which steps torques and positions come.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileError
+from checked_files.yaml_file import FileError, line_of
+from drivers.axis import AxisScale
+from drivers.canopen.bus_load import MAX_LOAD, cycle_time, time_on_bus
+from drivers.canopen.pdo_mapping import transmitted
 from drivers.drives_file import load_drives
-from hil.cli.robot_match import StatedAxis, refuse_contradictions
 from hil.model.robot import ROBOTS
+from hil.planning import BITRATE
+from hil.planning.dry_run import BusCycle
+from hil.planning.prediction.noise import stated_noise
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from drivers.drives_file import DrivesFile
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from hil.estimation.noise_levels import Levels
     from hil.model.robot import Robot
+    from hil.planning.plan import Plan
+    from hil.planning.prediction.noise import Noise
     from hil.planning.workspace import Workspace
+    from hil.runs.run import Run
 
 
 def packaged_drives(the_robot: Robot) -> Path:
@@ -68,21 +84,7 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
     drives = load_drives(path)
     with file_errors(path, "read"):
         text = path.read_text(encoding="utf-8")
-    axes = [
-        StatedAxis(
-            axis.name,
-            axis.joint,
-            axis.gear_ratio,
-            axis.torque_constant,
-            axis.limits.q_min,
-            axis.limits.q_max,
-            axis.limits.velocity,
-            axis.limits.acceleration,
-            axis.limits.torque,
-        )
-        for axis in drives.axes
-    ]
-    refuse_contradictions(axes, the_robot, text, str(path))
+    _refuse_contradictions(drives.axes, the_robot, text, str(path))
     return drives, text
 
 
@@ -94,3 +96,137 @@ def narrowed_drives(drives: DrivesFile, workspace: Workspace | None) -> DrivesFi
         limits = axis.limits.model_copy(update={"q_min": low, "q_max": high})
         axes[joint - 1] = axis.model_copy(update={"limits": limits})
     return drives.model_copy(update={"axes": tuple(axes)})
+
+
+def _refuse_contradictions(axes: Sequence[AxisDrive], robot: Robot, text: str, source: str) -> None:
+    """Compare the axes of a drives file with a robot, one line for each contradiction."""
+    if len(axes) != robot.n_joints:
+        raise FileError(
+            f"{source}:{line_of(text, ('axes',))}: axes: {len(axes)} axes must be"
+            f" {robot.n_joints}, one for each joint of {robot.name}"
+        )
+    problems: list[tuple[tuple[str | int, ...], str]] = [
+        (("axes", index, *keys), message)
+        for index, axis in enumerate(axes)
+        for keys, message in _contradictions(axis, index, robot)
+    ]
+    if problems:
+        raise FileError(
+            "\n".join(
+                f"{source}:{line_of(text, place)}: {'.'.join(map(str, place))}: {message}"
+                for place, message in problems
+            )
+        )
+
+
+def _contradictions(
+    axis: AxisDrive, index: int, robot: Robot
+) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Find contradictions of one axis; of another kind of joint, none but this.
+
+    Of limits, those wider than the robot's, and narrower ones that a plan would run into.
+    """
+    # shares by which numbers may differ, and a drive's limits be narrower, never wider
+    same, narrower = 1e-3, 5e-3
+    joint = "revolute" if robot.revolute[index] else "prismatic"
+    both = f"as in the robot file of {robot.name}; correct whichever is wrong"
+    if axis.joint != joint:
+        yield ("joint",), f"{axis.joint} of axis {axis.name} must be {joint} {both}"
+        return
+    for key in ("gear_ratio", "torque_constant"):
+        stated, known = getattr(axis, key), float(getattr(robot, key)[index])
+        if stated is not None and abs(stated - known) > same * abs(known):
+            yield (key,), f"{stated:g} of axis {axis.name} must be {known:g} {both}"
+    limits, low, high = axis.limits, float(robot.q_min[index]), float(robot.q_max[index])
+    q, tau = robot.position_unit(index), robot.torque_unit(index)
+    for key, stated, known, unit in (
+        ("q_min", -limits.q_min, -low, q),
+        ("q_max", limits.q_max, high, q),
+        ("velocity", limits.velocity, float(robot.velocity_limit[index]), f"{q}/s"),
+        ("acceleration", limits.acceleration, float(robot.acceleration_limit[index]), f"{q}/s^2"),
+        ("torque", limits.torque, float(robot.torque_limit[index]), tau),
+    ):
+        slack = high - low if unit == q else known
+        if -narrower * slack <= stated - known <= same * slack:
+            continue
+        sign, relation = -1 if key == "q_min" else 1, "wider" if stated > known else "narrower"
+        yield (
+            ("limits", key),
+            f"{sign * stated:g} {unit} of axis {axis.name} is {relation} than"
+            f" {sign * known:g} {unit} in the robot file of {robot.name}; make both alike",
+        )
+
+
+def bus_cycle(
+    plan: Plan,
+    n_axes: int,
+    drives: DrivesFile | None,
+    bitrate: int | None = None,
+    *,
+    feeds: bool = False,
+) -> BusCycle:
+    """What a cycle takes of the bus while `plan` is measured.
+
+    Parameters
+    ----------
+    plan : Plan
+    n_axes : int
+    drives : DrivesFile or None
+        None where none is known: one full TPDO an axis is assumed, of 8 bytes.
+    bitrate : int, optional
+        Instead of the drives file's [bit/s].
+    feeds : bool
+        Velocity and torque are fed forward to the drives of the file.
+    """
+    streamed = any(measurement.streamed for measurement in plan.measurements)
+    set_points = f" and {(1 + feeds) * n_axes} RPDOs" if streamed else ""
+    if drives is None:
+        rate = bitrate or BITRATE
+        sizes = [8] * n_axes * (2 if streamed else 1)
+        frames = f"SYNC, {n_axes} TPDOs of 8 bytes{set_points} assumed without a drives file"
+        return BusCycle(time_on_bus(sizes, rate), rate, frames, MAX_LOAD)
+    if bitrate is not None:
+        drives = drives.model_copy(update={"bitrate": bitrate})
+    count = sum(len(transmitted(axis)) for axis in drives.axes)
+    frames = f"SYNC, {count} TPDOs{set_points} by the drives file"
+    time = cycle_time(drives, streamed=streamed, feed_forward=feeds)
+    return BusCycle(time, drives.bitrate, frames, MAX_LOAD)
+
+
+def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Noise:
+    """Noise that an earlier run shows, or else what robot file and drives file let expect.
+
+    Raises
+    ------
+    FileError
+        The run is of another robot.
+    """
+    if run is None:
+        return stated_noise(robot, *_resolutions(robot, drives_file))
+    folders, levels = experience_of([run])
+    if folders[0].robot.digest != robot.digest:
+        raise FileError(
+            f"{run}: was measured with another robot file of {folders[0].robot.name} than this plan"
+            f" is for; leave --noise-from out, or name a run of {robot.name} as it is now"
+        )
+    return levels.noise
+
+
+def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
+    """Open runs of one robot; return them, with the noise and the information in them."""
+    from hil.results.prior_knowledge import experience
+    from hil.runs.pooling import open_runs
+
+    folders = open_runs(runs)
+    return folders, experience(folders)
+
+
+def _resolutions(
+    robot: Robot, drives_file: Path | None
+) -> tuple[list[float] | None, list[float] | None]:
+    """Smallest steps of torques and positions, if a drives file states them [N m], [rad]."""
+    drives = known_drives(robot, drives_file)
+    if drives is None:
+        return None, None
+    scales = [AxisScale.of(axis) for axis in drives.axes]
+    return [abs(scale.torque) for scale in scales], [abs(scale.position) for scale in scales]

@@ -9,9 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.arguments import RobotName
-from hil.cli.outputs import new_file
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.cli.outputs import new_file, output_option
+from hil.terminal.console import out, say, working
 
 
 class _ShowsByDefault(TyperGroup):
@@ -49,9 +48,7 @@ def show(name: RobotName) -> None:
 
 @robot_commands.command()
 def new(
-    output: Annotated[
-        Path, typer.Option("-o", "--output", callback=new_file, help="Robot file to write.")
-    ],
+    output: Annotated[Path, output_option(new_file, "Robot file to write.")],
     urdf: Annotated[
         Path | None, typer.Option("--urdf", help="URDF file; expand a xacro file first.")
     ] = None,

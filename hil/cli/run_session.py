@@ -16,12 +16,13 @@ from hil.results.rounding import clock
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
 from hil.runs.run_folder import RunFolder
-from hil.terminal.interruption import interruptible, say
-from hil.terminal.keyboard_stop import HINT, KeyboardStop
+from hil.terminal.console import out, say
+from hil.terminal.interruption import interruptible, report
+from hil.terminal.keys import HINT, KeyboardStop
 from hil.terminal.progress import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Generator, Sequence
     from contextlib import AbstractContextManager
     from pathlib import Path
 
@@ -33,14 +34,12 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.runs.journal import BusName
 
-    RealTime = Callable[[], AbstractContextManager[Sequence[str]]]
+    RealTime = Callable[[], AbstractContextManager[Sequence[str] | None]]
     Display = Callable[[Console], AbstractContextManager[Callable[[Event], None]]]
 
 NOT_REHEARSED = (
     "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
 )
-COLD = 60.0
-"""Time of motion before the first recording up to which a run begins cold [s]."""
 
 
 def refuse_unusable(path: Path, resume: bool) -> None:
@@ -61,7 +60,7 @@ def refuse_unusable(path: Path, resume: bool) -> None:
 
 
 def prepare_folder(
-    path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool, out: Console
+    path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool
 ) -> RunFolder:
     """Make the folder of a new run, or open that of one to be resumed or only rehearsed so far.
 
@@ -76,7 +75,7 @@ def prepare_folder(
         return RunFolder.create(path, the_plan, the_robot, drives)
     folder.refuse_changes(the_plan, the_robot, drives)
     for message in folder.set_aside_damaged():
-        out.print(message, highlight=False, soft_wrap=True)
+        say(message)
     return folder
 
 
@@ -84,9 +83,8 @@ def carry_out(
     folder: RunFolder,
     open_bus: Callable[[], DriveBus],
     bus_name: BusName,
-    out: Console,
     rehearsal: float | None = None,
-    real_time: RealTime | None = None,
+    real_time: RealTime = nullcontext,
     display: Display = shown,
 ) -> None:
     """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
@@ -97,8 +95,8 @@ def carry_out(
     ----------
     rehearsal : float, optional
         Share of the speed limits, to pass all ways at it instead of measuring.
-    real_time : callable, optional
-        Makes the context in which the axes are moved; yields what the system granted.
+    real_time : callable
+        Makes the context in which the axes are moved; yields what the system granted, if anything.
     display : callable
         Makes the context in which events are shown; yields what takes them.
 
@@ -110,70 +108,48 @@ def carry_out(
         With status 130 when interrupted, 1 when drives, bus or disk failed; all has been reported.
     """
     if not folder.missing and rehearsal is None:
-        out.print(f"{folder.path}: nothing is missing", highlight=False, soft_wrap=True)
+        say(f"{folder.path}: nothing is missing")
         return
     if rehearsal is None and folder.journal.rehearsed is None and bus_name.interface != SIMULATED:
-        out.print(NOT_REHEARSED, highlight=False, soft_wrap=True)
-    with locked(folder.path):
-        _carry_out(folder, open_bus, bus_name, out, rehearsal, real_time, display)
+        say(NOT_REHEARSED)
 
+    def events(pause: Callable[[], bool], granted: Sequence[str]) -> Generator[Event]:
+        if rehearsal is None:
+            return run_campaign(folder, open_bus(), bus_name, pause, granted)
+        return rehearse_campaign(folder, open_bus(), bus_name, rehearsal, pause, granted)
 
-def _carry_out(
-    folder: RunFolder,
-    open_bus: Callable[[], DriveBus],
-    bus_name: BusName,
-    out: Console,
-    rehearsal: float | None,
-    real_time: RealTime | None,
-    display: Display,
-) -> None:
     def ended() -> str:
         return f"stopped, the axes are off; {_what_remains(folder)}"
 
-    with interruptible(ended) as refuse_lost:
+    with locked(folder.path), interruptible(ended) as refuse_lost:
         try:
-            last = _move(
-                folder, open_bus, bus_name, out, rehearsal, real_time, refuse_lost, display
-            )
+            last = _move(events, real_time, refuse_lost, display)
         except (BrokenPipeError, SystemExit):  # rich turns the one into the other
-            say(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
+            report(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
             raise typer.Exit(1) from None
         except (DriveError, FileError) as error:
-            say(f"{error}\n{_what_remains(folder)}")
+            report(f"{error}\n{_what_remains(folder)}")
             raise typer.Exit(1) from None
         except Exception:
             folder.discard_if_empty()
             raise
-    out.print(_conclusion(folder, last, rehearsal), highlight=False, soft_wrap=True)
+    say(_conclusion(folder, last, rehearsal))
 
 
 def _move(
-    folder: RunFolder,
-    open_bus: Callable[[], DriveBus],
-    bus_name: BusName,
-    out: Console,
-    rehearsal: float | None,
-    real_time: RealTime | None,
+    events: Callable[[Callable[[], bool], Sequence[str]], Generator[Event]],
+    real_time: RealTime,
     refuse_lost: Callable[[], None],
     display: Display,
 ) -> Event:
     """Pass the campaign's events to the terminal; return the last one."""
-    with (
-        KeyboardStop() as keyboard,
-        display(out) as show,
-        nullcontext(()) if real_time is None else real_time() as granted,
-    ):
-        for line in granted:
-            out.print(line, highlight=False, markup=False, soft_wrap=True)
+    with KeyboardStop() as keyboard, display(out) as show, real_time() as granted:
+        for line in granted or ():
+            say(line)
         if keyboard.listening:
-            out.print(HINT, highlight=False)
-        bus, pause = open_bus(), keyboard.pause
-        if rehearsal is None:
-            events = run_campaign(folder, bus, bus_name, pause, granted)
-        else:
-            events = rehearse_campaign(folder, bus, bus_name, rehearsal, pause, granted)
-        with closing(events):
-            for event in events:
+            say(HINT)
+        with closing(events(keyboard.pause, granted or ())) as happening:
+            for event in happening:
                 refuse_lost()
                 show(event)
                 last = event
@@ -196,10 +172,13 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
 
 
 def _begun(before: float) -> str:
-    """What the gears had done before the first recording kept; empty where there is none."""
+    """What the gears had done before the first recording kept; empty where there is none.
+
+    Up to a minute of motion they count as cold.
+    """
     if math.isnan(before):
         return ""
-    return ", begun cold" if before < COLD else f", begun after {before / 60:.1f} min of motion"
+    return ", begun cold" if before < 60.0 else f", begun after {before / 60:.1f} min of motion"
 
 
 def _what_remains(folder: RunFolder) -> str:

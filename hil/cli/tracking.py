@@ -3,60 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from hil.cli.arguments import (
-    BusOptions,
-    Interface,
     ModelPath,
     PlanFile,
     RealTime,
     RobotOption,
-    RobotsChannel,
-    RobotsDrives,
+    RobotsBus,
     WorkspaceOption,
+    expand_records,
 )
 from hil.cli.measuring import OnBus
-from hil.cli.outputs import folder_to_write, say_simulated
-from hil.runs import SIMULATED
-from hil.terminal.console import out, say
-from hil.terminal.working import working
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from hil.model.robot import Robot
-    from hil.planning.plan import Plan
-    from hil.results.model import Model
-
-    Array = NDArray[np.float64]
-    Predict = Callable[[Array, Array, Array], Array]
+from hil.cli.outputs import folder_to_write, output_option, say_simulated
+from hil.terminal.console import out, say, working
 
 commands = typer.Typer()
 
 
 @commands.command()
+@expand_records
 def track(
     plan_file: PlanFile,
     model_path: ModelPath,
     output: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            callback=folder_to_write,
-            help="Folder of the three runs and of what they show.",
-        ),
+        Path, output_option(folder_to_write, "Folder of the three runs and of what they show.")
     ],
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    *,
+    where: RobotsBus,
     resume: Annotated[
         bool, typer.Option("--resume", help="Measure the passes that are missing in the folder.")
     ] = False,
@@ -75,11 +51,15 @@ def track(
     realtime: RealTime = False,
 ) -> None:
     """Follow trajectories with neither, velocity and both fed forward; the robot moves."""
-    with working("predicting the torques of the plan"):
-        from functools import partial
+    from functools import partial
 
-        from hil.cli.plan_files import load
+    with working("predicting the torques of the plan"):
+        from checked_files.yaml_file import FileError
+        from hil.cli.measuring import measure
+        from hil.cli.plan_files import load, refuse_other_model
         from hil.cli.run_session import refuse_unusable
+        from hil.measuring.feeding import FeedingBus, refuse_beyond_torque
+        from hil.planning.trajectory import Trajectory
         from hil.results.drive_torque import drive_torque
         from hil.results.model import Model
         from hil.results.model_file import file_of
@@ -90,52 +70,15 @@ def track(
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = Model.load(model_path)
         predict = partial(drive_torque, model)
-        _refuse(the_plan, the_robot, plan_file, model, model_path, predict)
-    how = OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
-    _pass_all(the_plan, the_robot, plan_file, output, how, resume, predict, delay, loop)
-    _show(output, str(file_of(model_path)), delay)
-
-
-def _refuse(
-    the_plan: Plan,
-    the_robot: Robot,
-    plan_file: Path,
-    model: Model,
-    model_path: Path,
-    predict: Predict,
-) -> None:
-    """Refuse before anything moves what cannot be fed forward."""
-    from checked_files.yaml_file import FileError
-    from hil.cli.plan_files import refuse_other_model
-    from hil.measuring.feeding import refuse_beyond_torque
-    from hil.planning.trajectory import Trajectory
-
-    refuse_other_model(model, model_path, the_robot, plan_file)
-    for measurement in the_plan.measurements:
-        if not isinstance(measurement, Trajectory):
-            raise FileError(
-                f"{plan_file}: {measurement.id} is of kind {measurement.kind}, and only"
-                " trajectories are streamed; make a plan of them with: hil trajectory plan"
-            )
-        refuse_beyond_torque(measurement, the_robot, predict)
-
-
-def _pass_all(
-    the_plan: Plan,
-    the_robot: Robot,
-    plan_file: Path,
-    output: Path,
-    how: OnBus,
-    resume: bool,
-    predict: Predict,
-    delay: float,
-    loop: float,
-) -> None:
-    from functools import partial
-
-    from hil.cli.measuring import measure
-    from hil.measuring.feeding import FeedingBus
-
+        refuse_other_model(model, model_path, the_robot, plan_file)
+        for measurement in the_plan.measurements:
+            if not isinstance(measurement, Trajectory):
+                raise FileError(
+                    f"{plan_file}: {measurement.id} is of kind {measurement.kind}, and only"
+                    " trajectories are streamed; make a plan of them with: hil trajectory plan"
+                )
+            refuse_beyond_torque(measurement, the_robot, predict)
+    how = OnBus(**vars(where), realtime=realtime)
     once = the_plan.model_copy(update={"attempts": 1})  # an error of following is the result
     for name, velocity, torque in (
         ("both", True, predict),
@@ -147,10 +90,11 @@ def _pass_all(
         folder = output / name
         going_on = resume and folder.exists()
         measure(once, the_robot, plan_file, folder, how, going_on, in_front=feeding, feeds=True)
+    _show(output, str(file_of(model_path)), delay)
 
 
 def _show(output: Path, model: str, delay: float) -> None:
-    from hil.report.plots.tracking import write_tracking_plot
+    from hil.report.pictures import write_tracking_plot
     from hil.results.tables.terminal import show
     from hil.results.tables.tracking import tracking
     from hil.results.tracking import PASSES, tracked, write_tracking

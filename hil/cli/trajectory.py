@@ -13,8 +13,7 @@ import typer
 
 from hil.cli.arguments import RobotName
 from hil.cli.outputs import NewPlan
-from hil.terminal.console import out
-from hil.terminal.working import working
+from hil.terminal.console import say, working
 
 trajectory = typer.Typer(
     help="Conventional identification with periodic trajectories.", no_args_is_help=True
@@ -84,9 +83,7 @@ def plan(
         measurements=(found,),
     )
     keep_plan(output, designed, robot)
-    out.print(
+    say(
         f"{cycles} periods of {period:g} s in {output}, condition number"
-        f" {condition(robot, found):.3g}",
-        highlight=False,
-        soft_wrap=True,
+        f" {condition(robot, found):.3g}"
     )

@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import BusOptions, Interface, RealTime, RobotsChannel, RobotsDrives, RunPath
+from hil.cli.arguments import RealTime, RobotsBus, RunPath, expand_records
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import REFUSED, refuse_unwritable, say_judgement, say_simulated
-from hil.runs import SIMULATED
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.results.model import Model
@@ -23,6 +21,7 @@ commands = typer.Typer()
 
 
 @commands.command()
+@expand_records
 def validate(
     folder: RunPath,
     model_path: Annotated[
@@ -35,10 +34,8 @@ def validate(
         bool,
         typer.Option("--measure", help="Measure another motion into the folder first; it moves."),
     ] = False,
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    *,
+    where: RobotsBus,
     realtime: RealTime = False,
 ) -> None:
     """Judge a model by a run that it was not made from; exit status 3 where it failed."""
@@ -52,25 +49,19 @@ def validate(
         model_path = file_of(model_path)
         model = Model.load(model_path)
     if measure:
-        _measure(
-            model, folder, OnBus(interface, channel, drives_file, bus_option, realtime=realtime)
-        )
+        from hil.model.robot import refuse_unknown
+        from hil.planning.design.trajectories import design_validation
+
+        refuse_unknown(model.robot)
+        with working("choosing a motion"):
+            plan = design_validation(model.robot)
+        how = OnBus(**vars(where), realtime=realtime)
+        measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
     _judge(model, model_path, Run.open(folder))
 
 
-def _measure(model: Model, folder: Path, how: OnBus) -> None:
-    """Measure a motion for validation into a folder."""
-    from hil.model.robot import refuse_unknown
-    from hil.planning.design.trajectories import design_validation
-
-    refuse_unknown(model.robot)
-    with working("choosing a motion"):
-        plan = design_validation(model.robot)
-    measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
-
-
 def _judge(model: Model, model_path: Path, run: Run) -> None:
-    from hil.report.plots.validation import Drawn, write_validation_plot
+    from hil.report.pictures import Drawn, write_validation_plot
     from hil.results.predicted_torques import predicted_torques
     from hil.results.tables.terminal import show
     from hil.results.validation import of_own_recordings, table, write_validation

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import RobotOption, WorkspaceOption
-from hil.cli.outputs import file_to_write, refuse_no_folder, refuse_unwritable
-from hil.terminal.console import say
-from hil.terminal.working import working
+from hil.cli.outputs import file_to_write, output_option, refuse_no_folder, refuse_unwritable
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,11 +38,9 @@ def view(
     ],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            callback=file_to_write,
-            help="Page to write; by default beside the plan, in the run's folder, or here.",
+        output_option(
+            file_to_write,
+            "Page to write; by default beside the plan, in the run's folder, or here.",
         ),
     ] = None,
     model_path: Annotated[
@@ -168,7 +165,7 @@ def _visuals(urdf: Path | None, robot: Robot) -> Sequence[Visual]:
 
 def _model(path: Path, robot: Robot) -> Model:
     from hil.results.model import Model
-    from hil.view.predicted import refuse_other_robot
+    from hil.view.along_motion import refuse_other_robot
 
     model = Model.load(path)
     refuse_other_robot(model, robot, str(path))

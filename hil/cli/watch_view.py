@@ -13,7 +13,7 @@ from rich.text import Text
 from hil.results.rounding import clock, significant
 from hil.terminal.console import say
 from hil.terminal.progress import doing, shown
-from hil.watching.watching_bus import in_words
+from hil.watching.watcher import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

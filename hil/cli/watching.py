@@ -8,29 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import (
-    BusOptions,
-    Interface,
     ModelPath,
     PlanFile,
     RealTime,
     RobotOption,
-    RobotsChannel,
-    RobotsDrives,
+    RobotsBus,
     WorkspaceOption,
+    expand_records,
 )
-from hil.cli.live import (
-    Foxglove,
-    FoxgloveAddress,
-    Live,
-    LiveAddress,
-    PortsOptional,
-    listeners,
-)
+from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.measuring import OnBus
-from hil.cli.outputs import new_folder
-from hil.runs import SIMULATED
-from hil.terminal.console import out, say
-from hil.terminal.working import working
+from hil.cli.outputs import new_folder, output_option
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -45,19 +34,13 @@ RUN = "run"
 
 
 @commands.command(cls=PortsOptional)
+@expand_records
 def watch(
     plan_file: PlanFile,
     model_path: ModelPath,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--output", callback=new_folder, help="Folder of the run and of what was found."
-        ),
-    ],
-    interface: Interface = SIMULATED,
-    channel: RobotsChannel = None,
-    drives_file: RobotsDrives = None,
-    bus_option: BusOptions = None,
+    output: Annotated[Path, output_option(new_folder, "Folder of the run and of what was found.")],
+    *,
+    where: RobotsBus,
     repeat: Annotated[
         int | None, typer.Option(min=1, max=100_000, help="Number of times the plan is passed.")
     ] = None,
@@ -79,32 +62,40 @@ def watch(
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
     realtime: RealTime = False,
-    live: Live = None,
-    live_address: LiveAddress = None,
-    foxglove: Foxglove = None,
-    foxglove_address: FoxgloveAddress = None,
+    shown: Shown,
 ) -> None:
     """Compare torques with a model's while a plan moves the robot, and find pushes.
 
     Exit status 3 where there were alarms.
     """
+    from functools import partial
+
     with working("reading plan and model"):
+        from hil.cli.measuring import measure
         from hil.cli.plan_files import load, refuse_other_model
+        from hil.cli.watch_view import WatchView
         from hil.results.model import Model
         from hil.results.model_file import file_of
-        from hil.watching.watcher import Watcher
+        from hil.watching.watcher import Watcher, WatchingBus
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = Model.load(model_path)
         refuse_other_model(model, model_path, the_robot, plan_file)
         watcher = Watcher(model, the_plan.sample_period, learn)
-        shown_by = listeners(live, live_address, foxglove, foxglove_address)
-        how = OnBus(
-            interface, channel, drives_file, bus_option, realtime=realtime, listeners=shown_by
-        )
+        how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown))
+        view = WatchView(watcher, the_robot)
         rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
     try:
-        _pass(the_plan, the_robot, plan_file, output, how, rounds, watcher, stop)
+        measure(
+            the_plan.model_copy(update={"attempts": 1}),  # a push is the result: no repetition
+            the_robot,
+            plan_file,
+            output / RUN,
+            how,
+            in_front=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
+            display=view.display,
+            rounds=rounds,
+        )
     finally:
         _keep(output, the_plan, watcher, str(file_of(model_path)))
     if watcher.alarms:
@@ -130,38 +121,9 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
     return rounds
 
 
-def _pass(
-    the_plan: Plan,
-    the_robot: Robot,
-    plan_file: Path,
-    output: Path,
-    how: OnBus,
-    rounds: int,
-    watcher: Watcher,
-    stop: bool,
-) -> None:
-    from functools import partial
-
-    from hil.cli.measuring import measure
-    from hil.cli.watch_view import WatchView
-    from hil.watching.watching_bus import WatchingBus
-
-    view = WatchView(watcher, the_robot)
-    measure(
-        the_plan.model_copy(update={"attempts": 1}),  # a push is the result, no reason to repeat
-        the_robot,
-        plan_file,
-        output / RUN,
-        how,
-        in_front=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
-        display=view.display,
-        rounds=rounds,
-    )
-
-
 def _keep(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show what was found, however the watch ended."""
-    from hil.report.plots.watch import write_watch_plot
+    from hil.report.pictures import write_watch_plot
     from hil.results.tables.terminal import show
     from hil.results.tables.watch import alarms, watched
     from hil.results.watch import write_watched

@@ -7,7 +7,7 @@ The same equations as in `hil.model.motors`, `hil.model.added_parameters` and
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -106,13 +106,13 @@ def _factor(graph: Graph, own: Warmth, warmth: Expression) -> Expression:
     return 1.0 + own.slope * (_clipped(graph, warmth, *own.seen) - own.reference)
 
 
-def current(robot: Robot, torque: Sequence[Expression]) -> list[Scalar] | None:
-    """Motor currents for joint torques [A]; None where a drive train is not known in full."""
+def shares_of_current(robot: Robot) -> list[list[float]] | None:
+    """What each joint's torque takes of each motor's current [A/(N m)]; None where unknown."""
     if not np.isfinite([robot.torque_constant, robot.gear_ratio]).all():
         return None
     shares = np.linalg.inv(robot.motor_matrix.T) / robot.torque_constant[:, np.newaxis]
-    rows = np.where(np.abs(shares) < 1e-14 * np.abs(shares).max(), 0.0, shares).tolist()
-    return [sum(k * tau for k, tau in zip(row, torque, strict=True)) for row in rows]
+    rounded = np.where(np.abs(shares) < 1e-14 * np.abs(shares).max(), 0.0, shares)
+    return cast("list[list[float]]", rounded.tolist())
 
 
 def _axis(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from checked_files.yaml_file import FileError
 from hil.results.model import Model
 from hil.runs.atomic_file import file_errors, write_file
+from hil.runs.journal import NO_REAL_MACHINE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,3 +55,47 @@ def write_exported(exported: Exported, folder: Path) -> tuple[Path, ...]:
     for path, text in paths.items():
         write_file(path, text.encode())
     return tuple(paths)
+
+
+def cautions(model: Model) -> tuple[str, ...]:
+    """What stands on top of whatever is made from the model: that it failed, or is simulated."""
+    simulated = (NO_REAL_MACHINE,) if model.provenance.of_virtual_plant else ()
+    if model.outcome is None or not model.failed:
+        return simulated
+    return (f"FAILED: {' '.join(model.outcome.clause.split())}", *simulated)
+
+
+def passed(model: Model) -> bool:
+    """Whether the model passed a validation on another recording."""
+    return any(each.word == "good" for each in model.validations)
+
+
+def origin(model: Model, source: Path) -> tuple[str, ...]:
+    """Lines on robot, run, method, date and validation of a model, `cautions` before them.
+
+    Parameters
+    ----------
+    model : Model
+    source : Path
+        Its file, or the folder of the run that gave it, as the user named it.
+    """
+    made = model.provenance
+    also = f" with {', '.join(made.together_with)}" if made.together_with else ""
+    return (
+        *cautions(model),
+        f"robot {model.robot.name} (robot file {model.robot.digest[:12]})",
+        f"model of {source}{also}: {made.measurements} measurements, {made.method} method",
+        f"identified {made.identified} by version {made.version}",
+        *validations(model, source),
+    )
+
+
+def validations(model: Model, source: Path) -> tuple[str, ...]:
+    """Lines on what the model was worth on other recordings."""
+    found = tuple(
+        f"validation on {each.run} ({each.validated}): {each}" for each in model.validations
+    )
+    if passed(model):
+        return found
+    none = "no validation passed; judge the model by another recording with: hil validate RUN"
+    return (*found, f"{none} --model {source}")

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 from checked_files.near import did_you_mean
 from hil.errors import UnknownName
 from hil.export.c_code import write_c
-from hil.export.friction_file import write_friction
-from hil.export.json_file import write_json
+from hil.export.data_files import write_friction, write_json, write_ros2
+from hil.export.mjcf_file import write_mjcf
 from hil.export.python_code import write_python
 from hil.export.recordings.formats import RECORDINGS
-from hil.export.ros2_file import write_ros2
-from hil.export.simulators import SIMULATORS
+from hil.export.urdf_file import write_urdf
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from hil.export.exported import Exported, Writer
+    from hil.export.given_urdf import Given
     from hil.results.model import Model
 
 FORMATS: dict[str, Writer] = {
@@ -25,10 +27,28 @@ FORMATS: dict[str, Writer] = {
     "friction": write_friction,
     "ros2": write_ros2,
 }
+SIMULATORS: dict[str, Callable[[Model, tuple[str, ...], Given | None], Exported]] = {
+    "urdf": write_urdf,
+    "mjcf": write_mjcf,
+}
+"""Formats that need bodies, and take the names and frames of a URDF where one is given."""
 
 
-def export(model: Model, name: str, origin: tuple[str, ...]) -> Exported:
-    """Return the model in a format of `FORMATS` by its name; nothing is written.
+def export(
+    model: Model, name: str, origin: tuple[str, ...], given: Given | None = None
+) -> Exported:
+    """Return the model in a format by its name; nothing is written.
+
+    Parameters
+    ----------
+    model : Model
+        With bodies for `SIMULATORS`; what they cost is stated with the origin.
+    name : str
+        Of `FORMATS` or `SIMULATORS`.
+    origin : tuple of str
+        Lines that the files state at their head.
+    given : Given, optional
+        A URDF for `SIMULATORS`.
 
     Raises
     ------
@@ -36,7 +56,10 @@ def export(model: Model, name: str, origin: tuple[str, ...]) -> Exported:
         There is no such format.
     """
     refuse_unknown(name)
-    return FORMATS[name](model, origin)
+    if name not in SIMULATORS:
+        return FORMATS[name](model, origin)
+    costs = model.consistent.statements(model.robot) if model.consistent else ()
+    return SIMULATORS[name](model, (*origin, *costs), given)
 
 
 def refuse_unknown(name: str) -> None:

@@ -42,160 +42,122 @@ class Function(NamedTuple):
     results: tuple[Expression, ...]
 
 
-POSITION, VELOCITY, ACCELERATION = "positions", "velocities", "accelerations"
-WARMTH = "warmth of the gears"
+ARGUMENTS = {
+    "q": "positions",
+    "qd": "velocities",
+    "qdd": "accelerations",
+    "load": "torques of the rigid bodies",
+    "warmth": "warmth of the gears",
+    "tau": "torques of the drives",
+}
 WEIGHTLESS = (0.0, 0.0, 0.0)
 
 
 def functions(model: Model) -> tuple[Function, ...]:
     """All functions that the model has enough known of."""
-    made = (
-        gravity, rigid, mass_matrix, friction, friction_at_warmth, warmth_rate, torque, current,
-    )  # fmt: skip
-    return tuple(found for each in made if (found := each(model)) is not None)
-
-
-def gravity(model: Model) -> Function:
-    """Gravity torques g(q), springs among them."""
-    graph = Graph()
-    q = _symbols(graph, model, "q")
-    still = [0.0] * len(q)
-    found = _rigid(graph, model, q, still, still)
-    purpose = "Gravity torques g(q), with springs where there are any."
-    return _function(graph, "gravity", purpose, {"q": POSITION}, found)
+    has_friction = len(model.axes_without_friction) < model.robot.n_joints
+    lack = ", ".join(map(str, model.axes_without_friction))
+    known = f", which is unknown and left out of axis {lack}" if lack else ""
+    parts = f"rigid bodies, motors{f' and friction{known}' if has_friction else '; no friction'}"
+    found = [
+        _made(model, "gravity", "Gravity torques g(q), with springs where there are any.", "q"),
+        rigid(model),
+        _made(
+            model, "mass_matrix",
+            "Mass matrix M(q) of the rigid bodies, row by row; motors add to its diagonal.", "q",
+        ),
+    ]  # fmt: skip
+    if has_friction:
+        purpose = f"Torques of friction{known}; at rest their offset alone."
+        found.append(_made(model, "friction", purpose, "q", "qd", "load"))
+    if has_friction and any(known_warmth(model)):
+        purpose = "Torques of friction at a warmth of the gears from 0 cold to 1 warm."
+        found.append(_made(model, "friction_at_warmth", purpose, "q", "qd", "load", "warmth"))
+        purpose = "Change of the warmth in time [1/s]; 0 where it is not identified. Begin at 0,"
+        found.append(_made(model, "warmth_rate", f"{purpose} cold.", "qd", "warmth"))
+    found.append(_made(model, "torque", f"Torques of the drives: {parts}.", "q", "qd", "qdd"))
+    if drives.shares_of_current(model.robot) is not None:
+        found.append(
+            _made(model, "current", "Motor currents [A] for torques of the drives.", "tau")
+        )
+    return tuple(found)
 
 
 def rigid(model: Model) -> Function:
     """Torques of the rigid bodies."""
-    graph = Graph()
-    q, qd, qdd = (_symbols(graph, model, name) for name in ("q", "qd", "qdd"))
     purpose = "Torques of the rigid bodies: M(q) qdd + c(q, qd) + g(q)."
-    arguments = {"q": POSITION, "qd": VELOCITY, "qdd": ACCELERATION}
-    found = _rigid(graph, model, q, qd, qdd)
-    return _function(graph, "rigid_bodies", purpose, arguments, found)
+    return _made(model, "rigid_bodies", purpose, "q", "qd", "qdd")
 
 
-def mass_matrix(model: Model) -> Function:
-    """Mass matrix of the rigid bodies, column by column."""
-    graph = Graph()
-    q, n = _symbols(graph, model, "q"), model.robot.n_joints
-    still, chain, bodies = [0.0] * n, joints(graph, model.robot, q), _bodies(model)
-    constant = drives.identified_inertia(model).tolist()
-    columns = []
-    for j in range(n):
-        unit = [float(k == j) for k in range(n)]
-        found = rigid_bodies(chain, bodies, still, unit, WEIGHTLESS)
-        columns.append([value + constant[i][j] for i, value in enumerate(found)])
-    rows = [columns[max(i, j)][min(i, j)] for i in range(n) for j in range(n)]
-    purpose = "Mass matrix M(q) of the rigid bodies, row by row; motors add to its diagonal."
-    return _function(graph, "mass_matrix", purpose, {"q": POSITION}, rows)
+def _made(model: Model, name: str, purpose: str, *arguments: str) -> Function:
+    """Run the equations of a function of `_Equations` with symbols in place of numbers."""
+    graph, joint_numbers = Graph(), range(model.robot.n_joints)
+    symbols = [[graph.symbol(f"{each}[{k}]") for k in joint_numbers] for each in arguments]
+    results = getattr(_Equations(graph, model), name)(*symbols)
+    stated = {each: ARGUMENTS[each] for each in arguments}
+    return Function(name, purpose, stated, tuple(graph.lifted(each) for each in results))
 
 
-def friction(model: Model) -> Function | None:
-    """Friction, where the model has a law of it."""
-    if not _has_friction(model):
-        return None
-    graph = Graph()
-    q, qd, load = (_symbols(graph, model, name) for name in ("q", "qd", "load"))
-    purpose = f"Torques of friction{_of_known(model)}; at rest their offset alone."
-    arguments = {"q": POSITION, "qd": VELOCITY, "load": "torques of the rigid bodies"}
-    return _function(graph, "friction", purpose, arguments, _friction(graph, model, q, qd, load))
+class _Equations:
+    """The equations of each function, by its name; arguments as in `ARGUMENTS`."""
 
+    def __init__(self, graph: Graph, model: Model) -> None:
+        n = model.robot.n_joints
+        standard = base_parameters(model.robot).placement @ model.values
+        self._graph, self._model, self._robot = graph, model, model.robot
+        # ten parameters of each link that act as the base parameters do
+        self._bodies: list[list[float]] = standard[: 10 * n].reshape(n, 10).tolist()
+        self._constant = drives.identified_inertia(model).tolist()
 
-def friction_at_warmth(model: Model) -> Function | None:
-    """Friction at a stated warmth, where the model has a law of it and knows of any warmth."""
-    if not _has_friction(model) or not any(known_warmth(model)):
-        return None
-    graph = Graph()
-    q, qd, load, warmth = (_symbols(graph, model, each) for each in ("q", "qd", "load", "warmth"))
-    purpose = "Torques of friction at a warmth of the gears from 0 cold to 1 warm."
-    arguments = {"q": POSITION, "qd": VELOCITY, "load": "torques of the rigid bodies"}
-    found = _friction(graph, model, q, qd, load, warmth)
-    return _function(graph, "friction_at_warmth", purpose, arguments | {"warmth": WARMTH}, found)
+    def gravity(self, q: Vector) -> list[Scalar]:
+        still = [0.0] * len(q)
+        return self.rigid_bodies(q, still, still)
 
+    def rigid_bodies(self, q: Vector, qd: Sequence[Scalar], qdd: Sequence[Scalar]) -> list[Scalar]:
+        """With what was identified beside them."""
+        chain = joints(self._graph, self._robot, q)
+        found = rigid_bodies(chain, self._bodies, qd, qdd, self._robot.gravity.tolist())
+        bent = drives.springs(self._graph, self._model, q)
+        return [
+            tau + spring + sum((H * dv for H, dv in zip(row, qdd, strict=True)), start=0.0)
+            for tau, spring, row in zip(found, bent, self._constant, strict=True)
+        ]
 
-def warmth_rate(model: Model) -> Function | None:
-    """How warmth changes in time, where the model knows of any."""
-    if not _has_friction(model) or not any(known_warmth(model)):
-        return None
-    graph = Graph()
-    qd, warmth = _symbols(graph, model, "qd"), _symbols(graph, model, "warmth")
-    assert model.friction_law is not None  # noqa: S101 - asked for before
-    found = drives.warmth_rate(graph, model.friction_law, qd, warmth)
-    purpose = "Change of the warmth in time [1/s]; 0 where it is not identified. Begin at 0, cold."
-    return _function(graph, "warmth_rate", purpose, {"qd": VELOCITY, "warmth": WARMTH}, found)
+    def mass_matrix(self, q: Vector) -> list[Scalar]:
+        """Column by column."""
+        n = len(q)
+        still, chain = [0.0] * n, joints(self._graph, self._robot, q)
+        columns = []
+        for j in range(n):
+            unit = [float(k == j) for k in range(n)]
+            found = rigid_bodies(chain, self._bodies, still, unit, WEIGHTLESS)
+            columns.append([value + self._constant[i][j] for i, value in enumerate(found)])
+        return [columns[max(i, j)][min(i, j)] for i in range(n) for j in range(n)]
 
+    def friction(
+        self, q: Vector, qd: Vector, load: Vector, warmth: Vector | None = None
+    ) -> list[Scalar]:
+        law = self._model.friction_law
+        assert law is not None  # noqa: S101 - asked for before
+        return drives.friction(self._graph, self._robot, law, q, qd, load, warmth)
 
-def torque(model: Model) -> Function:
-    """What the drives have to give: all parts that the model has."""
-    graph = Graph()
-    q, qd, qdd = (_symbols(graph, model, name) for name in ("q", "qd", "qdd"))
-    parts = "rigid bodies, motors"
-    parts += f" and friction{_of_known(model)}" if _has_friction(model) else "; no friction"
-    load = [graph.lifted(each) for each in _rigid(graph, model, q, qd, qdd)]
-    reflected = model.robot.reflected_inertia.tolist()
-    found = [tau + inertia * dv for tau, inertia, dv in zip(load, reflected, qdd, strict=True)]
-    if _has_friction(model):
-        rub = _friction(graph, model, q, qd, load)
-        found = [tau + each for tau, each in zip(found, rub, strict=True)]
-    arguments = {"q": POSITION, "qd": VELOCITY, "qdd": ACCELERATION}
-    return _function(graph, "torque", f"Torques of the drives: {parts}.", arguments, found)
+    friction_at_warmth = friction
 
+    def warmth_rate(self, qd: Vector, warmth: Vector) -> list[Scalar]:
+        law = self._model.friction_law
+        assert law is not None  # noqa: S101 - asked for before
+        return drives.warmth_rate(self._graph, law, qd, warmth)
 
-def current(model: Model) -> Function | None:
-    """Motor currents, where gear ratios and torque constants are known."""
-    graph = Graph()
-    tau = _symbols(graph, model, "tau")
-    found = drives.current(model.robot, tau)
-    if found is None:
-        return None
-    purpose = "Motor currents [A] for torques of the drives."
-    return _function(graph, "current", purpose, {"tau": "torques of the drives"}, found)
+    def torque(self, q: Vector, qd: Vector, qdd: Vector) -> list[Scalar]:
+        """All parts that the model has."""
+        load = [self._graph.lifted(each) for each in self.rigid_bodies(q, qd, qdd)]
+        reflected = self._robot.reflected_inertia.tolist()
+        found = [tau + inertia * dv for tau, inertia, dv in zip(load, reflected, qdd, strict=True)]
+        if len(self._model.axes_without_friction) == len(q):
+            return list(found)
+        rub = self.friction(q, qd, load)
+        return [tau + each for tau, each in zip(found, rub, strict=True)]
 
-
-def _rigid(
-    graph: Graph, model: Model, q: Vector, qd: Sequence[Scalar], qdd: Sequence[Scalar]
-) -> list[Scalar]:
-    """Torques of the rigid bodies with what was identified beside them."""
-    robot = model.robot
-    chain, bodies = joints(graph, robot, q), _bodies(model)
-    found = rigid_bodies(chain, bodies, qd, qdd, robot.gravity.tolist())
-    constant, bent = drives.identified_inertia(model).tolist(), drives.springs(graph, model, q)
-    return [
-        tau + bent[i] + sum((H * dv for H, dv in zip(constant[i], qdd, strict=True)), start=0.0)
-        for i, tau in enumerate(found)
-    ]
-
-
-def _friction(
-    graph: Graph, model: Model, q: Vector, qd: Vector, load: Vector, warmth: Vector | None = None
-) -> list[Scalar]:
-    assert model.friction_law is not None  # noqa: S101 - asked for before
-    return drives.friction(graph, model.robot, model.friction_law, q, qd, load, warmth)
-
-
-def _has_friction(model: Model) -> bool:
-    return len(model.axes_without_friction) < model.robot.n_joints
-
-
-def _of_known(model: Model) -> str:
-    lack = ", ".join(map(str, model.axes_without_friction))
-    return f", which is unknown and left out of axis {lack}" if lack else ""
-
-
-def _bodies(model: Model) -> list[list[float]]:
-    """Ten parameters of each link that act as the base parameters do."""
-    n = model.robot.n_joints
-    standard = base_parameters(model.robot).placement @ model.values
-    bodies: list[list[float]] = standard[: 10 * n].reshape(n, 10).tolist()
-    return bodies
-
-
-def _symbols(graph: Graph, model: Model, name: str) -> Vector:
-    return [graph.symbol(f"{name}[{k}]") for k in range(model.robot.n_joints)]
-
-
-def _function(
-    graph: Graph, name: str, purpose: str, arguments: dict[str, str], results: Sequence[Scalar]
-) -> Function:
-    return Function(name, purpose, arguments, tuple(graph.lifted(each) for each in results))
+    def current(self, tau: Vector) -> list[Scalar]:
+        rows = drives.shares_of_current(self._robot) or []
+        return [sum(k * each for k, each in zip(row, tau, strict=True)) for row in rows]

@@ -1,4 +1,8 @@
-"""A URDF that a model is exported into, and the chain of it that has the model's frames."""
+"""A URDF that a model is exported into, the chain of it that has the model's frames, its bodies.
+
+Identified is what moves with a joint, whatever it is bolted together from. So the body of a link
+of the chain is that of all links attached to it, and the others of them have none left.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ import numpy as np
 
 from hil.errors import Mismatch
 from hil.export.simulated_robot import likely_of
-from hil.export.urdf_links import UrdfLinks
+from hil.model.frames import parameter_map
 from hil.model.readers.axes_to_frames import difference
 from hil.model.readers.urdf import MOVING, UrdfChain, UrdfReader
 
@@ -20,11 +24,17 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
 
+    Array = NDArray[np.float64]
+
+INERTIA = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in zip(*np.triu_indices(3), strict=True)}
+"""Attributes of an <inertia>, in the order of standard parameters, and their places."""
+
 
 class Given(NamedTuple):
-    """A URDF and the chain in it."""
+    """A URDF as it is read, and the chain in it."""
 
     path: Path
+    reader: UrdfReader
     chain: UrdfChain
 
 
@@ -38,13 +48,13 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
     Mismatch
         No chain of it has the frames of the robot.
     """
-    path = Path(path)
+    reader = UrdfReader(path := Path(path))
     whys = ["it has fewer joints that move in a row"]
-    chains = _chains(UrdfReader(path), robot.n_joints)
+    chains = _chains(reader, robot.n_joints)
     for chain in sorted(chains, key=lambda each: np.array_equal(each.revolute, robot.revolute)):
         found = difference(chain, robot)
         if not found:
-            return Given(path, chain)
+            return Given(path, reader, chain)
         whys.append(f"from {chain.base} to {chain.tip} {found}")
     raise Mismatch(
         f"{path}: no chain of {robot.n_joints} joints has the frames of {robot.name}: {whys[-1]};"
@@ -52,7 +62,7 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
     )
 
 
-def bodies_of(given: Given, robot: Robot) -> NDArray[np.float64] | None:
+def bodies_of(given: Given, robot: Robot) -> Array | None:
     """Bodies that the URDF states for the links of a robot, shape (n_joints, 10), or None.
 
     Raises
@@ -60,8 +70,32 @@ def bodies_of(given: Given, robot: Robot) -> NDArray[np.float64] | None:
     FileError
         An inertial without numbers.
     """
-    links = UrdfLinks(given.path)
-    return likely_of(given.chain, robot, [links.body(joint.link) for joint in given.chain.joints])
+    stated = [body_of(given.reader, joint.link) for joint in given.chain.joints]
+    return likely_of(given.chain, robot, stated)
+
+
+def body_of(reader: UrdfReader, link: str) -> Array | None:
+    """Standard parameters of all attached links in a link's frame; None where none has any.
+
+    Raises
+    ------
+    FileError
+        An inertial without numbers.
+    """
+    parts = [(_inertial(reader, name), pose) for name, pose in reader.attached(link, np.eye(4))]
+    known = [parameter_map(pose) @ body for body, pose in parts if body is not None]
+    return np.sum(known, axis=0) if known else None
+
+
+def _inertial(reader: UrdfReader, link: str) -> Array | None:
+    element = reader.links[link].find("inertial")
+    mass, inertia = (None if element is None else element.find(tag) for tag in ("mass", "inertia"))
+    if element is None or mass is None or inertia is None:
+        return None
+    (m,) = reader.file.numbers(mass, "value", 1) or [0.0]
+    own = [(reader.file.numbers(inertia, key, 1) or [0.0])[0] for key in INERTIA]
+    about_centre = np.array([*own, 0.0, 0.0, 0.0, m])
+    return np.asarray(parameter_map(reader.origin(element)) @ about_centre)
 
 
 def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:

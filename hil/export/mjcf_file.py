@@ -15,13 +15,12 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from hil.export.exact_numbers import comment, number, numbers
 from hil.export.exported import Exported
-from hil.export.friction_of_joints import friction_remarks
-from hil.export.simulated_robot import simulated_robot
+from hil.export.simple_friction import friction_remarks
+from hil.export.simulated_robot import comment, number, numbers, simulated_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_NOTHING = 1e-12
-"""Inertia that makes a factor of joints without any rotor exist [kg m^2]."""
 _FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -89,9 +86,12 @@ def _quaternion(pose: Array) -> Array:
 
 
 def _tendons(root: ET.Element, robot: SimulatedRobot) -> None:
-    """Motors' share of the mass matrix, H = L L': a tendon of unit armature for each column."""
+    """Motors' share of the mass matrix, H = L L': a tendon of unit armature for each column.
+
+    1e-12 kg m^2 more make the factor of joints without any rotor exist.
+    """
     tendon = ET.SubElement(root, "tendon")
-    columns = np.linalg.cholesky(robot.rotors + np.diag(np.full(len(robot.rotors), _NOTHING))).T
+    columns = np.linalg.cholesky(robot.rotors + 1e-12 * np.eye(len(robot.rotors))).T
     for number_, column in enumerate(columns, start=1):
         fixed = ET.SubElement(tendon, "fixed", name=f"rotors{number_}", armature="1")
         for joint, share in zip(robot.joints, column, strict=True):
@@ -108,11 +108,9 @@ def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
         ET.SubElement(actuator, "motor", stated)
 
 
-def _left_out(model: Model, robot: SimulatedRobot) -> Sequence[str]:
+def _left_out(model: Model, robot: SimulatedRobot) -> Iterator[str]:
     springs = [name for name in model.robot.added_parameters if name.startswith(("kc", "ks"))]
-    found = []
     if springs:
-        found.append(f"counterbalances {', '.join(springs)} are left out: MJCF has linear springs")
+        yield f"counterbalances {', '.join(springs)} are left out: MJCF has linear springs"
     if any(joint.stiffness for joint in robot.joints):
-        found.append("springs are taken for slack at q = 0")
-    return found
+        yield "springs are taken for slack at q = 0"

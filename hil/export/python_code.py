@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.export.documentation import description, remarks
 from hil.export.exported import Exported
 from hil.export.functions import functions
-from hil.export.identifiers import identifier
-from hil.export.statements import Syntax, assignments
+from hil.export.source_code import Syntax, assignments, description, identifier, remarks
 
 if TYPE_CHECKING:
     from hil.export.functions import Function

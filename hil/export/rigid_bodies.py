@@ -20,12 +20,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.export.expressions import Expression, Graph
+from hil.export.expressions import Expression, Graph, count
 from hil.model.frames import cos_sin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from hil.export.expressions import Count
     from hil.model.robot import Robot
 
 Scalar = Expression | float
@@ -192,3 +193,21 @@ def _cross(x: Vector, y: Vector) -> Vector:
         x[2] * y[0] - x[0] * y[2],
         x[0] * y[1] - x[1] * y[0],
     )
+
+
+def of_whole_links(robot: Robot) -> Count:
+    """Operations for a robot with these kinds of joints; functions are sines and cosines."""
+    graph, n = Graph(), robot.n_joints
+
+    def symbols(name: str, size: int) -> list[Expression]:
+        return [graph.symbol(f"{name}{k}") for k in range(size)]
+
+    chain = []
+    for j, revolute in enumerate(robot.revolute.tolist()):
+        ca, sa, c, s, x, y, z = symbols(f"frame{j}_", 7)
+        chain.append(Joint(ca, sa, c, s, (x, y, z), revolute))
+    bodies = [symbols(f"body{j}_", 10) for j in range(n)]
+    earth = 0.3, 0.4, -9.8  # in no axis of the base
+    found = rigid_bodies(chain, bodies, symbols("qd", n), symbols("qdd", n), earth)
+    operations = count([graph.lifted(each) for each in found])
+    return operations._replace(functions=2 * int(robot.revolute.sum()))

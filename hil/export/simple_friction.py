@@ -4,10 +4,10 @@
     Stribeck               F = (c + (s - c) exp(-(v / v_s)^2)) sgn v + b v
 
 with c, s, b >= 0, or no simulator takes them. Both are fitted to the law of friction that was
-identified, at no load and evenly over the range of speeds that it was found from (non-negative
-least squares; v_s from a grid within that range). They are odd functions: offset, asymmetry and
-ripple of the law are left out. So every simplification comes with its misfit, which counts those
-too.
+identified, at no load and at 50 speeds, evenly over the range that it was found from (non-negative
+least squares; v_s is the best of 40 within that range, spaced by ratio). They are odd functions:
+offset, asymmetry and ripple of the law are left out. So every simplification comes with its misfit,
+which counts those too.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
+from hil.errors import NotEnoughData
 from hil.friction.law import friction_torque
-from hil.results.torque_parts import known_friction
+from hil.results.rounding import percent, significant
+from hil.results.torque_parts import known_friction, lacking
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,13 +29,6 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
     Array = NDArray[np.float64]
-
-SPEEDS = 50
-"""At which the law is read."""
-GRID = 40
-"""Values of v_s that are tried."""
-SLOWEST = 0.05
-"""Share of an axis's speed from which on its law counts where the range found is not stated."""
 
 
 class Stribeck(NamedTuple):
@@ -99,14 +94,17 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
 
 
 def speeds_of(model: Model, axis: int) -> tuple[float, float]:
-    """Slowest and fastest speed at which an axis's law holds [rad/s or m/s]."""
+    """Slowest and fastest speed at which an axis's law holds [rad/s or m/s].
+
+    From 5 % of the axis's speed on where the range that it was found from is not stated.
+    """
     law = known_friction(model).axes[axis]
     assert law is not None  # noqa: S101 - asked of axes that have one
-    return law.speeds or (SLOWEST * law.speed, law.speed)
+    return law.speeds or (0.05 * law.speed, law.speed)
 
 
 def _of_axis(model: Model, axis: int, warmth: float | None) -> SimpleFriction:
-    v = np.linspace(*speeds_of(model, axis), SPEEDS)
+    v = np.linspace(*speeds_of(model, axis), 50)
     forward, backward = (_law(model, axis, side * v, warmth) for side in (1.0, -1.0))
     odd, even = (forward - backward) / 2, (forward + backward) / 2
     (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
@@ -124,7 +122,7 @@ def _of_axis(model: Model, axis: int, warmth: float | None) -> SimpleFriction:
 
 def _stribeck(v: Array, odd: Array, even: Array) -> Stribeck:
     fits = []
-    for velocity in np.geomspace(v[0], v[-1], GRID):
+    for velocity in np.geomspace(v[0], v[-1], 40):
         bell = np.exp(-((v / velocity) ** 2))
         found, left = optimize.nnls(np.column_stack([1.0 - bell, bell, v]), odd)
         coulomb, static, viscous = found.tolist()
@@ -145,3 +143,63 @@ def _law(model: Model, axis: int, v: Array, warmth: float | None) -> Array:
     state = None if warmth is None else np.full_like(qd, warmth)
     found = friction_torque(model.robot, known_friction(model), still, qd, still, warmth=state)
     return np.asarray(found[:, axis])
+
+
+def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
+    """Friction of each joint; None where the model has no law of it."""
+    try:
+        found = {each.axis: each for each in simple_friction(model)}
+    except NotEnoughData:
+        found = {}
+    return tuple(found.get(axis) for axis in range(model.robot.n_joints))
+
+
+def friction_remarks(model: Model) -> tuple[str, ...]:
+    """What Coulomb's and viscous friction are off by, or why there is none."""
+    try:
+        found = misfits(model, simple_friction(model))
+    except NotEnoughData:
+        return (
+            "no friction is stated, since the model has no law of it: identify a run anew that"
+            " moves all axes (hil identify)",
+        )
+    return (*found, *presliding_left_out(model))
+
+
+def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -> list[str]:
+    """What the simplest simplification costs, axis by axis; `state`: of the gears, for the text.
+
+    The misfit is at no load and away from reversals; what the law states beside that is named.
+    """
+    lack = lacking(model)
+    return [
+        *((f"FRICTION UNKNOWN: {lack}",) if lack and not state else ()),
+        *(
+            f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous"
+            f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
+            f" s/{model.robot.position_unit(each.axis)} miss the law by"
+            f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
+            f" ({percent(each.misfit, each.size)} % of it){_of_load(model, each.axis)}"
+            for each in simple
+        ),
+    ]
+
+
+def presliding_left_out(model: Model) -> tuple[str, ...]:
+    """Which axes' friction turns round over a distance, where a format has it turn at once."""
+    law = model.friction_law
+    axes = [
+        f"axis {axis} over {significant(own.presliding, 2)} {model.robot.position_unit(axis - 1)}"
+        for axis, own in enumerate(() if law is None else law.axes, start=1)
+        if own is not None and own.presliding
+    ]
+    return (f"presliding is left out: {', '.join(axes)}",) if axes else ()
+
+
+def _of_load(model: Model, axis: int) -> str:
+    """What of the law depends on the load, which no simplification has."""
+    law = known_friction(model).axes[axis]
+    if law is None or "load" not in law.terms:
+        return ""
+    share = significant(law.terms["load"].value, 2)
+    return f"; friction of the load, {share} of its size, is left out"

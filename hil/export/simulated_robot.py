@@ -7,17 +7,17 @@ axis of joint j), or those of a URDF of the same chain, whose names are then tak
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.export.friction_of_joints import friction_of_joints
+from hil.export.simple_friction import friction_of_joints
 from hil.model.added_parameters import added_inertias
 from hil.model.frames import inverse, parameter_map, pseudo_inertia
 from hil.model.readers.axes_to_frames import frames_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -125,7 +125,6 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
     robot, consistent = model.robot, _bodies_of(model)
     friction = friction_of_joints(model)
     rotors = np.diag(robot.reflected_inertia) + _identified_rotors(robot, consistent)
-    placed = _of_robot_file(robot) if chain is None else _of_urdf(robot, chain)
     return SimulatedRobot(
         name=robot.name if chain is None else chain.robot,
         base="base" if chain is None else chain.base,
@@ -146,7 +145,7 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
                 stiffness=consistent.added.get(f"k{axis + 1}", 0.0),
                 body=parameter_map(each.mdh) @ consistent.bodies[axis],
             )
-            for axis, each in enumerate(placed)
+            for axis, each in enumerate(_placed(robot, chain))
         ),
         rotors=rotors,
     )
@@ -158,15 +157,14 @@ def likely_of(chain: UrdfChain, robot: Robot, stated: Sequence[Array | None]) ->
     None where a link has none, or one that no body has.
     """
     found = []
-    for each, body in zip(_of_urdf(robot, chain), stated, strict=True):
+    for each, body in zip(_placed(robot, chain), stated, strict=True):
         if body is None or np.linalg.eigvalsh(pseudo_inertia(body))[0] <= 0:
             return None
         found.append(parameter_map(inverse(each.mdh)) @ body)
     return np.array(found)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Placed:
+class _Placed(NamedTuple):
     """Names and place of a joint; `mdh`: the robot file's frame in the link's frame."""
 
     name: str
@@ -176,31 +174,17 @@ class _Placed:
     mdh: Array
 
 
-def _of_robot_file(robot: Robot) -> list[_Placed]:
-    return [
-        _Placed(
-            name=f"joint{j + 1}",
-            link=f"link{j + 1}",
-            before=robot.zero_pose(j),
-            axis=np.array([0.0, 0.0, 1.0]),
-            mdh=np.eye(4),
-        )
-        for j in range(robot.n_joints)
-    ]
-
-
-def _of_urdf(robot: Robot, chain: UrdfChain) -> list[_Placed]:
-    frames = frames_of(chain)
+def _placed(robot: Robot, chain: UrdfChain | None) -> list[_Placed]:
+    """Joints as the robot file or a URDF places them."""
+    if chain is None:
+        z, same = np.array([0.0, 0.0, 1.0]), np.eye(4)
+        poses = (robot.zero_pose(j) for j in range(robot.n_joints))
+        return [_Placed(f"joint{j}", f"link{j}", T, z, same) for j, T in enumerate(poses, start=1)]
     still = np.zeros(robot.n_joints)
-    placed = zip(
-        chain.joints,
-        chain.frames(still),
-        frames.poses(still, robot.revolute),
-        strict=True,
-    )
+    frames = frames_of(chain).poses(still, robot.revolute)
     return [
         _Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
-        for joint, own, mdh in placed
+        for joint, own, mdh in zip(chain.joints, chain.frames(still), frames, strict=True)
     ]
 
 
@@ -213,3 +197,32 @@ def _bodies_of(model: Model) -> ConsistentRobot:
 def _identified_rotors(robot: Robot, consistent: ConsistentRobot) -> Array:
     added = np.array([consistent.added[name] for name in robot.added_parameters])
     return np.asarray(np.tensordot(added, added_inertias(robot), 1))
+
+
+def number(value: float) -> str:
+    """The shortest text that is read back as the same number."""
+    return repr(float(value) + 0.0).removesuffix(".0")
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers with spaces between them."""
+    return " ".join(number(float(value)) for value in values)
+
+
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """Angles about the fixed x, y and z axes, shape (3,) [rad].
+
+    Yaw is zero where the x axis stands upright, so that roll and yaw are one.
+    """
+    across = float(np.hypot(rotation[0, 0], rotation[1, 0]))
+    pitch = np.arctan2(-rotation[2, 0], across)
+    if across < 1e-12:
+        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
+
+
+def comment(lines: Sequence[str]) -> str:
+    """Lines inside an XML comment, which two hyphens in a row would end."""
+    safe = (line.replace("--", "- -") for line in lines)
+    return "\n" + "".join(f"  {line}\n" for line in safe)

@@ -16,15 +16,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from hil.export.exact_numbers import comment, number, numbers, roll_pitch_yaw
 from hil.export.exported import Exported
-from hil.export.friction_of_joints import friction_remarks
-from hil.export.simulated_robot import simulated_robot
-from hil.export.urdf_links import UrdfLinks
+from hil.export.given_urdf import INERTIA
+from hil.export.simple_friction import friction_remarks
+from hil.export.simulated_robot import comment, number, numbers, roll_pitch_yaw, simulated_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -34,14 +32,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_INERTIA = {
-    "ixx": (0, 0),
-    "ixy": (0, 1),
-    "ixz": (0, 2),
-    "iyy": (1, 1),
-    "iyz": (1, 2),
-    "izz": (2, 2),
-}
 UNLIMITED = 1e6
 """In place of an effort or a velocity that nobody has stated."""
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -50,20 +40,16 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
     """Return the model as a URDF: one of its own, or the given one with its bodies."""
     robot = simulated_robot(model, None if given is None else given.chain)
-    remarks = (*_rotors(robot), *_gravity(robot), *_springs(model), *friction_remarks(model))
-    if given is None:
-        root = _own(robot)
-        remarks = (*remarks, *_without_limits(robot))
-    else:
-        root, more = _with_bodies(robot, given.path)
-        remarks = (*remarks, *more)
+    root, more = _own(robot) if given is None else _with_bodies(robot, given)
+    remarks = (*_remarks(model, robot), *more)
     root.insert(0, ET.Comment(comment((*origin, *remarks))))
     ET.indent(root)
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
     return Exported({f"{model.robot.name}.urdf": text}, remarks)
 
 
-def _own(robot: SimulatedRobot) -> ET.Element:
+def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
+    """A URDF of links and joints alone, and remarks on it."""
     root = ET.Element("robot", name=robot.name)
     ET.SubElement(root, "link", name=robot.base)
     turned = _upright(robot.gravity)
@@ -81,7 +67,7 @@ def _own(robot: SimulatedRobot) -> ET.Element:
         ET.SubElement(made, "limit", _limits(joint))
         _set_dynamics(made, joint)
         parent = joint.link
-    return root
+    return root, list(_without_limits(robot))
 
 
 def _joint(
@@ -95,16 +81,16 @@ def _joint(
     return made
 
 
-def _with_bodies(robot: SimulatedRobot, path: Path) -> tuple[ET.Element, list[str]]:
-    """The URDF at `path` with the robot's bodies and dynamics, and remarks on it."""
+def _with_bodies(robot: SimulatedRobot, given: Given) -> tuple[ET.Element, list[str]]:
+    """The given URDF with the robot's bodies and dynamics, and remarks on it."""
     builder = ET.TreeBuilder(insert_comments=True)
-    parser = ET.XMLParser(target=builder)  # noqa: S314 - UrdfLinks has refused entities
-    links, root = UrdfLinks(path), ET.parse(path, parser).getroot()  # noqa: S314 - as above
+    parser = ET.XMLParser(target=builder)  # noqa: S314 - its reader has refused entities
+    root = ET.parse(given.path, parser).getroot()  # noqa: S314 - as above
     of_name = {each.get("name"): each for each in root.iter("link")}
     joints = {each.get("name"): each for each in root.findall("joint")}
     chain, remarks = {joint.name for joint in robot.joints}, []
     for joint in robot.joints:
-        attached = [name for name, _ in links.attached(joint.link)]
+        attached = [name for name, _ in given.reader.attached(joint.link, np.eye(4))]
         for name in attached:
             for old in of_name[name].findall("inertial"):
                 of_name[name].remove(old)
@@ -112,7 +98,9 @@ def _with_bodies(robot: SimulatedRobot, path: Path) -> tuple[ET.Element, list[st
         _set_dynamics(joints[joint.name], joint)
         if attached[1:]:
             remarks.append(f"the body of {joint.link} is that of {', '.join(attached[1:])} too")
-        others = [name for name in links.moving(joint.link) if name not in chain]
+        below = (edge.element for name in attached for edge in given.reader.below.get(name, ()))
+        others = [str(e.get("name")) for e in below if e.get("type") != "fixed"]
+        others = [name for name in others if name not in chain]
         if others:
             remarks.append(
                 f"what joints {', '.join(others)} carry keeps its inertials; remove those if it was"
@@ -126,7 +114,7 @@ def _inertial(joint: SimulatedJoint) -> ET.Element:
     ET.SubElement(made, "origin", xyz=numbers(joint.centre), rpy="0 0 0")
     ET.SubElement(made, "mass", value=number(joint.mass))
     inertia = joint.inertia
-    ET.SubElement(made, "inertia", {key: number(inertia[at]) for key, at in _INERTIA.items()})
+    ET.SubElement(made, "inertia", {key: number(inertia[at]) for key, at in INERTIA.items()})
     return made
 
 
@@ -156,35 +144,27 @@ def _upright(gravity: Array) -> Array | None:
     return np.array([x, np.cross(z, x), z])
 
 
-def _rotors(robot: SimulatedRobot) -> Sequence[str]:
-    if not robot.rotors.any():
-        return ()
-    each = ", ".join(f"{joint.name} {number(joint.armature)}" for joint in robot.joints)
-    found = [
-        "a URDF has no rotor inertia: give it to the simulator as armature, on the joint side"
-        f" [kg m2 or kg]: {each}"
-    ]
+def _remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
+    """What a URDF has not, or what is to be stated beside it."""
+    if robot.rotors.any():
+        each = ", ".join(f"{joint.name} {number(joint.armature)}" for joint in robot.joints)
+        yield (
+            "a URDF has no rotor inertia: give it to the simulator as armature, on the joint side"
+            f" [kg m2 or kg]: {each}"
+        )
     if robot.coupled:
-        found.append(f"motors turn with two joints; their inertia: {robot.rotors.tolist()}")
-    return found
-
-
-def _gravity(robot: SimulatedRobot) -> Sequence[str]:
+        yield f"motors turn with two joints; their inertia: {robot.rotors.tolist()}"
     size = float(np.linalg.norm(robot.gravity))
-    if abs(size - 9.81) < 1e-9:
-        return ()
-    return (f"identified with gravity of {number(size)} m/s2: state the same in the simulator",)
-
-
-def _springs(model: Model) -> Sequence[str]:
+    if abs(size - 9.81) >= 1e-9:
+        yield f"identified with gravity of {number(size)} m/s2: state the same in the simulator"
     springs = [name for name in model.robot.added_parameters if name.startswith("k")]
-    return (f"a URDF has no springs: {', '.join(springs)} are left out",) if springs else ()
+    if springs:
+        yield f"a URDF has no springs: {', '.join(springs)} are left out"
+    yield from friction_remarks(model)
 
 
-def _without_limits(robot: SimulatedRobot) -> Sequence[str]:
+def _without_limits(robot: SimulatedRobot) -> Iterator[str]:
     unknown = [joint.name for joint in robot.joints if np.isnan(joint.effort + joint.velocity)]
-    if not unknown:
-        return ()
-    return (
-        f"effort or velocity of {', '.join(unknown)} is unknown; {UNLIMITED:g} stands in its place",
-    )
+    if unknown:
+        names = ", ".join(unknown)
+        yield f"effort or velocity of {names} is unknown; {UNLIMITED:g} stands in its place"

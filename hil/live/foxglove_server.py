@@ -1,61 +1,192 @@
 """The process that streams a run to Foxglove: `python -m hil.live.foxglove_server ADDRESS PORT`.
 
 It reads the run's lines from its standard input (`hil.live.lines`) and passes them on as messages
-of ROS 2 (`ros_lines`) over Foxglove's own WebSocket server, which keeps `BACKLOG` messages a client
-and leaves the oldest out for one that does not read. Clients may only look: the server offers them
-no way to send anything. It has a lower priority than the run, and ends with its input.
+of ROS 2 over Foxglove's own WebSocket server, which keeps some messages a client and leaves the
+oldest out for one that does not read. Clients may only look: the server offers them no way to send
+anything. It has a lower priority than the run, and ends with its input.
+
+/joint_states
+    `sensor_msgs/JointState` of each line ``sample``: positions and torques, no velocities.
+/diagnostics
+    `diagnostic_msgs/DiagnosticArray` with each sample: of each axis its torque beside its limit and
+    what the sample's flags say, and of the run what is being done. Levels: a warning where a drive
+    reports that it limits its torque, or no sample came; an error after a fault; stale without
+    power.
+/events
+    `rcl_interfaces/Log` of events, notes, faults and the end.
+
+Stamps are the computer's clock, as in the lines; the bus's time is a value of the run's diagnosis.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
-from typing import Any
+from math import nan
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from checked_files.yaml_file import FileError
-from hil.export.recordings.ros_messages import RosMessages
-from hil.live.ros_lines import TOPICS, RosLines
+from drivers.drive_bus import SampleFlag
+from hil.export.recordings.ros_messages import (
+    DIAGNOSTICS,
+    ERROR,
+    FAULT,
+    INFO,
+    JOINT_STATE,
+    LOG,
+    OK,
+    STALE,
+    WARN,
+    WARNING,
+    Diagnosis,
+    RosMessages,
+)
+from hil.live.beside import begin_listening, url_host
 from hil.optional_packages import needed_for
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+TOPICS = {"/joint_states": JOINT_STATE, "/diagnostics": DIAGNOSTICS, "/events": LOG}
+"""Topics and the types of their messages."""
+_STATES = {OK: "under power", STALE: "without power", FAULT: "stopped by a fault"}
+_REMARKS = {
+    SampleFlag.MISSING: "no sample came",
+    SampleFlag.LIMIT: "the drive limits its torque",
+}
+
+
+class Said(NamedTuple):
+    """A message and where it goes.
+
+    Attributes
+    ----------
+    topic : str
+    stamp : int
+        By the computer's clock [ns].
+    data : bytes
+        In CDR.
+    """
+
+    topic: str
+    stamp: int
+    data: bytes
+
+
+class RosLines:
+    """Turns one line after the other into messages."""
+
+    def __init__(self, messages: RosMessages) -> None:
+        self._messages = messages
+        self._joints: Sequence[dict[str, Any]] = ()
+        self._names: list[str] = []
+        self._level, self._doing = STALE, "starting"
+
+    def take(self, line: dict[str, Any]) -> Iterator[Said]:
+        """Yield what a line says; lines of kinds that nobody shows say nothing."""
+        stamp = round(line["at"] * 1000) * 1_000_000
+        if line["kind"] == "start":
+            self._joints = line["robot"]["joints"]
+            self._names = [f"joint{k}" for k in range(1, len(self._joints) + 1)]
+        elif line["kind"] == "sample":
+            yield from self._sample(line, stamp)
+        else:
+            self._note(line)
+            for level, text in _told(line):
+                about = line.get("measurement", "run")
+                yield Said("/events", stamp, self._messages.log(stamp, level, about, text))
+
+    def _note(self, line: dict[str, Any]) -> None:
+        """Take in what changes the state of the run."""
+        match line["kind"]:
+            case "armed":
+                self._level = OK
+            case "off" if self._level != FAULT:
+                self._level = STALE
+            case "fault":
+                self._level = FAULT
+            case "event":
+                self._doing = line["doing"]
+
+    def _sample(self, line: dict[str, Any], stamp: int) -> Iterator[Said]:
+        q, tau = ([nan if x is None else x for x in line[key]] for key in ("q", "tau"))
+        state = self._messages.joint_state(stamp, self._names, q, tau)
+        yield Said("/joint_states", stamp, state)
+        values = {"bus time [s]": f"{line['t']:.4f}", "state": _STATES[self._level]}
+        run = Diagnosis("run", self._level, self._doing, values)
+        axes = [
+            self._axis(*each)
+            for each in zip(range(len(q)), self._joints, q, tau, line["flags"], strict=True)
+        ]
+        yield Said("/diagnostics", stamp, self._messages.diagnostics(stamp, [run, *axes]))
+
+    def _axis(
+        self, axis: int, joint: dict[str, Any], q: float, tau: float, flags: int
+    ) -> Diagnosis:
+        limit = joint["torque"]
+        values = {
+            f"position [{joint['unit']}]": f"{q:.6g}",
+            f"torque [{joint['torque_unit']}]": f"{tau:.6g}",
+        }
+        if limit is not None:
+            values[f"torque limit [{joint['torque_unit']}]"] = f"{limit:g}"
+            values["share of the torque limit [%]"] = f"{100 * abs(tau) / limit:.1f}"
+        remarks = [text for flag, text in _REMARKS.items() if flags & flag]
+        level = WARNING if remarks and self._level == OK else self._level
+        text = "; ".join(remarks) or _STATES[self._level]
+        return Diagnosis(f"run: {self._names[axis]}", level, text, values)
+
+
+def _told(line: dict[str, Any]) -> Iterator[tuple[int, str]]:
+    """Level and text of a line for the log."""
+    match line["kind"]:
+        case "event":
+            yield (WARN, line["notice"]) if line["notice"] else (INFO, line["doing"])
+        case "armed":
+            yield INFO, f"{len(line['axes'])} axes are under power"
+        case "off":
+            yield INFO, "the axes are stopped and without power"
+        case "note":
+            yield WARN, line["text"]
+        case "fault":
+            yield ERROR, line["text"]
+        case "end":
+            level = ERROR if line["how"] == "failed" else INFO
+            yield level, ": ".join(filter(None, (line["how"], line["text"])))
+
+
 OPTION, EXTRA = "--foxglove", "foxglove"
-NICE = 10
-"""By how much the run goes first."""
-BACKLOG = 256
-"""Messages that wait for one client; some 3 s of a run."""
-LAST_WORDS = 0.5
-"""How long clients may take to get the last messages [s]."""
 
 
 def main(address: str, port: str) -> None:
     """Serve until the end of standard input."""
-    os.nice(NICE)
+    say = begin_listening()
     try:
         messages = RosMessages(OPTION, EXTRA)
         server, channels = _served(messages, address, int(port))
     except FileError as error:
-        _say("failed", str(error))
+        say("failed", str(error))
         return
     except (OSError, RuntimeError) as error:
-        _say(
-            "failed",
-            f"Foxglove cannot be served on port {port} of {address}: {_reason(error)}; choose"
-            f" another with {OPTION} PORT, or 0 for a free one",
-        )
+        reason = str(error).removeprefix("FoxgloveError: ")
+        failure = f"Foxglove cannot be served on port {port} of {address}: {reason}; choose another"
+        say("failed", f"{failure} with {OPTION} PORT, or 0 for a free one")
         return
-    host = f"[{address}]" if ":" in address else address
-    _say("ready", f"Foxglove: open a connection to ws://{host}:{server.port}")
+    say("ready", f"Foxglove: open a connection to ws://{url_host(address)}:{server.port}")
     lines = RosLines(messages)
     for text in sys.stdin.buffer:
         for said in lines.take(json.loads(text)):
             channels[said.topic].log(said.data, log_time=said.stamp)
-    time.sleep(LAST_WORDS)
+    time.sleep(0.5)  # clients get the last messages
     server.stop()
 
 
 def _served(messages: RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
-    """Start the server; return it and its channels by topic."""
+    """Start the server; return it and its channels by topic.
+
+    256 messages may wait for one client, some 3 s of a run.
+    """
     with needed_for(OPTION, EXTRA):
         import foxglove  # noqa: PLC0415 - optional
     channels = {
@@ -67,18 +198,9 @@ def _served(messages: RosMessages, address: str, port: int) -> tuple[Any, dict[s
         for topic, kind in TOPICS.items()
     }
     server = foxglove.start_server(
-        name="hil run", host=address, port=port, message_backlog_size=BACKLOG
+        name="hil run", host=address, port=port, message_backlog_size=256
     )
     return server, channels
-
-
-def _reason(error: Exception) -> str:
-    return str(error).removeprefix("FoxgloveError: ")
-
-
-def _say(kind: str, text: str) -> None:
-    sys.stdout.write(json.dumps({"kind": kind, "text": text}) + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

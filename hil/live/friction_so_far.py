@@ -8,43 +8,16 @@ result: identification compensates and weighs far more.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from hil.planning.measurement import Measurement
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
-
 MIDDLE = (0.25, 0.75)
 """Shares of a stroke's way between which torques count."""
-FEWEST = 5
-"""Samples in each direction."""
-
-
-class Level(NamedTuple):
-    """Friction of one axis as a recording shows it.
-
-    Attributes
-    ----------
-    axis : int
-        Joint index, from 0.
-    level : float
-        Half the difference of the mean torques forth and back [N m or N].
-    speed : float
-        Mean speed meanwhile [rad/s or m/s].
-    measurement : str
-        Identifier.
-    """
-
-    axis: int
-    level: float
-    speed: float
-    measurement: str
 
 
 class FrictionSoFar:
@@ -60,23 +33,32 @@ class FrictionSoFar:
         found = level_of(measurement, recording)
         if found is None:
             return None
-        levels = self._levels.setdefault(found.axis, [])
-        levels.append(round(found.level, 4))
+        (axis,), (level, speed) = measurement.read, found
+        levels = self._levels.setdefault(axis, [])
+        levels.append(round(level, 4))
         return {
-            "axis": found.axis,
+            "axis": axis,
             "level": levels[-1],
-            "speed": round(found.speed, 4),
-            "measurement": found.measurement,
+            "speed": round(speed, 4),
+            "measurement": measurement.id,
             "count": len(levels),
             "least": min(levels),
             "most": max(levels),
         }
 
 
-def level_of(measurement: Measurement, recording: Recording) -> Level | None:
-    """Level of friction of the axis that goes back and forth.
+def level_of(measurement: Measurement, recording: Recording) -> tuple[float, float] | None:
+    """Level of friction of the axis that goes back and forth, and its mean speed meanwhile.
 
-    None where none does, or too few samples lie in the middle of its strokes.
+    None where none does, or fewer than five samples of a direction lie in the middle of its
+    strokes.
+
+    Returns
+    -------
+    level : float
+        Half the difference of the mean torques forth and back [N m or N].
+    speed : float
+        [rad/s or m/s].
     """
     if len(measurement.read) != 1:
         return None
@@ -89,18 +71,8 @@ def level_of(measurement: Measurement, recording: Recording) -> Level | None:
     share = (q - low) / max(high - low, np.finfo(float).tiny)
     used = under_way & (share > MIDDLE[0]) & (share < MIDDLE[1])
     forth, back = (used & (recording.stroke % 2 == side) for side in (0, 1))
-    if min(forth.sum(), back.sum()) < FEWEST:
+    if min(forth.sum(), back.sum()) < 5:
         return None
-    return Level(
-        axis,
-        float(tau[forth].mean() - tau[back].mean()) / 2,
-        _speed(recording, used, float(high - low)),
-        measurement.id,
-    )
-
-
-def _speed(recording: Recording, used: NDArray[np.bool_], way: float) -> float:
-    """Mean speed over the middle of all strokes [rad/s or m/s]."""
-    strokes = len(np.unique(recording.stroke[used]))
-    duration = used.sum() * recording.period
-    return strokes * (MIDDLE[1] - MIDDLE[0]) * way / float(duration)
+    way = len(np.unique(recording.stroke[used])) * (MIDDLE[1] - MIDDLE[0]) * float(high - low)
+    speed = way / float(used.sum() * recording.period)
+    return float(tau[forth].mean() - tau[back].mean()) / 2, speed

@@ -4,7 +4,7 @@ Every line has ``kind`` and ``at``, the clock's time [s since 1970]. All else is
 side; what is not known is null.
 
 start
-    The first line. ``robot`` as `hil.view.robot_data.robot_data` has it (name, joints with limits
+    The first line. ``robot`` as `hil.view.visuals.robot_data` has it (name, joints with limits
     and units), ``workspace`` likewise or null, ``measurements``: how many the plan has,
     ``rehearsal``: share of the speed limits, or null, ``simulated``: whether it is the virtual
     plant that moves.
@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING
 
 from hil.measuring.events import AboutMeasurement
 from hil.terminal.progress import doing, notice
-from hil.view.robot_data import robot_data, workspace_data
+from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -27,13 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import BinaryIO
 
-WAITING_MAX = 262_144
-"""What may wait for a reader that is behind [bytes]."""
-PATIENCE = 20.0
-"""How long a process may take to be ready [s]; nothing moves before."""
 LAST_WORDS = 1.0
 """How long the end of a run waits for a reader that is behind, and for its own end [s]."""
-_LOOK = 0.01
 
 
 class ListenerFailed(HilError):
@@ -72,13 +67,15 @@ class Listener:
         self._input = -1
         self._ear = Thread()
 
-    def start(self, stop: Callable[[], None], patience: float = PATIENCE) -> str:
+    def start(self, stop: Callable[[], None], patience: float = 20.0) -> str:
         """Start the process; return what it states once it is ready.
 
         Parameters
         ----------
         stop : callable
             Called, from another thread, where the process asks for a stop; once at most.
+        patience : float
+            How long the process may take to be ready [s]; nothing moves before.
 
         Raises
         ------
@@ -105,10 +102,13 @@ class Listener:
         return self._ready(patience)
 
     def write(self, line: bytes, *, droppable: bool = False) -> None:
-        """Pass a line on; one that is `droppable` is left out while the reader is behind."""
+        """Pass a line on; one that is `droppable` is left out while the reader is behind.
+
+        At most 256 KiB wait for a reader.
+        """
         if self.gone:
             return
-        if self._waiting and (droppable or len(self._waiting) + len(line) > WAITING_MAX):
+        if self._waiting and (droppable or len(self._waiting) + len(line) > 262_144):
             self.dropped += 1
         else:
             self._waiting += line
@@ -120,7 +120,7 @@ class Listener:
             return
         until = time.monotonic() + LAST_WORDS
         while self._waiting and not self.gone and time.monotonic() < until:
-            time.sleep(_LOOK)
+            time.sleep(0.01)
             self._flush()
         self._end(self._process)
 

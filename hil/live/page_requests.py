@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 ASSETS = Path(__file__).parent / "assets"
 VIEW = Path(__file__).parents[1] / "view" / "assets"
 STOP_HEADER = "X-Hil-Stop"
-BODY_MAX = 1024
-"""Of a request [bytes]."""
 SECURITY = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src"
@@ -94,7 +92,7 @@ class Requests(BaseHTTPRequestHandler):
         if place is None:
             return
         length = self.headers.get("Content-Length", "")
-        self.rfile.read(min(int(length), BODY_MAX) if length.isdecimal() else 0)
+        self.rfile.read(min(int(length), 1024) if length.isdecimal() else 0)
         if place != "stop":
             self._text(HTTPStatus.NOT_FOUND, "nothing but stop can be asked for")
         elif self.headers.get(STOP_HEADER) != "1":

@@ -20,9 +20,10 @@ import time
 from contextlib import suppress
 from http.server import ThreadingHTTPServer
 from socketserver import TCPServer
-from threading import Lock, Semaphore, Thread
+from threading import Semaphore, Thread
 from typing import TYPE_CHECKING, Any
 
+from hil.live.beside import begin_listening, url_host
 from hil.live.page_requests import Requests, Site, names_of_this_computer
 from hil.live.streams import Streams
 
@@ -31,14 +32,6 @@ if TYPE_CHECKING:
 
 CONNECTIONS_MAX = 128
 """At a time, those of pages among them."""
-NICE = 10
-"""By how much the run goes first."""
-ALIVE = 1.0
-"""Time between two signs of life that a page gets [s]."""
-LAST_WORDS = 0.5
-"""How long pages may take to get the last line [s]."""
-_LOOK = 0.1
-_CHUNK = 65536
 _BUSY = (
     b"HTTP/1.0 503 Service Unavailable\r\nContent-Type: text/plain\r\nRetry-After: 5\r\n\r\n"
     b"too many connections; close a page\n"
@@ -94,11 +87,10 @@ class PageServer(ThreadingHTTPServer):
 
 def main(address: str, port: str) -> None:
     """Serve until the end of standard input."""
-    os.nice(NICE)
-    streams, voice = Streams(), _Voice()
+    streams, say = Streams(), begin_listening()
 
     def stop() -> None:
-        voice.say("stop")
+        say("stop")
         streams.take(_line("stopping"))
 
     secret = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
@@ -107,14 +99,14 @@ def main(address: str, port: str) -> None:
             address, int(port), Site(streams, stop, secret, names_of_this_computer())
         )
     except OSError as error:
-        voice.say(
+        say(
             "failed",
             f"the live page cannot be served on port {port} of {address}: {error.strerror};"
             f" {_remedy(error)}",
         )
         return
     Thread(target=server.serve_forever, name="server", daemon=True).start()
-    voice.say("ready", _where(address, server.server_port, secret))
+    say("ready", _where(address, server.server_port, secret))
     _pass_on(streams)
 
 
@@ -125,20 +117,23 @@ def _remedy(error: OSError) -> str:
 
 
 def _pass_on(streams: Streams) -> None:
-    """Pass on all lines of standard input, and signs of life."""
+    """Pass on all lines of standard input, and a sign of life every second.
+
+    Pages have half a second to get the last line.
+    """
     alive = 0.0
     for line in _lines(sys.stdin.fileno()):
         if line:
             streams.take(line)
         now = time.monotonic()
-        if now - alive > ALIVE:
+        if now - alive > 1.0:
             alive = now
             streams.take(_line("alive"))
     if not streams.ended:
         streams.take(_line("end", how="lost", text="the run has ended without a word"))
-    until = time.monotonic() + LAST_WORDS
+    until = time.monotonic() + 0.5
     while not streams.idle and time.monotonic() < until:
-        time.sleep(_LOOK / 10)
+        time.sleep(0.01)
         streams.flush()
 
 
@@ -146,10 +141,10 @@ def _lines(descriptor: int) -> Iterator[bytes]:
     """Lines as they come; empty ones now and then where none does."""
     rest = b""
     while True:
-        if not select.select([descriptor], [], [], _LOOK)[0]:
+        if not select.select([descriptor], [], [], 0.1)[0]:
             yield b""
             continue
-        chunk = os.read(descriptor, _CHUNK)
+        chunk = os.read(descriptor, 65536)
         if not chunk:
             return
         *whole, rest = (rest + chunk).split(b"\n")
@@ -161,27 +156,11 @@ def _line(kind: str, **values: object) -> bytes:
 
 
 def _where(address: str, port: int, secret: str) -> str:
-    if secret:
-        found = socket.gethostname() if ipaddress.ip_address(address).is_unspecified else address
-    else:
-        found = address
-    host = f"[{found}]" if ":" in found else found
-    url = f"http://{host}:{port}/{secret}"
     if not secret:
-        return f"live page: {url}"
-    return f"live page: {url}/ (whoever has this address can watch and stop the run)"
-
-
-class _Voice:
-    """What the process says to the run, from any thread."""
-
-    def __init__(self) -> None:
-        self._lock = Lock()
-
-    def say(self, kind: str, text: str = "") -> None:
-        with self._lock:
-            sys.stdout.write(json.dumps({"kind": kind, "text": text}) + "\n")
-            sys.stdout.flush()
+        return f"live page: http://{url_host(address)}:{port}/"
+    found = socket.gethostname() if ipaddress.ip_address(address).is_unspecified else address
+    url = f"http://{url_host(found)}:{port}/{secret}/"
+    return f"live page: {url} (whoever has this address can watch and stop the run)"
 
 
 if __name__ == "__main__":

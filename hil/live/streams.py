@@ -17,12 +17,6 @@ CLIENTS_MAX = 64
 """Pages that are served at a time."""
 PATIENCE = 10.0
 """How long a page may take nothing [s]."""
-WAITING_MAX = 1_000_000
-"""What may wait for a page [bytes]."""
-HISTORY = 200
-"""Notices that a late page still gets."""
-_SEND_BUFFER = 16_384
-"""Of the kernel [bytes]: what lies there gets old."""
 
 
 class Client:
@@ -36,7 +30,9 @@ class Client:
 
     def __init__(self, connection: socket.socket, first: bytes) -> None:
         self.left = Event()
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+        connection.setsockopt(
+            socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384
+        )  # what lies there gets old
         connection.setblocking(False)
         self._connection = connection
         self._waiting = bytearray(first)
@@ -54,14 +50,14 @@ class Client:
         self.flush()
 
     def flush(self) -> None:
-        """Send as much as the page takes."""
+        """Send as much as the page takes; one that leaves 1 MB waiting is left, too."""
         now = time.monotonic()
         try:
             while self._waiting:
                 del self._waiting[: self._connection.send(self._waiting)]
                 self._took = now
         except BlockingIOError:
-            if now - self._took > PATIENCE or len(self._waiting) > WAITING_MAX:
+            if now - self._took > PATIENCE or len(self._waiting) > 1_000_000:
                 self.left.set()
         except OSError:  # it has gone
             self.left.set()
@@ -76,7 +72,7 @@ class Streams:
         self._lock = Lock()
         self._clients: list[Client] = []
         self._state: dict[str, bytes] = {}
-        self._history: deque[bytes] = deque(maxlen=HISTORY)
+        self._history: deque[bytes] = deque(maxlen=200)  # notices that a late page still gets
 
     @property
     def ended(self) -> bool:

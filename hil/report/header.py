@@ -55,81 +55,55 @@ def of_friction(run: ReportedRun) -> Header:
     return _header(run, "friction", "", facts, None)
 
 
-def of_strokes(run: ForeignRun) -> Header:
-    """Top of the report of an imported run of axes that move back and forth by themselves."""
-    identified, fit = run.model.identified, run.model.back_and_forth
+def of_imported(run: ForeignRun) -> Header:
+    """Top of the report of an imported run, by motions or strokes back and forth."""
+    identified, fit = run.model.identified, run.model.back_and_forth or run.model.friction
     left = percent(0.0 if fit is None else fit.overall_residual, 1.0)
-    which = "All" if identified.all() else f"{identified.sum()} of"
-    lost = "" if identified.all() else " Those not identified are zero in the model."
-    verdict = (
-        f"{which} {len(identified)} base parameters of {run.robot.name} were identified from"
-        f" strokes back and forth, without a law of friction. Of the recorded torques {left} % are"
-        f" left, all axes taken together, away from the reversals.{lost}"
-    )
-    return _header(run, "identified dynamics", verdict, _recorded(run), run.model.outcome)
-
-
-def _recorded(run: ReportedRun) -> Facts:
-    took = sum(float(each.time[-1] - each.time[0]) for _, each in run.recordings)
-    return ("Recordings", str(len(run.recordings))), ("Recorded", duration(took))
-
-
-def of_free_motions(run: ForeignRun) -> Header:
-    """Top of the report of an imported run."""
-    left = percent(0.0 if run.model.friction is None else run.model.friction.overall_residual, 1.0)
     verdict = (
         f"All {len(run.model.values)} base parameters of {run.robot.name} were identified together"
         f" with friction. Of the recorded torques {left} % are left, all samples and axes taken"
         " together."
     )
-    return _header(run, "identified dynamics", verdict, _recorded(run), run.model.outcome)
+    if run.model.back_and_forth is not None:
+        which = "All" if identified.all() else f"{identified.sum()} of"
+        lost = "" if identified.all() else " Those not identified are zero in the model."
+        verdict = (
+            f"{which} {len(identified)} base parameters of {run.robot.name} were identified from"
+            f" strokes back and forth, without a law of friction. Of the recorded torques {left} %"
+            f" are left, all axes taken together, away from the reversals.{lost}"
+        )
+    took = sum(float(each.time[-1] - each.time[0]) for _, each in run.recordings)
+    facts = ("Recordings", str(len(run.recordings))), ("Recorded", duration(took))
+    return _header(run, "identified dynamics", verdict, facts, run.model.outcome)
 
 
 def of_campaign(run: IdentifiedRun) -> Header:
-    """Top of the report of a run whose base parameters are identifiable."""
+    """Top of the report of a run whose base parameters are identifiable: it in two sentences."""
+    relative = percent(float(np.nanmean(run.found.prediction.relative)), 1.0)
+    urgent = sum(item.word != "good" for item in run.found.advice)
+    attention = f"{urgent} finding{'s require' if urgent > 1 else ' requires'} action, see below."
+    verdict = (
+        f"All {len(run.estimate.p)} base parameters were identified; the rigid-body torques of a"
+        f" free motion follow from them to {relative} % on average over the axes (one standard"
+        f" error). {attention if urgent else 'No finding requires action.'}"
+    )
     sessions = len(run.source.journal.sessions)
     took = duration(run.robot_time) + (f" in {sessions} sessions" if sessions > 1 else "")
     facts = (("Measurements", counts(run.campaign)), ("Robot time", took))
-    return _header(run, "identified dynamics", verdict(run), facts, run.model.outcome)
+    return _header(run, "identified dynamics", verdict, facts, run.model.outcome)
 
 
 def _header(
     run: ReportedRun, about: str, verdict: str, facts: Facts, outcome: Judgement | None
 ) -> Header:
-    journal = run.source.journal
+    journal, imported = run.source.journal, run.source.imported
     last = journal.sessions[-1] if journal.sessions else None
     began, bus = (when(last.started), last.bus) if last else ("unknown", "unknown")
-    if journal.simulated:
-        bus = f"{bus}, the virtual plant"
-    return Header(
-        title=f"{run.robot.name}: {about}",
-        verdict=verdict,
-        outcome=outcome,
-        facts=(
-            ("Imported" if run.source.imported else "Measured", began),
-            ("From" if run.source.imported else "Bus", bus),
-            *facts,
-        ),
-        shortfall=run.source.shortfall,
-        simulated=journal.simulated,
-    )
-
-
-def verdict(run: IdentifiedRun) -> str:
-    """State the whole report in two sentences."""
-    relative = run.found.prediction.relative
-    urgent = sum(item.word != "good" for item in run.found.advice)
-    attention = "No finding requires action."
-    if urgent:
-        attention = (
-            f"{urgent} finding{'s require' if urgent > 1 else ' requires'} action, see below."
-        )
-    return (
-        f"All {len(run.estimate.p)} base parameters were identified; the rigid-body torques of a"
-        f" free motion follow from them to {percent(float(np.nanmean(relative)), 1.0)} % on average"
-        " over the axes (one standard error)."
-        f" {attention}"
-    )
+    bus += ", the virtual plant" if journal.simulated else ""
+    begun = ("Imported", "From") if imported else ("Measured", "Bus")
+    facts = (*zip(begun, (began, bus), strict=True), *facts)
+    title = f"{run.robot.name}: {about}"
+    return Header(title, verdict, outcome, facts, run.source.shortfall, journal.simulated)
 
 
 def counts(campaign: Sequence[Measured]) -> str:

@@ -3,7 +3,7 @@
 It can be written again at any time, without hardware and without the network. What stands in it,
 and in which order, is the registry of `hil.report.sections`; above them stands the plot that shows
 the result best, which is that of the first section that leads. Plots are part of the page as SVG,
-and behind their points are the recordings (`hil.report.recordings`).
+and behind their points are the recordings (`hil.report.carried`).
 """
 
 from __future__ import annotations
@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from hil.report import header
-from hil.report.downloads import downloads
-from hil.report.friction_of_run import friction_alone
+from hil.report.carried import carried, downloads
 from hil.report.header import when
-from hil.report.recordings import carried
-from hil.report.reported_run import ForeignRun, identified, read
+from hil.report.reported_run import ForeignRun, friction_alone, identified, read
 from hil.report.section import Plot
 from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION, OF_STROKES
 from hil.results.tables.html import environment
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 
     from jinja2 import Environment
 
-    from hil.report.downloads import Downloads
+    from hil.report.carried import Downloads
     from hil.report.header import Header
     from hil.report.reported_run import ReportedRun
     from hil.report.section import Picture, Section
@@ -66,7 +64,7 @@ def report(run: Run, figures: Path | None = None) -> Path:
     whole = read(run)
     top, sections, model = _content(whole)
     path = run.path / NAME
-    write_file(path, _html(whole, top, sections, downloads(model) if model else ()).encode())
+    write_html(path, NAME, **_values(whole, top, sections, downloads(model) if model else ()))
     if figures is not None:
         _write_figures(figures, _plots(sections))
     return path
@@ -78,10 +76,8 @@ def _content(whole: ReportedRun) -> tuple[Header, list[Section], Model | None]:
     run = identified(whole)
     if not isinstance(run, ForeignRun):
         return header.of_campaign(run), _present(each(run) for each in OF_CAMPAIGN), run.model
-    strokes = run.model.back_and_forth is not None
-    top = header.of_strokes(run) if strokes else header.of_free_motions(run)
-    of_kind = OF_STROKES if strokes else OF_FREE_MOTIONS
-    return top, _present(each(run) for each in of_kind), run.model
+    of_kind = OF_FREE_MOTIONS if run.model.back_and_forth is None else OF_STROKES
+    return header.of_imported(run), _present(each(run) for each in of_kind), run.model
 
 
 def _present(sections: Iterable[Section | None]) -> list[Section]:
@@ -92,24 +88,36 @@ def _plots(sections: Iterable[Section]) -> list[Plot]:
     return [plot for each in sections for plot in each.plots if isinstance(plot, Plot)]
 
 
-def _html(whole: ReportedRun, top: Header, sections: Sequence[Section], files: Downloads) -> str:
+def write_html(path: Path, template: str, **values: object) -> None:
+    """Write a page, whole or not at all, with when and by which version it is written."""
+    about = {"written": now(), "version": versions()["canopen-robot-identification"]}
+    write_file(path, _templates().get_template(template).render(**values, **about).encode())
+
+
+def _templates() -> Environment:
     templates = environment(*TEMPLATES)
     templates.filters["when"] = when
+    return templates
+
+
+def _values(
+    whole: ReportedRun, top: Header, sections: Sequence[Section], files: Downloads
+) -> dict[str, object]:
+    templates = _templates()
     lead = next((each.plots[0] for each in sections if each.leads and each.plots), None)
     script = (TEMPLATES[0] / "report.js").read_text(encoding="utf-8")
     behind = frozenset[str]().union(*(plot.chart.ids for plot in _plots(sections)))
-    return templates.get_template(NAME).render(
-        top=top,
-        lead=lead,
-        sections=[(section, _text(templates, section, lead)) for section in sections],
-        downloads=files,
-        script=Markup(script),  # noqa: S704 - our own
-        script_source=f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'",
-        recordings=carried(whole.campaign, whole.robot, behind),
-        run=whole.source,
-        written=now(),
-        version=versions()["canopen-robot-identification"],
-    )
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return {
+        "top": top,
+        "lead": lead,
+        "sections": [(section, _text(templates, section, lead)) for section in sections],
+        "downloads": files,
+        "script": Markup(script),  # noqa: S704 - our own
+        "script_source": f"'sha256-{digest}'",
+        "recordings": carried(whole.campaign, whole.robot, behind),
+        "run": whole.source,
+    }
 
 
 def _text(templates: Environment, section: Section, lead: Plot | Picture | None) -> str:

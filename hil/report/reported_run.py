@@ -1,14 +1,15 @@
-"""What a report is about: a run, read once, and what `hil identify` finds in it."""
+"""What a report is about: a run, read once, its friction, and what `hil identify` finds in it."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.errors import FileError
+from hil.errors import FileError, Mismatch
 from hil.estimation.identify import METHODS
-from hil.report.friction_of_run import friction_of_run
+from hil.planning.measurement import Friction, recorded_as
 from hil.results.kept_findings import keep, kept
 from hil.results.model_file import NAME, read_model_file
 from hil.runs.pooling import recorded
@@ -138,3 +139,33 @@ def _method(run: Run) -> str | None:
         if method in METHODS:
             return method
     return None if run.imported else "improved"
+
+
+def friction_alone(run: Run) -> bool:
+    """Whether a run measures nothing but friction."""
+    return all(isinstance(each, Friction) for each in run.plan.measurements)
+
+
+def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
+    """Evaluate the friction of a run as `hil friction fit` did it last; None where there is none.
+
+    The model of gravity, if it is still there, and the bound of asymmetry are the same.
+
+    Raises
+    ------
+    NotEnoughData
+        No recordings of friction in a run about friction alone.
+    """
+    if not recorded_as(Friction, recordings) and not friction_alone(run):
+        return None
+    # of runs that measure friction: other reports need none of this
+    from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
+    from hil.results.friction import evaluate  # noqa: PLC0415
+    from hil.results.friction_file import load_friction  # noqa: PLC0415
+
+    try:
+        kept = load_friction(run)
+        model = Path(kept.model_folder) if kept.model_folder else None
+        return evaluate(run, recordings, model, BOUND if kept.bound is None else kept.bound)
+    except (FileError, Mismatch):  # nothing was fitted, or its model is gone
+        return evaluate(run, recordings)

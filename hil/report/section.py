@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from hil.report.charts import svg
-from hil.report.charts.file import file
+from hil.report.charts.svg import file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

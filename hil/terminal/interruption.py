@@ -55,11 +55,11 @@ def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
     except KeyboardInterrupt:
         # python-can warns that a bus which was just being opened has not been closed.
         logging.getLogger("can").setLevel(logging.ERROR)
-        say(ended())
+        report(ended())
         raise typer.Exit(STATUS) from None
 
 
-def say(text: str) -> None:
+def report(text: str) -> None:
     """Put a line on standard error, if anybody reads it."""
     with suppress(OSError):
         sys.stderr.write(f"{text}\n")

@@ -1,15 +1,28 @@
-"""Single keys from the terminal, without waiting and without Enter.
+"""The keyboard: single keys without Enter, what stops and pauses a run, answers of the operator.
 
 `Keys` puts the terminal into cbreak mode for as long as it is entered, so that a key counts at
 once and is not echoed; Ctrl-C stays an interrupt. Where standard input is no terminal (a pipe, a
 job in the background, a system without termios) nothing is ever pressed, and nothing is changed.
+
+During a run s or space stops all axes and ends it, p pauses. A thread waits for keys and costs
+nothing while there are none. A stop is an interrupt like Ctrl-C, sent to the main thread: it counts
+between two steps of the interpreter, wherever that is in the sample loop, and its way through the
+drives' quick stop and off is the one that is tested most. A pause lasts from the end of the present
+measurement until any key is pressed; the axes stay powered and are sampled, since drives that hear
+nothing from us would switch off.
+
+The operator in front of the robot agrees to motion, stops it, answers. Where there is no terminal,
+an answer may come down a pipe; where none comes, nothing is powered on.
 """
 
 from __future__ import annotations
 
 import os
 import select
+import signal
 import sys
+import threading
+import time
 from typing import TYPE_CHECKING
 
 try:
@@ -22,7 +35,7 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self, TextIO
 
-CHUNK = 64
+    from rich.console import Console
 
 
 class Keys:
@@ -77,7 +90,7 @@ class Keys:
         typed = b""
         try:
             while self.listening and _in_foreground(self._descriptor) and self._waiting():
-                chunk = os.read(self._descriptor, CHUNK)
+                chunk = os.read(self._descriptor, 64)
                 if not chunk:  # the terminal has gone
                     self.listening = False
                     break
@@ -105,3 +118,130 @@ def _in_foreground(descriptor: int) -> bool:
         return os.tcgetpgrp(descriptor) == os.getpgrp()
     except OSError:  # not our controlling terminal: it is nobody else's job
         return True
+
+
+STOPS = frozenset("sS ")
+PAUSES = frozenset("pP")
+HINT = "s or space: stop all axes and end; p: pause after the present measurement"
+
+
+class KeyboardStop:
+    """Listens to the keyboard for as long as it is entered.
+
+    Parameters
+    ----------
+    keys : Keys, optional
+        Where keys come from; the terminal unless given.
+
+    Attributes
+    ----------
+    listening : bool
+        Whether there is a keyboard at all.
+    """
+
+    def __init__(self, keys: Keys | None = None) -> None:
+        self._keys = Keys() if keys is None else keys
+        self._paused = False
+        self._wanted = self._started = False
+        self._thread = threading.Thread(target=self._listen, name="keyboard", daemon=True)
+
+    @property
+    def listening(self) -> bool:
+        """Whether there is a keyboard at all."""
+        return self._keys.listening
+
+    def __enter__(self) -> Self:
+        """Begin to listen, where there is a terminal."""
+        self._keys.__enter__()
+        if self.listening:
+            self._before = signal.getsignal(signal.SIGINT)
+            if self._before is signal.SIG_IGN:
+                # As a shell may start a job in the background; a stop must work all the same.
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+            self._wanted = self._started = True
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop listening and leave the terminal as it was found."""
+        self._wanted = False
+        if self._started:
+            self._thread.join()
+            signal.signal(signal.SIGINT, self._before)
+        self._keys.__exit__(exc_type, exc, traceback)
+
+    def pause(self) -> bool:
+        """Whether the operator wants a pause; takes a breath while that is so."""
+        if self._paused:
+            time.sleep(0.001)  # in lock-step the samples of a pause would take a processor
+        return self._paused
+
+    def take(self, key: str) -> None:
+        """Do what a key says."""
+        if key in STOPS:
+            self._wanted = False
+            main = threading.main_thread().ident
+            assert main is not None  # noqa: S101 - it runs
+            signal.pthread_kill(main, signal.SIGINT)
+        else:
+            self._paused = key in PAUSES and not self._paused
+
+    def _listen(self) -> None:
+        while self._wanted and self._keys.listening:
+            for key in self._keys.awaited(0.1):  # then it is asked whether keys are still wanted
+                self.take(key)
+
+
+STOP_HINT = "space, q or Esc stops all axes"
+
+
+class TerminalOperator:
+    """Whoever sits at the terminal.
+
+    Parameters
+    ----------
+    console : Console
+        Where questions are shown.
+    keys : Keys
+        Entered; where answers come from.
+    agreed : bool
+        Nobody is to be asked anything: all is agreed to beforehand.
+    """
+
+    def __init__(self, console: Console, keys: Keys, *, agreed: bool) -> None:
+        self._console = console
+        self._keys = keys
+        self._agreed = agreed
+
+    @property
+    def present(self) -> bool:
+        """Whether somebody can be asked."""
+        return self._keys.listening and not self._agreed
+
+    def agrees(self, intent: str) -> bool:
+        """Ask before anything is powered; without a terminal a line of standard input counts."""
+        if self._agreed:
+            return True
+        self.show(f"{intent} [y/N]")
+        key = self._wait() if self._keys.listening else sys.stdin.readline()[:1]
+        if key.lower() == "y" and self._keys.listening:
+            self.show(STOP_HINT)
+        return key.lower() == "y"
+
+    def show(self, text: str) -> None:
+        """Show a line."""
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def pressed(self) -> str:
+        """Return the keys pressed since the last call, without waiting."""
+        return self._keys.pressed()
+
+    def _wait(self) -> str:
+        while not (typed := self._keys.pressed()) and self._keys.listening:
+            time.sleep(0.05)  # nothing is powered
+        return typed[:1]

@@ -33,20 +33,40 @@ if TYPE_CHECKING:
 
     from hil.measuring.events import Event
 
-EVERY = 30.0
-"""Time between plain lines [s]."""
-
 
 @contextmanager
 def shown(console: Console) -> Iterator[Callable[[Event], None]]:
-    """Show events as they come; yields what takes them."""
-    pace = Pace()
+    """Show events as they come; yields what takes them.
+
+    Plain lines of how far it is come half a minute apart.
+    """
+    pace, due = Pace(), 0.0
+
+    def print_line(event: Event) -> None:
+        nonlocal due
+        left = pace.left(event)
+        if text := notice(event):
+            console.print(text, highlight=False, soft_wrap=True)
+        elif time.monotonic() >= due and not isinstance(event, Finished):
+            due = time.monotonic() + 30.0
+            console.print(f"{doing(event)}, {clock(left)} left", highlight=False)
+
     if not console.is_terminal:
-        yield _PlainLines(console, pace).take
+        yield print_line
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]}"))
     with Progress(*columns, console=console, transient=True) as progress:
-        yield _LiveBar(progress, pace).take
+        task = progress.add_task("starting", total=None, left="")
+
+        def move_bar(event: Event) -> None:
+            if text := notice(event):
+                console.print(text, highlight=False)
+            left, total = f"{clock(pace.left(event))} left", event.time + event.remaining
+            progress.update(
+                task, description=doing(event), completed=event.time, total=total, left=left
+            )
+
+        yield move_bar
 
 
 class Pace:
@@ -63,41 +83,6 @@ class Pace:
         robot = event.time - self._robot_began
         wall = time.monotonic() - self._began
         return event.remaining * (wall / robot if robot > 0 else 1.0)
-
-
-class _LiveBar:
-    def __init__(self, progress: Progress, pace: Pace) -> None:
-        self._progress = progress
-        self._pace = pace
-        self._task = progress.add_task("starting", total=None, left="")
-
-    def take(self, event: Event) -> None:
-        """Update the bar."""
-        text = notice(event)
-        if text:
-            self._progress.console.print(text, highlight=False)
-        left = f"{clock(self._pace.left(event))} left"
-        total = event.time + event.remaining
-        self._progress.update(
-            self._task, description=doing(event), completed=event.time, total=total, left=left
-        )
-
-
-class _PlainLines:
-    def __init__(self, console: Console, pace: Pace) -> None:
-        self._console = console
-        self._pace = pace
-        self._next = 0.0
-
-    def take(self, event: Event) -> None:
-        """Print what matters, and now and then how far it is."""
-        left = self._pace.left(event)
-        text = notice(event)
-        if text:
-            self._console.print(text, highlight=False, soft_wrap=True)
-        elif time.monotonic() >= self._next and not isinstance(event, Finished):
-            self._next = time.monotonic() + EVERY
-            self._console.print(f"{doing(event)}, {clock(left)} left", highlight=False)
 
 
 def notice(event: Event) -> str:

@@ -7,7 +7,6 @@ reckons and are drawn straight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,12 +15,9 @@ from hil.errors import NotEnoughData
 from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.set_points import set_points
-from hil.view.segment import Segment
-from hil.view.track import SHARE, Track, simplified
+from hil.view.packed import Segment, Track, all_simplified, described
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from hil.model.robot import Robot
@@ -30,11 +26,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
-
-BETWEEN = 1.0
-"""Time between two motions that were recorded elsewhere [s]."""
-ANGLE = 2e-5
-"""By how much a drawn position may be off [rad or m]."""
 
 
 class Measured(NamedTuple):
@@ -45,17 +36,6 @@ class Measured(NamedTuple):
     velocity: tuple[Track, ...]
     torque: tuple[Track, ...]
     set_point: tuple[Track, ...] | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    """Samples of one recording, thinned: time on the page's clock, arrays (n, n_joints)."""
-
-    time: Array
-    q: Array
-    qd: Array
-    tau: Array
-    set_point: Array
 
 
 def measured(run: Run, most: int) -> Measured:
@@ -69,50 +49,52 @@ def measured(run: Run, most: int) -> Measured:
         One is damaged.
     """
     segments: list[Segment] = []
-    pieces: list[_Piece] = []
-    every = _thinning(run, most)
+    pieces: list[tuple[Array, ...]] = []
+    samples = sum(each.recording.n_samples for each in run)
+    every = max(1, -(-samples // most))  # one of how many samples is shown
     for motion, recording in ((each.measurement, each.recording) for each in run):
         begin = segments[-1].end if segments else 0.0
         if pieces:
-            end = begin + _way(run.robot, motion, pieces[-1].q[-1])
+            end = begin + _way(run.robot, motion, pieces[-1][1][-1])
             segments.append(Segment("travel", f"travel to {motion.id}, not recorded", begin, end))
             begin = end
         pieces.append(_piece(motion, recording, begin, every))
-        segments.append(_segment(motion, begin, float(pieces[-1].time[-1])))
+        words, end = described(motion), float(pieces[-1][0][-1])
+        segments.append(Segment(motion.kind, words, begin, end, motion.read, recorded=True))
     if not pieces:
         raise NotEnoughData(f"{run.path}: no recordings to show; measure them with --resume")
-    return Measured(tuple(segments), *_tracks(pieces))
-
-
-def _thinning(run: Run, most: int) -> int:
-    """One of how many samples is shown."""
-    samples = sum(each.recording.n_samples for each in run)
-    return max(1, -(-samples // most))
+    time, q, qd, tau, planned = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    angle = 2e-5  # by which a drawn position may be off [rad or m]
+    known = bool(np.isfinite(planned).all())
+    return Measured(
+        tuple(segments),
+        all_simplified(time, q, angle),
+        all_simplified(time, qd),
+        all_simplified(time, tau),
+        all_simplified(time, planned, angle) if known else None,
+    )
 
 
 def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
-    """Duration of the way from `place` to where a motion begins [s]."""
+    """Duration of the way from `place` to where a motion begins [s]; 1 s where it is not known."""
     if isinstance(motion, FreeMotion):
-        return BETWEEN
+        return 1.0
     start = np.where(np.isfinite(place), place, motion.start).tolist()
     return travel_time(robot, start, motion.start, 1.0) + SETTLING
 
 
-def _segment(motion: RecordedMotion, begin: float, end: float) -> Segment:
-    words = f"{motion.id}: {motion.kind}, {motion.axes_in_words}"
-    return Segment(motion.kind, words, begin, end, motion.read, recorded=True)
+def _piece(
+    motion: RecordedMotion, recording: Recording, begin: float, every: int
+) -> tuple[Array, ...]:
+    """Samples of one recording, thinned: time on the page's clock, arrays (n, n_joints).
 
-
-def _piece(motion: RecordedMotion, recording: Recording, begin: float, every: int) -> _Piece:
-    time = recording.time - recording.time[0]
-    kept = slice(None, None, every)
-    return _Piece(
-        time=begin + time[kept],
-        q=recording.q[kept],
-        qd=_velocity(recording, time)[kept],
-        tau=_means(recording.tau, every),
-        set_point=_set_points(motion, recording)[kept],
-    )
+    Positions, velocities, torques, and set-points, NaN where nothing was planned.
+    """
+    time, kept = recording.time - recording.time[0], slice(None, None, every)
+    planned = set_points(motion, recording)
+    planned = np.full_like(recording.q, np.nan) if planned is None else planned
+    velocity, torque = _velocity(recording, time)[kept], _means(recording.tau, every)
+    return begin + time[kept], recording.q[kept], velocity, torque, planned[kept]
 
 
 def _velocity(recording: Recording, time: Array) -> Array:
@@ -135,41 +117,3 @@ def _means(values: Array, every: int) -> Array:
     sums = np.add.reduceat(np.where(there, values, 0.0), starts)
     counts = np.add.reduceat(there.astype(float), starts)
     return np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
-
-
-def _set_points(motion: RecordedMotion, recording: Recording) -> Array:
-    """Planned positions at the samples (n, n_joints); NaN where nothing was planned."""
-    found = set_points(motion, recording)
-    return np.full_like(recording.q, np.nan) if found is None else found
-
-
-def _tracks(
-    pieces: Sequence[_Piece],
-) -> tuple[tuple[Track, ...], tuple[Track, ...], tuple[Track, ...], tuple[Track, ...] | None]:
-    time = np.concatenate([piece.time for piece in pieces])
-    q, qd, tau, planned = (
-        np.concatenate([getattr(piece, name) for piece in pieces])
-        for name in ("q", "qd", "tau", "set_point")
-    )
-    known = bool(np.isfinite(planned).all())
-    return (
-        _each(time, q, ANGLE),
-        _each(time, qd, SHARE * _greatest(qd)),
-        _each(time, tau, SHARE * _greatest(tau)),
-        _each(time, planned, ANGLE) if known else None,
-    )
-
-
-def _each(time: Array, values: Array, tolerance: float | Array) -> tuple[Track, ...]:
-    allowed = np.broadcast_to(tolerance, values.shape[1])
-    return tuple(
-        simplified(time, column, float(most))
-        for column, most in zip(values.T, allowed, strict=True)
-    )
-
-
-def _greatest(values: Array) -> Array:
-    """Of each joint; NaN where there is nothing."""
-    there = np.where(np.isfinite(values), np.abs(values), 0.0)
-    greatest: Array = np.maximum(there.max(axis=0), 1e-9)
-    return greatest

@@ -1,6 +1,7 @@
-"""Numbers as a page carries them: whole multiples of a step, as differences, compressed.
+"""What a page has of time: stretches of the time line and quantities by their knots, compressed.
 
-What is drawn needs no more digits than a screen shows. `web/src/packed.js` reads it.
+What is drawn needs no more digits than a screen shows. `web/src/packed.js` reads differences of
+multiples of a step.
 """
 
 from __future__ import annotations
@@ -8,12 +9,75 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from dataclasses import dataclass
+from itertools import chain, repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.planning.free_motion import FreeMotion
+from hil.planning.measurement import KINDS, ElementKind
+
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from hil.planning.measurement import RecordedMotion
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One stretch of time.
+
+    Attributes
+    ----------
+    kind : str
+        Of measurement, or ``travel`` or ``warm-up``.
+    words : str
+        What happens, for readers.
+    begin, end : float
+        [s].
+    axes : tuple of int
+        Whose torque is read, from 0.
+    recorded : bool
+        Whether it is a measurement.
+    problem : str, optional
+        Why the dry run refuses it.
+    """
+
+    kind: str
+    words: str
+    begin: float
+    end: float
+    axes: tuple[int, ...] = ()
+    recorded: bool = False
+    problem: str | None = None
+
+
+RECORDED_ELSEWHERE = str(FreeMotion.model_fields["kind"].default)
+BETWEEN = {"travel": "#6b7885", "warm-up": "#94722f"}
+"""Motion between measurements, and its colours."""
+_FURTHER = ("#8b4fb0", "#0f7c8a", "#a3354f")
+"""Colours of kinds whose row states none."""
+
+
+def shown_kinds(occurring: Iterable[str]) -> list[dict[str, object]]:
+    """Name and colour of the kinds that occur, measurements first."""
+    wanted = set(occurring)
+    further = chain(_FURTHER, repeat(_FURTHER[-1]))
+    colours = {
+        name: kind.colour if isinstance(kind, ElementKind) else next(further)
+        for name, kind in KINDS.items()
+    }
+    colours |= {RECORDED_ELSEWHERE: next(further), **BETWEEN}
+    return [
+        {"name": name, "colour": colour, "moves": name in BETWEEN}
+        for name, colour in colours.items()
+        if name in wanted
+    ]
 
 
 class Packed(NamedTuple):
@@ -41,3 +105,75 @@ def deflated(data: object) -> str:
     """JSON of `data`, compressed, as text that HTML may hold."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
+
+
+SHARE = 1e-3
+"""By how much a drawn velocity or torque may be off, as share of the greatest that occurs."""
+INSTANT = 1e-4
+"""Resolution of time in a page [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """Knots of one quantity, joined by lines, or by cubics where the slopes are known.
+
+    Attributes
+    ----------
+    time, value : array (n,)
+        [s] and the quantity's unit.
+    slope : array (n,), optional
+        [unit/s].
+    """
+
+    time: Array
+    value: Array
+    slope: Array | None = None
+
+    def data(self, step: float) -> dict[str, object]:
+        """As a page has it, values rounded to `step`."""
+        found: dict[str, object] = {
+            "time": packed(self.time, INSTANT),
+            "value": packed(self.value, step),
+        }
+        return found if self.slope is None else found | {"slope": packed(self.slope, step)}
+
+
+def simplified(time: Array, value: Array, tolerance: float) -> Track:
+    """Lines through as few of the samples as stay within `tolerance` of all of them.
+
+    From one knot on, the slopes that pass by every sample within the tolerance narrow from sample
+    to sample; where none is left, the sample before becomes the next knot (the swinging door).
+    """
+    finite = np.isfinite(value)
+    t, x = time[finite].tolist(), value[finite].tolist()
+    kept, low, high = [0], -np.inf, np.inf
+    for i in range(1, len(t)):
+        begin = kept[-1]
+        way = t[i] - t[begin]
+        if way <= 0 or low <= (x[i] - x[begin]) / way <= high:
+            pass
+        else:
+            begin, low, high = i - 1, -np.inf, np.inf
+            kept.append(begin)
+            way = t[i] - t[begin]
+        if way > 0:
+            low = max(low, (x[i] - tolerance - x[begin]) / way)
+            high = min(high, (x[i] + tolerance - x[begin]) / way)
+    kept.append(len(t) - 1)
+    chosen = np.unique(np.array(kept)[np.array(kept) >= 0])
+    return Track(np.array(t)[chosen], np.array(x)[chosen])
+
+
+def all_simplified(time: Array, values: Array, tolerance: float | None = None) -> tuple[Track, ...]:
+    """Simplify each column of values (n, n_joints); by default within `SHARE` of its greatest."""
+    greatest = np.where(np.isfinite(values), np.abs(values), 0.0).max(axis=0, initial=1e-9)
+    allowed = SHARE * greatest if tolerance is None else np.full_like(greatest, tolerance)
+    return tuple(
+        simplified(time, column, most)
+        for column, most in zip(values.T, allowed.tolist(), strict=True)
+    )
+
+
+def described(motion: RecordedMotion) -> str:
+    """Return a motion's id, kind and axes, for readers."""
+    return f"{motion.id}: {motion.kind}, {motion.axes_in_words}"

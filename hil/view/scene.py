@@ -9,12 +9,11 @@ import numpy as np
 
 from hil.model.capsules import capsules
 from hil.planning.workspace import narrowed
-from hil.view.distances import distances, smallest
-from hil.view.kinds_of_segments import shown_kinds
+from hil.view.along_motion import distances, predicted, smallest
 from hil.view.measured import measured
+from hil.view.packed import shown_kinds
 from hil.view.planned import planned
-from hil.view.predicted import predicted
-from hil.view.robot_data import robot_data, workspace_data
+from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,21 +25,15 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
     from hil.runs.run import Run
-    from hil.view.distances import Distances
+    from hil.view.along_motion import Distances, Predicted
     from hil.view.measured import Measured
-    from hil.view.predicted import Predicted
-    from hil.view.segment import Segment
-    from hil.view.track import Track
+    from hil.view.packed import Segment, Track
     from hil.view.visuals import Visual
 
     Array = NDArray[np.float64]
 
 ANGLE = 1e-5
 """Resolution of a position [rad or m]."""
-RESOLUTION = 5e-4
-"""Of a velocity or torque, as share of the greatest."""
-FINEST = 0.01
-"""Between instants at which torques and distances are computed [s]."""
 WITHOUT_MODEL = "No torque without a model; --model RUN adds the torque that it predicts."
 
 
@@ -225,7 +218,8 @@ def _of_virtual_plant(model: Model | None) -> bool:
 
 
 def _instants(duration: float, most: int) -> Array:
-    n = int(min(max(duration / FINEST, 1), most))
+    """Instants at which torques and distances are computed, 10 ms apart, `most` at most."""
+    n = int(min(max(duration / 0.01, 1), most))
     return np.linspace(0.0, duration, n + 1)
 
 
@@ -260,10 +254,10 @@ def _segment(segment: Segment, kind: int) -> dict[str, object]:
 def _tracks(
     tracks: Sequence[Track] | None, step: float | None = None
 ) -> list[dict[str, object]] | None:
-    """Tracks as the page has them, by default with a resolution that follows their size."""
+    """Tracks as the page has them, by default to 5e-4 of the greatest value."""
     if tracks is None:
         return None
     return [
-        track.data(step or RESOLUTION * max(float(np.abs(track.value).max(initial=0.0)), 1e-6))
+        track.data(step or 5e-4 * max(float(np.abs(track.value).max(initial=0.0)), 1e-6))
         for track in tracks
     ]

@@ -1,4 +1,4 @@
-"""Visual meshes of a URDF, in the frames of the robot's links.
+"""A robot as a page draws it: frames by constant poses, capsules, limits, visual meshes of a URDF.
 
 A URDF's links have frames of their own; each is fixed in one frame of the robot, or in its base
 frame, where the pose follows from the zero configuration. What cannot be shown (a format that is
@@ -14,25 +14,81 @@ from urllib.parse import unquote
 import numpy as np
 
 from hil.errors import FileError, Mismatch
+from hil.model.capsules import capsules, reaches
 from hil.model.frames import inverse
 from hil.model.readers.axes_to_frames import difference, frames_of
 from hil.model.readers.urdf import UrdfReader
-from hil.view.mesh_files import read_triangles
+from hil.view.meshes import FINEST, box, cylinder, read_triangles, sphere, thinned
 from hil.view.packed import packed
-from hil.view.primitives import box, cylinder, sphere
-from hil.view.thinned_mesh import FINEST, thinned
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from xml.etree.ElementTree import Element
 
     from numpy.typing import NDArray
 
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
-    from hil.view.thinned_mesh import Mesh
+    from hil.planning.workspace import Workspace
+    from hil.view.meshes import Mesh
 
     Array = NDArray[np.float64]
+
+
+def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object]:
+    """As a page has it; `visuals` are shown in place of the capsules.
+
+    Two capsules of a swept volume are 0.7 of the smallest radius apart.
+    """
+    shapes = capsules(robot)
+    ways = np.maximum(shapes.reach.max(axis=0), shapes.radii.min())
+    return {
+        "name": robot.name,
+        "up": _up(robot.gravity),
+        "reach": float(reaches(robot).max()),
+        "joints": [
+            _joint(robot, j) | {"step": float(0.7 * shapes.radii.min() / ways[j])}
+            for j in range(robot.n_joints)
+        ],
+        "meshes": [visual.data() for visual in visuals],
+    }
+
+
+def workspace_data(workspace: Workspace | None) -> dict[str, object] | None:
+    """Boxes and margin as a page has them."""
+    if workspace is None:
+        return None
+    boxes = [{"name": b.name, "low": b.low, "high": b.high} for b in workspace.boxes]
+    return {"margin": workspace.margin, "boxes": boxes}
+
+
+def _joint(robot: Robot, joint: int) -> dict[str, object]:
+    shapes = capsules(robot)
+    return {
+        "revolute": bool(robot.revolute[joint]),
+        "before": (robot.zero_pose(joint).ravel() + 0.0).tolist(),  # no -0.0
+        "lower": float(robot.q_min[joint]),
+        "upper": float(robot.q_max[joint]),
+        "velocity": _known(robot.velocity_limit[joint]),
+        "torque": _known(robot.torque_limit[joint]),
+        "unit": robot.position_unit(joint),
+        "torque_unit": robot.torque_unit(joint),
+        "capsule": {
+            "ends": shapes.ends[joint].tolist(),
+            "radius": float(shapes.radii[joint]),
+        },
+    }
+
+
+def _known(limit: float) -> float | None:
+    return float(limit) if np.isfinite(limit) else None
+
+
+def _up(gravity: Array) -> list[float]:
+    """Against gravity; along z where there is none."""
+    strength = float(np.linalg.norm(gravity))
+    return [0.0, 0.0, 1.0] if strength == 0.0 else (-gravity / strength).tolist()
+
 
 MOST_TRIANGLES = 40_000
 """Of all meshes of a page."""
@@ -127,24 +183,13 @@ def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, 
     """Links that hang on the chain: number, pose of the link's frame in the robot's, element."""
     frames = frames_of(chain)
     at_zero = np.zeros(len(chain.joints))
-    own = dict(zip((joint.link for joint in chain.joints), range(len(at_zero)), strict=True))
-    of_urdf = chain.frames(at_zero)
-    of_robot = frames.poses(at_zero, chain.revolute)
-    yield from _fixed_on(reader, chain.base, BASE, inverse(frames.base), own)
-    for name, number in own.items():
-        pose = inverse(of_robot[number]) @ of_urdf[number]
-        yield from _fixed_on(reader, name, number, pose, own)
-
-
-def _fixed_on(
-    reader: UrdfReader, name: str, number: int, pose: Array, own: dict[str, int]
-) -> Iterator[tuple[int, Array, Element]]:
-    """Yield a link, and those that fixed joints hang on it."""
-    yield number, pose, reader.links[name]
-    for edge in reader.below.get(name, ()):
-        if edge.child not in own and edge.element.get("type") == "fixed":
-            onward = pose @ reader.origin(edge.element)
-            yield from _fixed_on(reader, edge.child, number, onward, own)
+    of_urdf, of_robot = chain.frames(at_zero), frames.poses(at_zero, chain.revolute)
+    hung = [(BASE, chain.base, inverse(frames.base))]
+    for number, joint in enumerate(chain.joints):
+        hung.append((number, joint.link, inverse(of_robot[number]) @ of_urdf[number]))
+    for number, link, place in hung:
+        for name, pose in reader.attached(link, place):
+            yield number, pose, reader.links[name]
 
 
 def _triangles(reader: UrdfReader, visual: Element, urdf: Path) -> Array:

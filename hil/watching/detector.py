@@ -19,7 +19,7 @@ Each has a threshold,
     sqrt((SIGMAS * scatter)^2 + (2 * standard error)^2) + turning,
 
 from how such means scatter on this machine (`hil.watching.scatter`), from the model's own interval
-(base parameters, and friction as it is followed, `hil.watching.friction_level`), and from what
+(base parameters, and friction as it is followed, `hil.watching.friction`), and from what
 friction may be wrong by just after a reversal or a standstill (`hil.watching.turning`). At rest
 friction holds against anything up to its level in either direction, so only more than that is
 seen. Of an axis that has not moved yet nothing is known, so nothing is seen.
@@ -34,8 +34,7 @@ import numpy as np
 
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
-from hil.watching.friction_level import FrictionLevel, columns_of
-from hil.watching.friction_tables import FrictionTables
+from hil.watching.friction import FrictionLevel, FrictionTables, columns_of
 from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import Turning
 

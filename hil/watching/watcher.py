@@ -1,4 +1,7 @@
-"""Raises alarms from what single samples show, and counts how well each axis was seen."""
+"""Raises alarms from what single samples show, and counts how well each axis was seen.
+
+Samples come from recordings, or from a bus that is watched whatever moves on it.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.drive_bus import Tripped
+from hil.measuring.feeding import BusInFront
 from hil.results.watch import LATE, SOON, STRONG, WEAK, Alarm, Sight, Watched
 from hil.watching.detector import Detector, Judged
 from hil.watching.trace import Trace
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
-    from drivers.drive_bus import Sample
+    from drivers.drive_bus import DriveBus, Sample
     from hil.results.model import Model
 
     Array = NDArray[np.float64]
@@ -232,3 +237,56 @@ class Watcher:
             dim=dim,
             distance=float(self._detector.distance[axis]),
         )
+
+
+class WatchingBus(BusInFront):
+    """A `drivers.drive_bus.StreamingBus` in front of another one.
+
+    Parameters
+    ----------
+    bus : DriveBus
+        Not entered yet.
+    watcher : Watcher
+    show : callable
+        Takes each alarm as it begins; and None after every sample without one.
+    stop : bool
+        Stop all axes at the first alarm: it is raised as `Tripped`, and who leaves the bus with it
+        has the axes stopped and switched off.
+    """
+
+    def __init__(
+        self,
+        bus: DriveBus,
+        watcher: Watcher,
+        show: Callable[[Alarm | None], None],
+        *,
+        stop: bool = False,
+    ) -> None:
+        super().__init__(bus)
+        self._watcher = watcher
+        self._show = show
+        self._stop = stop
+
+    def sample(self) -> Sample:
+        """Wait for the next SYNC, and judge what has come.
+
+        Raises
+        ------
+        Tripped
+            There is an alarm at which the axes are to be stopped.
+        """
+        sample = self._bus.sample()
+        alarms = self._watcher.take(sample)
+        if alarms and self._stop:
+            raise Tripped(f"{in_words(alarms[0], self._watcher.unit(alarms[0]))}; all axes stop")
+        for alarm in alarms or (None,):
+            self._show(alarm)
+        return sample
+
+
+def in_words(alarm: Alarm, unit: str) -> str:
+    """Axis, instant, size and estimate of an alarm."""
+    return (
+        f"axis {alarm.axis}: {alarm.torque:+.3g} {unit} from outside at {alarm.time:.3f} s, in a"
+        f" mean over {1e3 * alarm.window:.0f} ms; threshold {alarm.threshold:.3g} {unit}"
+    )

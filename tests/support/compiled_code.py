@@ -12,8 +12,8 @@ import pytest
 
 from hil.export.c_code import write_c
 from hil.export.functions import functions
-from hil.export.identifiers import identifier
 from hil.export.python_code import write_python
+from hil.export.source_code import identifier
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -189,7 +189,7 @@ def test_a_folder_whose_making_was_killed_is_made_anew(
     (path / "recordings").mkdir(parents=True)
     for name in left.split():
         (path / name).write_text("half a fi")
-    folder = prepare_folder(path, small_plan, manutec, DRIVES, resume, None)
+    folder = prepare_folder(path, small_plan, manutec, DRIVES, resume)
     assert RunFolder.open(path).plan == small_plan
     assert len(folder.missing) == 3
 

@@ -80,9 +80,8 @@ print(f"with friction at rest, at 95 %: {low:.2f} to {high:.2f} N m")
 # As C without any library, or as Python, URDF and more ([export](../../how-to/export.md)):
 
 # %%
-from hil.export.exported import write_exported
+from hil.export.exported import origin, write_exported
 from hil.export.formats import export
-from hil.export.origin import origin
 
 model.save("runs/head/model.yaml")
 exported = export(model, "c", origin(model, Path("runs/head")))

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from hil.errors import NotEnoughData
-from hil.export.recordings.csv_files import write_csv
 from hil.export.recordings.job import Job
 from hil.export.recordings.mcap_file import write_mcap
-from hil.export.recordings.parquet_files import write_parquet
+from hil.export.recordings.tables import write_csv, write_parquet
 from hil.runs.atomic_file import file_errors, whole_folder
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What a writer of recordings is given."""
+"""What a writer of recordings is given, and what stands beside all that it writes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.runs.journal import NO_REAL_MACHINE
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from hil.export.recordings.tables import Column
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
 
@@ -43,3 +46,48 @@ class Job:
 
 Writer = Callable[[Job], None]
 """Writes the recordings of a run in one format."""
+
+
+README = "README.txt"
+NOTES = (
+    "Time begins anew in each session; the index states the session of each measurement.",
+    "A cell that is empty, or NaN: no sample came at this SYNC.",
+    "Velocities are there where they were recorded; drives report none.",
+    "Derived columns were not recorded: set-points follow from the plan and from the strokes.",
+)
+
+
+def facts(job: Job) -> dict[str, str]:
+    """Return robot and run in words, by short keys."""
+    run, sessions = job.run, job.run.journal.sessions
+    found = {
+        "run": run.path.resolve().name,
+        "run id": run.journal.run_id or "none",
+        "robot": f"{run.robot.name} (robot file {run.robot.digest[:12]})",
+        "joints": ", ".join(job.joints),
+        "recorded": NO_REAL_MACHINE if run.journal.simulated else ", ".join(_buses(run)),
+        "sessions": ", ".join(session.started for session in sessions),
+        "measurements": f"{len(run)} of {len(run.motions)}",
+    }
+    return found | ({"note": run.shortfall} if run.shortfall else {})
+
+
+def readme(job: Job, about: Sequence[str]) -> str:
+    """Return the text beside recordings: the run, and lines about what they hold."""
+    stated = [f"{key}: {text}" for key, text in facts(job).items()]
+    head = "Recordings of a run, in SI units on the joint side."
+    return "\n".join([head, "", *stated, "", *about, ""])
+
+
+def about_columns(columns: Iterable[Column]) -> list[str]:
+    """Return lines about the columns of tables."""
+    return [*NOTES, "", *(_line(column) for column in columns)]
+
+
+def _line(column: Column) -> str:
+    unit = f" [{column.unit}]" if column.unit else ""
+    return f"{column.name}: {column.what}{unit}, {'derived' if column.derived else 'recorded'}"
+
+
+def _buses(run: Run) -> list[str]:
+    return list(dict.fromkeys(session.bus for session in run.journal.sessions))

@@ -1,17 +1,21 @@
 """Recordings as one MCAP file with messages of ROS 2, for Foxglove, PlotJuggler and rosbag2.
 
-Its topics are those of `TOPICS`; stamps are those of `timeline`.
+Its topics are those of `TOPICS`. A stamp is the computer's clock when the session began plus the
+bus's time: instants within a session are exact to 1 ns, those of sessions to seconds. In lock-step
+a session lasts longer in robot time than by that clock; what follows is put behind it. When
+imported recordings were made is not known: theirs begin at 0.
 """
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.export.recordings.origin import NAME, facts, readme
+from checked_files.yaml_file import FileError
+from hil.export.recordings.job import README, facts, readme
 from hil.export.recordings.ros_messages import INFO, JOINT_STATE, LOG, SECOND, WARN, RosMessages
-from hil.export.recordings.timeline import timeline
 from hil.imports.readers.joint_state_layout import layout_of
 from hil.optional_packages import needed_for
 from hil.runs.atomic_file import new_file
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
 
     from hil.export.recordings.job import Job
     from hil.runs.recording_file import Measured
+    from hil.runs.run import Run
 
     Array = NDArray[np.float64]
     Stamps = NDArray[np.int64]
@@ -59,7 +64,7 @@ def write_mcap(job: Job) -> None:
         writer.add_metadata("run", facts(job))
         _Content(job, messages, writer).write()
         writer.finish()  # type: ignore[no-untyped-call]
-    with new_file(job.folder / NAME) as file:
+    with new_file(job.folder / README) as file:
         file.write(readme(job, ABOUT).encode())
 
 
@@ -80,15 +85,15 @@ class _Content:
 
     def write(self) -> None:
         """Write all that was measured."""
-        for placed in timeline(self._job.run):
-            self._job.progress(placed.id)
-            measured = self._job.run[placed.id]
-            stamps = placed.stamps(measured.recording)
+        for name, begin in _timeline(self._job.run):
+            self._job.progress(name)
+            measured = self._job.run[name]
+            stamps = begin + np.rint(measured.recording.time * SECOND).astype(np.int64)
             for level, text in self._before(measured):
-                self._event(int(stamps[0]), level, placed.id, text)
+                self._event(int(stamps[0]), level, name, text)
             self._samples(measured, stamps)
             for finding in measured.findings:
-                self._event(int(stamps[-1]), WARN, placed.id, finding.message)
+                self._event(int(stamps[-1]), WARN, name, finding.message)
 
     def _samples(self, measured: Measured, stamps: Stamps) -> None:
         recording = measured.recording
@@ -134,3 +139,38 @@ class _Content:
 
 def _rows(parts: dict[str, Array], some: slice) -> dict[str, Array]:
     return {part: values[some] for part, values in parts.items()}
+
+
+def _timeline(run: Run) -> Iterator[tuple[str, int]]:
+    """Yield id and time 0 on the clock [ns] of all measurements, none before another has ended.
+
+    Raises
+    ------
+    FileError
+        A recording is damaged, or the journal states no instant at which a session began.
+    """
+    spans = sorted(
+        (each.session, float(time[0]), float(time[-1]), each.measurement.id)
+        for each, time in ((each, each.recording.time) for each in run)
+    )
+    last, begin, end = -1, 0, -SECOND  # what would overlap is a second apart
+    for session, first, until, name in spans:
+        if session != last or begin + round(first * SECOND) <= end:
+            last = session
+            begin = max(_begun(run, session), end + SECOND - round(first * SECOND))
+        end = begin + round(until * SECOND)
+        yield name, begin
+
+
+def _begun(run: Run, session: int) -> int:
+    """When a session began [ns since 1970]; 0 of imported recordings."""
+    if run.imported:
+        return 0
+    stated = run.journal.sessions[session].started
+    try:
+        return round(datetime.fromisoformat(stated).timestamp()) * SECOND
+    except ValueError as error:
+        raise FileError(
+            f"{run.path / 'run.json'}: {stated!r} is no instant at which a session began; put the"
+            " run's own file back"
+        ) from error

@@ -21,6 +21,7 @@ from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, meant
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from xml.etree.ElementTree import Element
 
     from hil.arrays import Array, Mask
@@ -276,6 +277,13 @@ class UrdfReader:
             acceleration=math.nan,
             effort=self._greatest(limit, "effort"),
         )
+
+    def attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
+        """Yield a link at `pose` and those that fixed joints attach to it, with their poses."""
+        yield link, pose
+        for edge in self.below.get(link, ()):
+            if edge.element.get("type") == "fixed":
+                yield from self.attached(edge.child, pose @ self.origin(edge.element))
 
     def origin(self, element: Element) -> Array:
         """Transform that a joint's <origin> states."""

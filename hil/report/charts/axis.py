@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MARGIN = 0.05
-"""On both sides of what is shown, as share of its range."""
 STEPS = (1.0, 2.0, 2.5, 5.0)
 
 
@@ -74,16 +72,16 @@ def _decades(low: float, high: float) -> dict[float, str]:
 
 
 def shown(items: Sequence[Item], wanted: Range | None, *, along: bool, decades: bool) -> Range:
-    """Range of an axis that shows `items` with a margin and `wanted`."""
-    values = np.concatenate([np.ravel(each) for each in _extents(items, along)] or [np.zeros(1)])
-    finite = values[np.isfinite(values)]
+    """Range of an axis: `wanted`, or what shows `items` with margins of 5 % on both sides."""
     if wanted is not None:
         return wanted
+    values = np.concatenate([np.ravel(each) for each in _extents(items, along)] or [np.zeros(1)])
+    finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     if decades:
-        factor = (high / low) ** MARGIN if high > low else 2.0
+        factor = (high / low) ** 0.05 if high > low else 2.0
         return low / factor, high * factor
-    margin = MARGIN * (high - low) or 0.05 * abs(high) or 1.0
+    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
     return low - margin, high + margin
 
 
@@ -104,3 +102,13 @@ def text_of(marks: Mapping[float, str], axis: Axis) -> list[tuple[float, str]]:
     """Places of marks on an axis, and what is written there."""
     places = axis.place(list(marks)).tolist() if marks else []
     return list(zip(places, marks.values(), strict=True))
+
+
+def drawn(time: Array) -> tuple[slice, Array, Array]:
+    """Which samples of a line are drawn, when since the first [s], and where it is interrupted.
+
+    At most 1500 are drawn. The last is NaN after a hole of half a second, 0 elsewhere.
+    """
+    shown = slice(None, None, max(1, -(-len(time) // 1500)))
+    t = time[shown] - time[0]
+    return shown, t, np.where(np.diff(t, prepend=t[:1]) > 0.5, np.nan, 0.0)

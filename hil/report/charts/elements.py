@@ -1,4 +1,7 @@
-"""Lines, marks and text of charts as elements of SVG."""
+"""Lines, marks, text and matrices of charts as elements of SVG.
+
+Of a matrix of shares from -1 to 1 the colour of a cell is the sign, its strength the size.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,15 @@ import numpy as np
 from markupsafe import escape
 
 from hil.report.charts.axis import Axis
-from hil.report.charts.chart import Line, Points, Rule
-from hil.report.charts.colours import NAMES
+from hil.report.charts.chart import NAMES, Line, Points, Rule
+from hil.results.rounding import signed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import ArrayLike
 
-    from hil.report.charts.chart import Item
+    from hil.report.charts.chart import Item, Matrix
 
 _INDEX = re.compile(r"\$(\w)_\{?(\w+)\}?\$")
 _TYPESET = (
@@ -130,3 +133,47 @@ def _bars(item: Points, x: Axis, y: Axis) -> str:
 
 def _colour(colour: str) -> str:
     return f' class="{NAMES[colour]}"' if colour in NAMES else f' color="{colour}"'
+
+
+SCALE = 78.0
+"""Height of the names of the columns and of the scale of colours below them."""
+
+
+def matrix_in(
+    matrix: Matrix, left: float, top: float, size: float, explanation: str
+) -> Iterator[str]:
+    """Draw a matrix into a square with its names around, and below it the scale of colours.
+
+    Up to 20 rows leave room for figures.
+    """
+    n = len(matrix.names)
+    few = n <= 20
+    cell = size / n
+    for i, name in enumerate(matrix.names):
+        yield text(left - 5, top + (i + 0.65) * cell, name, "end")
+        if few:
+            yield text(left + (i + 0.5) * cell, top + size + 13, name, "middle")
+    for i, j in np.ndindex(n, n):
+        value = float(matrix.values[i, j])
+        x, y = left + j * cell, top + i * cell
+        if abs(value) >= 0.005:
+            yield _cell(x, y, cell, cell, value)
+        if few and i != j and abs(value) >= 0.05:
+            yield text(x + cell / 2, y + 0.65 * cell, signed(f"{value:.1f}"), "cell")
+    yield from _scale(left + size / 2, top + size + 26, explanation)
+
+
+def _cell(x: float, y: float, width: float, height: float, value: float) -> str:
+    sign = "plus" if value > 0 else "minus"
+    size = f'width="{number(width)}" height="{number(height)}"'
+    strength = f'fill-opacity="{0.85 * abs(value):.2f}"'
+    return f'<rect class="{sign}" x="{number(x)}" y="{number(y)}" {size} {strength}/>'
+
+
+def _scale(middle: float, top: float, explanation: str) -> Iterator[str]:
+    step = 12.0
+    for k in range(-10, 11):
+        yield _cell(middle + (k - 0.5) * step, top, step, 9, k / 10)
+    for value in (-1, -0.5, 0, 0.5, 1):
+        yield text(middle + 10 * value * step, top + 21, signed(f"{value:g}"), "middle")
+    yield text(middle, top + 38, explanation, "middle")

@@ -1,33 +1,28 @@
-"""Charts as SVG: panels for a page, each a picture that takes the width it is given.
+"""Charts as SVG: panels for a page, each a picture that takes the width it is given; or one file.
 
 Text stays text, and colours are classes that the page's style sheet gives for light and dark paper.
 Points of measurements carry the measurement's id (``data-m``), which `report.js` shows and follows.
+A file is for papers: light, with its legend, needing nothing else.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
 from hil.report.charts.axis import Axis, shown, text_of
 from hil.report.charts.chart import Matrix
-from hil.report.charts.elements import item_on, key, number, text
-from hil.report.charts.matrix import SCALE, matrix_in
+from hil.report.charts.elements import SCALE, item_on, key, matrix_in, number, text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.report.charts.chart import Chart, Panel
 
-RIGHT, TOP, BOTTOM = 16.0, 22.0, 36.0
-"""Margins around the field of a panel, beside its own on the left."""
-BETWEEN = 9.0
-"""A panel and the strip below it."""
-APART = 55.0
-"""Marks along a horizontal axis, about."""
-ABOVE = 26.0
-"""Marks along a vertical axis, about."""
+RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 22.0, 36.0, 9.0
+"""Margins around the field of a panel, beside its own on the left, and of the strip below it."""
 
 
 def panels(chart: Chart) -> list[Markup]:
@@ -57,7 +52,7 @@ def drawn(panel: Panel) -> Iterator[str]:
     both = [*panel.items, *(panel.below.items if panel.below else ())]
     reach = shown(both, panel.x_range, along=True, decades=panel.decades)
     x = Axis(*reach, panel.left, panel.width - RIGHT, panel.decades)
-    marks = x.marks(int((x.end - x.begin) / APART), whole=panel.whole)
+    marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
     top = bottom = TOP
     if panel.title:
@@ -76,7 +71,7 @@ def _field(panel: Panel, x: Axis, top: float, along: list[float]) -> Iterator[st
     """Draw the field inside a pair of axes, with the marks of the vertical one."""
     bottom = top + panel.height
     y = Axis(*shown(panel.items, panel.y_range, along=False, decades=False), bottom, top)
-    marks = y.marks(max(2, int(panel.height / ABOVE)))
+    marks = y.marks(max(2, int(panel.height / 26.0)))  # about so far apart
     up = text_of(marks if panel.rows is None else panel.rows, y)
     across = f"{number(x.begin)} {{}}H{number(x.end)}"
     grid = [f"M{number(at)} {number(top)}V{number(bottom)}" for at in along]
@@ -95,3 +90,47 @@ def _field(panel: Panel, x: Axis, top: float, along: list[float]) -> Iterator[st
 def _svg(width: float, height: float, content: str) -> Markup:
     box = f"0 0 {number(width)} {number(height)}"
     return Markup(f'<svg viewBox="{box}">{content}</svg>')  # noqa: S704 - text is escaped
+
+
+STYLE = Path(__file__).parent / "chart.css"
+
+
+def file(chart: Chart) -> bytes:
+    """Draw a chart into a file."""
+    placed = list(_placed(chart))
+    width = max((x + size_of(panel)[0] for x, _, panel in placed), default=1.0)
+    height = max((y + size_of(panel)[1] for _, y, panel in placed), default=1.0)
+    size = f'width="{number(width)}" height="{number(height)}"'
+    box = f"0 0 {number(width)} {number(height)}"
+    return "".join(
+        (
+            f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="{box}" class="chart">',
+            f"<style>{STYLE.read_text(encoding='utf-8')}</style>",
+            '<rect width="100%" height="100%" fill="#fff"/>',
+            *_legend(chart),
+            *(_moved(x, y, "".join(drawn(panel))) for x, y, panel in placed),
+            "</svg>\n",
+        )
+    ).encode()
+
+
+def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
+    """Where each panel begins, below a legend of height 26, in rows of at most 1080."""
+    x, y, row = 0.0, 26.0 if chart.legend else 0.0, 0.0
+    for panel in chart.panels:
+        width, height = size_of(panel)
+        if x and x + width > 1080.0:
+            x, y, row = 0.0, y + row, 0.0
+        yield x, y, panel
+        x, row = x + width, max(row, height)
+
+
+def _legend(chart: Chart) -> Iterator[str]:
+    x = 52.0
+    for label, item in chart.legend.items():
+        yield _moved(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
+        x += 45.0 + 6.2 * len(label)  # about the width of a letter
+
+
+def _moved(x: float, y: float, content: str) -> str:
+    return f'<g transform="translate({number(x)} {number(y)})">{content}</g>'

@@ -1,22 +1,72 @@
-"""Friction by its own measurements: models, symmetry, variance in time (Figs. 1 and 2)."""
+"""Friction: over a campaign, as step 1 yields it with each element, and by its own measurements."""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hil.report.plots import friction as plots
+from hil.estimation.friction.symmetry import of_local_values
 from hil.report.section import Plot, Section
+from hil.report.sections import friction_plots as plots
 from hil.results.tables import friction as tables
+from hil.results.tables.friction import campaign_friction
+from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from hil.report.reported_run import ReportedRun
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+    from hil.report.reported_run import IdentifiedRun, ReportedRun
     from hil.results.friction_file import FrictionResult
 
 
-def section(run: ReportedRun) -> Section | None:
+def friction_over_campaign(run: IdentifiedRun) -> Section:
+    """The law, levels by measurement, time constants and symmetry where they are identifiable."""
+    local = run.estimate.local
+    return Section(
+        "Friction over the campaign",
+        "friction_over_campaign.html",
+        {
+            "law": campaign_friction(run.model),
+            "lack": lacking(run.model),
+            "drift": tables.drift(run.found.drifts),
+            "symmetry": tables.symmetry(of_local_values(local)),
+        },
+        (_levels_plot(run.estimate, run.robot),) if local else (),
+    )
+
+
+def _levels_plot(estimate: Estimate, robot: Robot) -> Plot:
+    return Plot(
+        "friction",
+        partial(plots.levels, estimate.local, robot),
+        "Friction level of every axis over robot time, one panel an axis, markers by kind of"
+        " measurement.",
+        "Friction level of each axis as step 1 yields it with each element. Levels of different"
+        " kinds come from different fits and may differ by a step; the course of one kind is drift"
+        f" by temperature and lubricant. {friction_change(estimate)} None of it enters the"
+        " parameters: friction is fitted anew in every measurement.",
+    )
+
+
+def friction_change(estimate: Estimate) -> str:
+    """State by how much friction of one kind of measurement changed at most, and where."""
+    spread = {}
+    for axis, kind in sorted({(v.axis, v.kind) for v in estimate.local}):
+        found = [v.friction for v in estimate.local if (v.axis, v.kind) == (axis, kind)]
+        if min(found) > 0:
+            spread[axis, kind] = max(found) / min(found) - 1.0
+    if not spread:
+        return "Levels near zero allow no statement on drift."
+    (axis, kind), most = max(spread.items(), key=lambda item: item[1])
+    return (
+        f"At axis {axis + 1} the {kind} measurements alone find levels that differ by"
+        f" {100 * most:.0f} %."
+    )
+
+
+def friction(run: ReportedRun) -> Section | None:
     """All that a run's friction measurements show; None where it has none."""
     result = run.friction
     if result is None:
@@ -27,10 +77,10 @@ def section(run: ReportedRun) -> Section | None:
         "symmetry": tables.symmetry(result.symmetry),
         "drift": tables.drift(result.drifts),
     }
-    return Section("Friction", "friction.html", values, tuple(_plots(result)), leads=True)
+    return Section("Friction", "friction.html", values, tuple(_friction_plots(result)), leads=True)
 
 
-def _plots(result: FrictionResult) -> Iterator[Plot]:
+def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
     if result.axes:
         yield Plot(
             "normalised",

@@ -1,23 +1,31 @@
-"""The identified base parameters, and what `model.yaml` has to do with them."""
+"""The identified base parameters: how certain, how correlated, by either method."""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.errors import FileError
-from hil.report.plots.intervals import intervals
+from hil.least_squares.uncertainty import TWICE
+from hil.model.base_parameters import base_parameters
+from hil.report.charts.chart import MODEL, Chart, Matrix, Panel, Points, Rule
 from hil.report.section import Plot, Section
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.tables.parameters import parameters
+from hil.results.rounding import percent
+from hil.results.tables import parameters as tables
 
 if TYPE_CHECKING:
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
     from hil.report.reported_run import IdentifiedRun
+    from hil.results.prediction import Prediction
     from hil.runs.run import Run
 
 
-def section(run: IdentifiedRun) -> Section:
+def parameters(run: IdentifiedRun) -> Section:
     """Base parameters by group, and what their intervals mean in torques."""
     plot = Plot(
         "intervals",
@@ -32,7 +40,7 @@ def section(run: IdentifiedRun) -> Section:
         "Base parameters",
         "parameters.html",
         {
-            "parameters": parameters(run.model, run.found.prediction),
+            "parameters": tables.parameters(run.model, run.found.prediction),
             "lengths": run.robot.file.lengths,
             "model_note": _model_note(run.source),
         },
@@ -55,3 +63,88 @@ def _model_note(run: Run) -> str:
             " here the run stands alone."
         )
     return f"{NAME} holds the parameters of the same method, with their covariance."
+
+
+def methods(run: IdentifiedRun) -> Section | None:
+    """Parameters by both methods."""
+    if run.found.check is None:
+        return None
+    values = {
+        "methods": tables.methods(run.model, run.found.check),
+        "disagreement": tables.DISAGREEMENT,
+    }
+    return Section("Improved and published method", "methods.html", values)
+
+
+def correlations(run: IdentifiedRun) -> Section:
+    """Correlation matrix."""
+    plot = Plot(
+        "correlation",
+        partial(correlation_matrix, run.estimate, run.robot),
+        "Matrix of the correlations between the parameters' errors.",
+        "Correlations of the parameters' errors. Strongly correlated parameters are more certain"
+        " together than apart; the whole covariance is in model.yaml.",
+    )
+    return Section("Correlations of the parameters", "correlations.html", plots=(plot,))
+
+
+def intervals(model: Model, check: Model | None, prediction: Prediction) -> Chart:
+    """Draw 95 % intervals of all parameters, and where the published method has them.
+
+    A kg m² matters more on a wrist than on a shoulder: what a parameter is off by is shown as the
+    torque that it makes on a free motion, relative to the axis's, on the axis where it is most.
+    """
+    base = base_parameters(model.robot)
+    order = [k for members in base.groups.values() for k in members]
+    height = max(19.0 * len(order), 120.0)
+    effect = 100 * np.nan_to_num(prediction.relative_effect).max(axis=0)
+    interval = model.interval(0.95)
+    half = (interval[:, 1] - interval[:, 0]) / 2 / model.standard_errors * effect
+    rows = np.arange(len(order), 0, -1.0)
+    checked: tuple[Points, ...] = ()
+    if check is not None:
+        off = (check.values - model.values) / model.standard_errors * effect
+        checked = (Points(off[order], rows, "ring", MODEL, "by the published method", size=3.4),)
+    torques = 100 * np.nan_to_num(prediction.relative)
+    axes = np.arange(len(torques), 0, -1.0)
+    return Chart(
+        (
+            Panel(
+                (
+                    Rule(0.0, upright=True),
+                    Points(np.zeros(len(order)), rows, "o", error=half[order], along=True,
+                           label="identified, with 95 % interval", size=2.6),
+                    *checked,
+                ),
+                title="base parameters",
+                x_label="effect on the torque of the axis where it is largest [%]",
+                y_range=(0.3, len(order) + 0.7),
+                rows={float(row): base.names[k] for row, k in zip(rows, order, strict=True)},
+                width=530.0,
+                height=height,
+            ),
+            Panel(
+                (Points(np.zeros(len(axes)), axes, "o", error=TWICE * torques, along=True,
+                        size=2.6), Rule(0.0, upright=True)),
+                title="torque of a free motion",
+                x_label="interval of 95 % [% of the torque]",
+                y_range=(0.3, len(axes) + 0.7),
+                rows={
+                    float(row): f"axis {k}: ± {percent(TWICE * torque, 100.0)} %"
+                    for k, (row, torque) in enumerate(zip(axes, torques, strict=True), start=1)
+                },
+                width=420.0,
+                left=110.0,
+                height=height,
+            ),
+        )
+    )  # fmt: skip
+
+
+def correlation_matrix(estimate: Estimate, robot: Robot) -> Chart:
+    """Draw correlations of the parameters' errors, parameters in the order of their groups."""
+    base = base_parameters(robot)
+    order = [k for members in base.groups.values() for k in members]
+    found = Matrix(estimate.correlation[np.ix_(order, order)], [base.names[k] for k in order])
+    size = max(300.0, min(26.0 * len(order), 700.0))
+    return Chart((Panel((found,), x_label="correlation", width=size + 76.0, height=size),))

@@ -8,7 +8,7 @@ import pytest
 from personalities import drives_for
 
 from drivers.canopen.frame_length import frame_bits
-from hil.cli.bus_cycle import bus_cycle
+from hil.cli.robot_drives import bus_cycle
 from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from probing_bench import DRIVES
 from rich.console import Console
 from small_run import write_run
 
+from drivers.commissioning.verdict import Grade, Verdict
 from hil.cli import check_view
 from hil.results.identification import identify
-from hil.terminal.keys import Keys
-from hil.terminal.operator import TerminalOperator
+from hil.terminal.keys import Keys, TerminalOperator
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -178,8 +178,8 @@ def test_a_bus_that_is_not_the_plant_needs_a_channel(hil: Hil) -> None:
 
 def test_lines_are_counted_by_grade_and_one_refusal_is_enough() -> None:
     console = Console(file=io.StringIO(), width=120)
-    good = check_view.Line("ok", "joint 1", "gear", "105", "", "")
-    bad = check_view.Line("refused", "joint 1", "gear", "[100]", "file: 105", "correct it")
+    good = Verdict(Grade.OK, "joint 1", "gear", "105")
+    bad = Verdict(Grade.REFUSED, "joint 1", "gear", "[100]", "file: 105", "correct it")
     assert check_view.show([good, good], console)
     assert not check_view.show([good, bad], console)
     shown = console.file.getvalue()

@@ -18,8 +18,7 @@ from terminal import Terminal
 import hil as package
 from checked_files.yaml_file import FileError
 from hil.planning.plan import dump_plan
-from hil.terminal.console import out
-from hil.terminal.working import working
+from hil.terminal.console import out, working
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,9 +14,9 @@ from stated_model import stated_model
 from hil.export.c_code import write_c
 from hil.export.expressions import count
 from hil.export.functions import rigid
-from hil.export.identifiers import identifier
-from hil.export.operations import of_whole_links
 from hil.export.python_code import write_python
+from hil.export.rigid_bodies import of_whole_links
+from hil.export.source_code import identifier
 from hil.model.robot import load_robot, parse_robot
 from hil.results.warmth import known_warmth
 

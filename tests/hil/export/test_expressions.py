@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.export.expressions import Count, Graph, count, needed
-from hil.export.statements import Syntax, assignments
+from hil.export.source_code import Syntax, assignments
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,12 +11,11 @@ import pytest
 from stated_model import stated_model
 
 from hil.errors import FrictionUnknown, NotEnoughData
-from hil.export.documentation import description
+from hil.export.data_files import write_friction
 from hil.export.formats import FORMATS
-from hil.export.friction_file import write_friction
-from hil.export.friction_of_joints import friction_of_joints
 from hil.export.functions import functions
-from hil.export.simple_friction import simple_friction
+from hil.export.simple_friction import friction_of_joints, simple_friction
+from hil.export.source_code import description
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.model.robot import load_robot
 

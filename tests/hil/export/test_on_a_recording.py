@@ -18,8 +18,7 @@ import yaml
 from compiled_code import called, compiled, module, needs_compiler
 from possible_models import model_of, possible
 
-from hil.export.formats import FORMATS, export
-from hil.export.simulators import SIMULATORS, export_to_simulator
+from hil.export.formats import FORMATS, SIMULATORS, export
 from hil.friction.direction import are_successive
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue, friction_torque
 from hil.model.dynamics import inverse_dynamics
@@ -97,7 +96,7 @@ def sliding(q: Array, qd: Array) -> NDArray[np.bool_]:
 
 def exported(model: Model, name: str) -> Exported:
     if name in SIMULATORS:
-        return export_to_simulator(model, name, ("origin",))
+        return export(model, name, ("origin",))
     return export(model, name, ("origin",))
 
 

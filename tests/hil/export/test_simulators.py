@@ -13,15 +13,14 @@ from urdf_robots import ROBOTS, urdf
 from hil.errors import FileError, Mismatch
 from hil.estimation.consistent.conditions import BodyBounds
 from hil.export.formats import export
-from hil.export.given_urdf import bodies_of, given_urdf
+from hil.export.given_urdf import bodies_of, body_of, given_urdf
 from hil.export.simulated_robot import simulated_robot
-from hil.export.simulators import export_to_simulator
-from hil.export.urdf_links import UrdfLinks
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor, Spring
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
+from hil.model.readers.urdf import UrdfReader
 from hil.model.robot import Robot, load_robot, robot_from_urdf
 from hil.results.consistency import with_consistent_robot
 
@@ -81,7 +80,7 @@ def by_pinocchio(text, armature, gravity):
 
 
 def written(model, name, given=None):
-    (text,) = export_to_simulator(model, name, ("origin",), given).files.values()
+    (text,) = export(model, name, ("origin",), given).files.values()
     return text
 
 
@@ -157,7 +156,7 @@ def test_the_file_states_origin_distance_and_cost_at_its_head(name):
 @pytest.mark.parametrize("name", ["urdf", "mjcf"])
 def test_a_model_without_friction_is_exported_without_and_says_so(name):
     model = consistent(load_robot("tests/robots/pan-tilt.yaml"), friction=False)
-    exported = export_to_simulator(model, name, ())
+    exported = export(model, name, ())
     assert any("no friction is stated" in remark for remark in exported.remarks)
     (text,) = exported.files.values()
     assert "damping" not in text
@@ -192,9 +191,9 @@ def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(a
     assert "<!-- elbow -->" in text
     after = path.parent / "after.urdf"
     after.write_text(text)
-    before, links = UrdfLinks(path), UrdfLinks(after)
-    np.testing.assert_array_equal(links.body("finger"), before.body("finger"))
-    assert links.body("tool") is None
+    before, links = UrdfReader(path), UrdfReader(after)
+    np.testing.assert_array_equal(body_of(links, "finger"), body_of(before, "finger"))
+    assert body_of(links, "tool") is None
     bodies = bodies_of(given_urdf(after, model.robot), model.robot)
     np.testing.assert_allclose(bodies, model.consistent.bodies, rtol=1e-9, atol=1e-12)
     assert "the body of link4 is that of tool too" in text

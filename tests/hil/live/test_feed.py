@@ -118,9 +118,9 @@ def test_half_the_difference_forth_and_back_is_the_friction(manutec: Robot) -> N
     recording = record(manutec, g, TABLE_3_A, friction)
     level = level_of(g, recording)
     assert level is not None
-    assert level.speed == pytest.approx(0.4, rel=0.02)
+    assert level[1] == pytest.approx(0.4, rel=0.02)
     wanted = friction.torque(np.full((1, 6), 0.4), np.zeros(1))[0, 1]
-    assert level.level == pytest.approx(wanted, rel=0.01)
+    assert level[0] == pytest.approx(wanted, rel=0.01)
 
 
 def test_periods_of_a_trajectory_are_no_strokes(manutec: Robot) -> None:

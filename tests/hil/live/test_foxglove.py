@@ -21,12 +21,12 @@ pytest.importorskip("rosbags")
 from foxglove_client import PATIENCE, FoxgloveClient, connected, subscribe
 from rosbags.typesys import Stores, get_typestore
 
-from hil.cli.live import listeners, with_ports
+from hil.cli.live import Shown, listeners, with_ports
 from hil.cli.measuring import OnBus, measure
 from hil.export.recordings.ros_messages import FAULT, OK, STALE, WARNING, RosMessages
 from hil.live import lines
+from hil.live.foxglove_server import TOPICS, RosLines
 from hil.live.listener import Listener, ListenerFailed
-from hil.live.ros_lines import TOPICS, RosLines
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.runs import SIMULATED
@@ -308,4 +308,4 @@ def test_without_a_port_the_usual_one_is_meant() -> None:
 
 def test_an_address_needs_what_is_served_at_it() -> None:
     with pytest.raises(typer.BadParameter, match="it goes with --foxglove"):
-        listeners(None, None, None, "192.168.0.5")
+        listeners(Shown(foxglove_address="192.168.0.5"))

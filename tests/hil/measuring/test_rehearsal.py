@@ -23,8 +23,7 @@ from hil.measuring.travel import travel
 from hil.model.robot import Robot
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
-from hil.terminal.keyboard_stop import KeyboardStop
-from hil.terminal.keys import Keys
+from hil.terminal.keys import KeyboardStop, Keys
 
 
 def passed(bus, drive: Callable[[], object]) -> np.ndarray:

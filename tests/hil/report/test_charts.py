@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from hil.report.charts.axis import Axis
 from hil.report.charts.chart import Chart, Line, Panel, Points, Rule
-from hil.report.charts.file import file
-from hil.report.charts.svg import panels
+from hil.report.charts.svg import file, panels
 
 POINTS = Points([0.0, 1.0], [2.0, 3.0], label="measured <&>", error=[0.1, 0.1], ids=["g01", "g02"])
 

@@ -6,7 +6,7 @@ from small_run import SIMULATED, write_run
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.planning.design.friction import sweep
-from hil.report.friction_of_run import friction_of_run
+from hil.report.reported_run import friction_of_run
 from hil.results.friction import evaluate
 from hil.results.friction_file import write_friction
 from hil.results.identification import identify

@@ -16,8 +16,8 @@ from hil import cli
 from hil.estimation.absent_parameters import complete
 from hil.estimation.gravity_phase import Sinusoid
 from hil.model.base_parameters import base_parameters
-from hil.report.kept_result import current
 from hil.report.page import report
+from hil.report.sections.kept import current
 from hil.results.diagnosis import diagnose
 from hil.results.diagnosis_file import NAME, DiagnosisFile, write_diagnosis
 from hil.results.payload_file import PayloadFile, read_payload

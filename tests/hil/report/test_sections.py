@@ -1,10 +1,9 @@
-"""A section of a report has one place: a module, its template and a line of the registry."""
+"""A section of a report has one place: a function, its template and a line of the registry."""
 
 from __future__ import annotations
 
 import ast
 from html.parser import HTMLParser
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,27 +76,29 @@ def read(mixed: Path) -> Iterator[tuple[list[str], str]]:
         yield ids, page.report(Run.open(mixed)).read_text()
 
 
-def registered() -> set[str]:
-    """Modules of the sections that a report can have."""
+def sections_with_templates() -> dict[str, list[str]]:
+    """The functions that make sections, and the templates that they name."""
+    found = {}
+    for module in MODULES:
+        for node in ast.parse((HERE / f"{module}.py").read_text()).body:
+            texts = (each.value for each in ast.walk(node) if isinstance(each, ast.Constant))
+            named = [text for text in texts if str(text).endswith(".html")]
+            if named:
+                found[f"{module}.{node.name}"] = named
+    return found
+
+
+def test_every_section_is_listed_and_has_a_template_of_its_own() -> None:
     listed = (
         *sections.OF_CAMPAIGN,
         *sections.OF_FRICTION,
         *sections.OF_FREE_MOTIONS,
         *sections.OF_STROKES,
     )
-    return {section.__module__.rpartition(".")[2] for section in listed}
-
-
-def test_every_section_is_a_module_and_a_template_of_its_name() -> None:
-    assert registered() == set(MODULES)
-    assert {path.stem for path in HERE.glob("*.html")} == set(MODULES)
-
-
-@pytest.mark.parametrize("name", MODULES)
-def test_a_section_has_a_template_of_its_own(name: str) -> None:
-    tree = ast.parse(Path(import_module(f"hil.report.sections.{name}").__file__ or "").read_text())
-    strings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-    assert {each for each in strings if str(each).endswith(".html")} == {f"{name}.html"}
+    made = sections_with_templates()
+    assert {f"{each.__module__.rpartition('.')[2]}.{each.__name__}" for each in listed} == set(made)
+    templates = [name for named in made.values() for name in named]
+    assert sorted(templates) == sorted(path.name for path in HERE.glob("*.html"))
 
 
 def test_neither_the_page_nor_its_template_names_a_section() -> None:

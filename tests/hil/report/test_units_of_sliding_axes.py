@@ -13,8 +13,7 @@ from hil.estimation.gravity_phase import Phase, Sinusoid
 from hil.model.robot import Robot, load_robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.plots.diagnosis import shifted_sinusoid
-from hil.report.plots.payload import with_and_without_load
+from hil.report.sections.kept import shifted_sinusoid, with_and_without_load
 from hil.results.payload_file import ElementRecord
 from hil.runs.recording import Recording
 from hil.runs.recording_file import Measured, read_measured, write_measured

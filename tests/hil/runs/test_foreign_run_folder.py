@@ -87,7 +87,7 @@ def test_a_stub_whose_recordings_are_a_link_is_not_completed(
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "recordings").symlink_to(outside)
     with pytest.raises(FileError, match="is there already"):
-        prepare_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", False, None)
+        prepare_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", False)
 
 
 def test_plots_of_a_diagnosis_are_not_drawn_behind_a_link(

@@ -13,7 +13,7 @@ from stated_model import stated_model
 from hil.friction.law import FrictionLaw
 from hil.results.identification import identify
 from hil.runs.run import Run
-from hil.view.predicted import predicted
+from hil.view.along_motion import predicted
 from hil.view.scene import of_run
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.results.model import Model
-    from hil.view.predicted import Predicted
+    from hil.view.along_motion import Predicted
 
 MOST = 100_000
 """Instants; with fewer of them accelerations are too coarse to judge torques by."""

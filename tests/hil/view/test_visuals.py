@@ -14,8 +14,7 @@ from hil.errors import FileError, Mismatch
 from hil.model.readers.axes_to_frames import Frames, frames_of
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot import load_robot
-from hil.view.mesh_files import read_triangles
-from hil.view.thinned_mesh import thinned
+from hil.view.meshes import read_triangles, thinned
 from hil.view.visuals import MOST_TRIANGLES, _allowance, visuals
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ import pytest
 
 from checked_files.yaml_file import FileError
 from hil.planning.plan import Plan, repeated
-from hil.watching.friction_level import FrictionLevel, columns_of
+from hil.watching.friction import FrictionLevel, columns_of
 from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import DISTANCES, Turning
 

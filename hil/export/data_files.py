@@ -1,0 +1,279 @@
+"""A model as data: one JSON file, its friction as another, and parameters for ros2_control as YAML.
+
+Everything is in SI units on the joint side. The symbols are those of the documentation: torques are
+A(q, qd, qdd) p, with the base parameters p listed here, plus those of the motors' own inertia and
+of friction. Friction by itself has the law of each axis, its curve, and what simulators make of it.
+
+Controllers and nodes load the parameters as they are. Of two nodes `joint_dynamics` is read by
+whoever compensates gravity and friction, with one list entry a joint under plain names, and
+`joint_limits` as joint_limits of ros2_control reads it. The gravity torque itself needs the bodies:
+those of the URDF that the same model gives, or the code that `--to c` writes. The forms:
+control.ros.org, docs.ros.org (parameter files).
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+
+from hil.export.exported import Exported
+from hil.export.simple_friction import (
+    friction_of_joints,
+    friction_remarks,
+    misfits,
+    simple_friction,
+)
+from hil.friction.direction import STILL
+from hil.friction.law import friction_variance
+from hil.friction.terms import DIRECTED, OF_SPEED
+from hil.friction.warmth import REFERENCE
+from hil.model.base_parameters import base_parameters
+from hil.results.torque_parts import known_friction
+
+if TYPE_CHECKING:
+    from hil.export.simple_friction import SimpleFriction
+    from hil.friction.law import AxisLaw
+    from hil.results.model import Model
+
+
+def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
+    """Return the model as `model.json`."""
+    law = model.friction_law
+    content = {
+        "origin": list(origin),
+        "robot": model.robot.name,
+        "gravity_m_per_s2": model.robot.gravity.tolist(),
+        "joints": [_json_joint(model, axis) for axis in range(model.robot.n_joints)],
+        "base_parameters": _json_parameters(model),
+        "covariance": model.covariance.tolist(),
+        "friction": None if law is None else law.model_dump(mode="json"),
+    }
+    return Exported({"model.json": json.dumps(content, indent=2, allow_nan=False) + "\n"})
+
+
+def _json_joint(model: Model, axis: int) -> dict[str, object]:
+    """Return frame, unit and drive of a joint (from 0)."""
+    robot, residual = model.robot, float(model.residual[axis])
+    return {
+        "joint": axis + 1,
+        "type": "revolute" if robot.revolute[axis] else "prismatic",
+        "position_unit": robot.position_unit(axis),
+        "torque_unit": robot.torque_unit(axis),
+        "frame": {name: float(getattr(robot, name)[axis]) for name in ("alpha", "d", "theta", "r")},
+        "reflected_inertia": float(robot.reflected_inertia[axis]),
+        "residual": None if np.isnan(residual) else residual,
+    }
+
+
+def _json_parameters(model: Model) -> list[dict[str, object]]:
+    base = base_parameters(model.robot)
+    rows = zip(base.names, base.expressions, base.units, base.heads, strict=True)
+    return [
+        {
+            "name": name,
+            "expression": expression,
+            "unit": unit,
+            "head": head,
+            "value": float(model.values[k]),
+            "standard_error": float(model.standard_errors[k]),
+        }
+        for k, (name, expression, unit, head) in enumerate(rows)
+    ]
+
+
+FORMULAS = {name: term.formula for name, term in OF_SPEED.items()}
+"""What the coefficient of each term is multiplied by; u is the velocity over `speed`."""
+TAKEN = {
+    "u": "v over the axis's speed, with |v| clipped to its speeds where these are not null",
+    "sgn(v)": f"0 where |v| is below {STILL} of the axis's speed",
+    "beyond its speeds": "slope_beyond (|v| - clipped |v|) sgn(v) is added",
+    "presliding": "after a reversal sgn(v) turns round over the axis's presliding_distance x as"
+    " dz/dq = (1 - z sgn(v)) / x; 0: at once",
+}
+"""How the formulas are to be taken."""
+WARMTH = {
+    "level": "the directed terms, all that change their sign with v, times 1 + slope (clip(w, seen)"
+    " - reference); w is the warmth, from 0 cold to 1 warm, and reference that of the terms",
+    "state": f"dw/dt = (1 - w) x / ({REFERENCE} warming) - w / cooling, with x = |v| over the"
+    " velocity limit; w = 0 for a rested axis",
+    "directed": list(DIRECTED),
+}
+"""What `warmth` of an axis means."""
+
+
+def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
+    """Return the friction of all axes as `friction.json`.
+
+    Raises
+    ------
+    NotEnoughData
+        The model has no law of friction.
+    """
+    law, simple = known_friction(model), simple_friction(model)
+    ends = list(zip(simple_friction(model, 0.0), simple_friction(model, 1.0), strict=True))
+    known = [own for own in law.axes if own is not None]
+    content = {
+        "origin": list(origin),
+        "robot": model.robot.name,
+        "formulas": FORMULAS | {"cosine k, sine k": "of k times the motor's angle"},
+        "taken": TAKEN,
+        "axes": [
+            _friction_axis(model, own, each) | _warmth(own, *cold_and_warm)
+            for own, each, cold_and_warm in zip(known, simple, ends, strict=True)
+        ],
+        "unknown": list(law.unknown),
+        "warmth": WARMTH,
+        "coupled": [each.model_dump(mode="json") for each in law.coupled],
+    }
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    warm = [k for k, own in enumerate(known) if own.warmth is not None]
+    said = misfits(model, simple)
+    for end, name in enumerate((", cold", ", warm")):
+        said += misfits(model, tuple(ends[k][end] for k in warm), name)
+    return Exported({"friction.json": text}, tuple(said))
+
+
+def _friction_axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[str, object]:
+    axis = simple.axis
+    return {
+        "axis": axis + 1,
+        "torque_unit": model.robot.torque_unit(axis),
+        "velocity_unit": f"{model.robot.position_unit(axis)}/s",
+        "law": law.law,
+        "speed": law.speed,
+        "speeds": law.speeds,
+        "slope_beyond": law.slope,
+        "presliding_distance": law.presliding,
+        "terms": {name: value.model_dump() for name, value in law.terms.items()},
+        "level_wandered_by_share": law.wander,
+        "curve": {
+            "velocity": simple.speeds.tolist(),
+            "forward": simple.forward.tolist(),
+            "backward": simple.backward.tolist(),
+            "standard_error": _errors(model, simple).tolist(),
+        },
+        **_simplified(simple),
+    }
+
+
+def _warmth(law: AxisLaw, cold: SimpleFriction, warm: SimpleFriction) -> dict[str, object]:
+    """What warmth does to an axis's friction: null where it is not identified."""
+    own = law.warmth
+    if own is None:
+        return {"warmth": None}
+    ends = {"cold": (own.cold, cold), "warm": (own.warm, warm)}
+    return {
+        "warmth": own.model_dump(mode="json")
+        | {name: {"factor": factor} | _simplified(each) for name, (factor, each) in ends.items()}
+    }
+
+
+def _simplified(simple: SimpleFriction) -> dict[str, object]:
+    """Friction in the terms of simulators, with the misfit of each simplification."""
+    stribeck = simple.stribeck
+    return {
+        "coulomb_and_viscous": {
+            "coulomb": simple.coulomb,
+            "viscous": simple.viscous,
+            "misfit_rms": simple.misfit,
+        },
+        "stribeck": {
+            "coulomb": stribeck.coulomb,
+            "static": stribeck.static,
+            "viscous": stribeck.viscous,
+            "stribeck_velocity": stribeck.velocity,
+            "misfit_rms": stribeck.misfit,
+        },
+    }
+
+
+def _errors(model: Model, simple: SimpleFriction) -> np.ndarray:
+    """Standard errors of the curve forward, of terms and of the level's wandering."""
+    qd = np.zeros((len(simple.speeds), model.robot.n_joints))
+    qd[:, simple.axis] = simple.speeds
+    still = np.zeros_like(qd)
+    variance = friction_variance(model.robot, known_friction(model), still, qd, still)
+    return np.asarray(np.sqrt(variance[:, simple.axis]))
+
+
+NOTES = (
+    "joint side, SI: N m, N m s/rad, kg m2; for prismatic joints N, N s/m, kg",
+    "joints are named joint1 and on: rename them after your URDF, in the same order",
+    "torque to command = rigid bodies + armature * acceleration + friction below; armature is the"
+    " rotor inertia that the robot file states, one that was identified counts with the bodies",
+    "static friction and the Stribeck velocity replace coulomb and viscous where your controller"
+    " knows Stribeck's curve; do not add both",
+    "over-compensated Coulomb friction makes a joint creep or oscillate: begin with half of it, and"
+    " blend it in over a velocity a few times the noise of your velocity signal",
+    "an effort interface takes these torques; with a current interface divide by torque_constant"
+    " times gear_ratio",
+)
+
+
+def write_ros2(model: Model, origin: tuple[str, ...]) -> Exported:
+    """Return the model as `NAME.ros2.yaml`."""
+    robot, friction = model.robot, friction_of_joints(model)
+    names = [f"joint{axis + 1}" for axis in range(robot.n_joints)]
+    content = {
+        "joint_dynamics": {
+            "ros__parameters": {
+                "joints": names,
+                "gravity": [float(x) for x in robot.gravity],
+                **{name: _dynamics(model, k, friction[k]) for k, name in enumerate(names)},
+            }
+        },
+        "joint_limits": {
+            "ros__parameters": {
+                "joint_limits": {name: _limits(model, k) for k, name in enumerate(names)}
+            }
+        },
+    }
+    remarks = friction_remarks(model)
+    head = "".join(f"# {line}\n" for line in (*origin, *NOTES, *remarks))
+    text = head + yaml.safe_dump(content, sort_keys=False)
+    return Exported({f"{robot.name}.ros2.yaml": text}, remarks)
+
+
+def _dynamics(model: Model, axis: int, friction: SimpleFriction | None) -> dict[str, object]:
+    robot = model.robot
+    found: dict[str, object] = {"armature": float(robot.reflected_inertia[axis])}
+    for key in ("gear_ratio", "torque_constant"):
+        value = float(getattr(robot, key)[axis])
+        if np.isfinite(value):
+            found[key] = value
+    if friction is not None:
+        found["friction"] = {
+            "coulomb": friction.coulomb,
+            "viscous": friction.viscous,
+            "misfit_rms": friction.misfit,
+            "stribeck": {
+                "coulomb": friction.stribeck.coulomb,
+                "static": friction.stribeck.static,
+                "viscous": friction.stribeck.viscous,
+                "velocity": friction.stribeck.velocity,
+            },
+        }
+    return found
+
+
+def _limits(model: Model, axis: int) -> dict[str, object]:
+    """Limits of one joint under the names of ros2_control; unknown ones are said to be none."""
+    robot = model.robot
+    found: dict[str, object] = {
+        "has_position_limits": True,
+        "min_position": float(robot.q_min[axis]),
+        "max_position": float(robot.q_max[axis]),
+    }
+    for name, values in (
+        ("velocity", robot.velocity_limit),
+        ("acceleration", robot.acceleration_limit),
+        ("effort", robot.torque_limit),
+    ):
+        known = bool(np.isfinite(values[axis]))
+        found[f"has_{name}_limits"] = known
+        if known:
+            found[f"max_{name}"] = float(values[axis])
+    return found

@@ -1,0 +1,164 @@
+"""Assignments that compute expressions, one after the other, in the arithmetic of C and Python.
+
+What is used several times gets a name; what is used once is written where it is used, as long as
+the line stays readable. Brackets keep the order in which the expressions were made, so that the
+code gives the same bits as they do.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from typing import TYPE_CHECKING, NamedTuple
+
+from hil.export.expressions import count, needed
+from hil.export.rigid_bodies import of_whole_links
+from hil.export.simple_friction import presliding_left_out
+from hil.model.base_parameters import base_parameters
+from hil.results.torque_parts import lacking
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.export.expressions import Expression
+    from hil.export.functions import Function
+    from hil.results.model import Model
+
+LONGEST = 84
+"""Characters of what is still written into another expression."""
+SUM, PRODUCT, ATOM = 1, 2, 3
+"""How strongly a text holds together."""
+
+
+class Syntax(NamedTuple):
+    """What differs between languages.
+
+    Attributes
+    ----------
+    number : callable
+        From a number to its text, which must hold together as an atom.
+    function : callable
+        From the name of a function and the text of its argument to its call.
+    """
+
+    number: Callable[[float], str]
+    function: Callable[[str, str], str]
+
+
+class Assignment(NamedTuple):
+    """A name and the text of its value."""
+
+    name: str
+    value: str
+
+
+def assignments(
+    results: Sequence[Expression], syntax: Syntax
+) -> tuple[list[Assignment], list[str]]:
+    """Write out expressions.
+
+    Returns
+    -------
+    named : list of Assignment
+        In order; names are ``t0`` and on.
+    values : list of str
+        Text of each result.
+    """
+    nodes = needed(results)
+    uses = Counter(each.index for node in nodes for each in node.operands)
+    named: list[Assignment] = []
+    texts: dict[int, tuple[str, int]] = {}
+    for node in nodes:
+        text, hold = _text(node, texts, syntax)
+        if hold < ATOM or node.operands:
+            shared = uses[node.index] > 1 or len(text) > LONGEST
+            if shared and node.operation != "negative":
+                named.append(Assignment(f"t{len(named)}", text))
+                text, hold = named[-1].name, ATOM
+        texts[node.index] = text, hold
+    return named, [texts[each.index][0] for each in results]
+
+
+def _text(node: Expression, texts: dict[int, tuple[str, int]], syntax: Syntax) -> tuple[str, int]:
+    """Text of an expression, and how strongly it holds together."""
+    operands = [texts[each.index] for each in node.operands]
+    match node.operation:
+        case "number":
+            return syntax.number(node.number), ATOM
+        case "symbol":
+            return node.name, ATOM
+        case "negative":
+            return f"-{_held(operands[0], PRODUCT)}", SUM
+        case "+" | "-" as sign:
+            return f"{_held(operands[0], SUM)} {sign} {_held(operands[1], PRODUCT)}", SUM
+        case "*":
+            return f"{_held(operands[0], PRODUCT)} * {_held(operands[1], ATOM)}", PRODUCT
+    return syntax.function(node.operation, operands[0][0]), ATOM
+
+
+def _held(operand: tuple[str, int], least: int) -> str:
+    text, hold = operand
+    return text if hold >= least else f"({text})"
+
+
+def description(
+    model: Model, origin: tuple[str, ...], functions: Sequence[Function]
+) -> tuple[str, ...]:
+    """Lines for the head of a file of code."""
+    lines = [
+        *(part for line in origin for part in line.splitlines()),
+        "",
+        f"Dynamics of {model.robot.name}, written by hil export.",
+        f"Positions in {model.robot.position_units}, times in s, torques in"
+        f" {model.robot.torque_units}, all joint side. Results may overwrite an argument.",
+        *(f"{each.name}({', '.join(each.arguments)}): {each.purpose}" for each in functions),
+        *missing(model, functions),
+        "",
+        "Base parameters, which the numbers below were made from:",
+        *_parameters(model),
+    ]
+    return tuple(lines)
+
+
+def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
+    """What the code has not, and why: functions, and friction that turns round by and by."""
+    there = {each.name for each in functions}
+    said = []
+    if "friction" not in there:
+        said.append(
+            "No friction: the model has no law of it for all axes; identify the run anew with: hil"
+            " identify"
+        )
+    else:
+        if lack := lacking(model):
+            said.append(f"FRICTION UNKNOWN: {lack}")
+        said += presliding_left_out(model)
+    if "current" not in there:
+        said.append(
+            "No current: gear ratio or torque constant of an axis is unknown; state them in the"
+            f" robot file of {model.robot.name}"
+        )
+    return tuple(said)
+
+
+def remarks(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
+    """What the terminal states of exported code: operations, and what there is not."""
+    counted = {each.name: f"{each.name}: {count(each.results)}" for each in functions}
+    counted["rigid_bodies"] += f"; {of_whole_links(model.robot)} for whole links"
+    return (*counted.values(), *missing(model, functions))
+
+
+def _parameters(model: Model) -> list[str]:
+    base = base_parameters(model.robot)
+    rows = zip(base.names, model.values, base.units, base.expressions, strict=True)
+    return [f"  {name} = {value:.9g} {unit}: {text}" for name, value, unit, text in rows]
+
+
+def identifier(name: str) -> str:
+    """Return a robot's name in small letters, figures and underscores, a letter first.
+
+    A robot file admits letters, figures, dots, hyphens and underscores only. What is made of the
+    name always has something behind it, such as ``_gravity``, so that no keyword comes about.
+    """
+    plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    return plain if plain[:1].isalpha() else f"robot_{plain}"

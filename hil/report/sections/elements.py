@@ -1,0 +1,259 @@
+"""Measured elements of g(q) and M(q), those of the model, and what is left: the paper's Figs. 5, 6.
+
+What was measured is blue with error bars of two standard errors, what the model says is orange,
+wherever both appear. Residuals are drawn over all measurements, and over joint angles.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.measurement import ELEMENT_KINDS, element_measurements
+from hil.report.charts.chart import MODEL, MUTED, Chart, Line, Panel, Points, Rule
+from hil.report.section import Plot, Section
+from hil.results.rounding import signed
+from hil.results.tables import torques as tables
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.local_values import LocalValue
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ElementKind, ElementMeasurement
+    from hil.report.reported_run import IdentifiedRun
+
+    Array = NDArray[np.float64]
+
+
+def measured_and_modelled(run: IdentifiedRun) -> Section | None:
+    """One plot a kind that was measured."""
+    kinds = {value.kind for value in run.estimate.local}
+    plots = tuple(
+        _elements_plot(name, kind, run) for name, kind in ELEMENT_KINDS.items() if name in kinds
+    )
+    if not plots:
+        return None
+    return Section("Measured and modelled", "measured_and_modelled.html", plots=plots)
+
+
+def _elements_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
+    return Plot(
+        name,
+        partial(measured_elements, run.local_values(name), kind, run.robot),
+        f"Measured and modelled {kind.elements} over configuration number, one panel"
+        f" {'a pair of axes' if kind.pair else 'an axis'}, with their differences below.",
+        kind.caption,
+    )
+
+
+def torques(run: IdentifiedRun) -> Section:
+    """Residuals of all measurements, over angles too, and predicted torques."""
+    kinds = {value.kind for value in run.estimate.local}
+    over_angles = (
+        _over_angles_plot(name, kind, run)
+        for name, kind in ELEMENT_KINDS.items()
+        if name in kinds and not kind.pair
+    )
+    return Section(
+        "Residuals and torques",
+        "torques.html",
+        {
+            "residuals": tables.residuals(run.model),
+            "predicted": tables.predicted(run.found.prediction, run.robot),
+        },
+        (_all(run), *over_angles) if kinds else (),
+    )
+
+
+def _all(run: IdentifiedRun) -> Plot:
+    planned = {each.id: each for each in element_measurements(run.source.plan.measurements)}
+    return Plot(
+        "residuals",
+        partial(residuals, run.estimate, run.robot, planned),
+        "Residuals of all measurements as a share of torque limits, and their normal probability"
+        " plot.",
+        "Left: measured less modelled elements as torques (inertias times the acceleration they"
+        " were measured with), relative to the axis's limit, eq. (16). Right: the same, centred and"
+        " scaled by axis and kind; points far from the line are outliers.",
+    )
+
+
+def _over_angles_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
+    of_gravity = (
+        " (Fig. 7 for all pairs). A pattern over an angle is something that the robot file leaves"
+        " out; hil diagnose tests what."
+    )
+    return Plot(
+        f"{name}-angles",
+        partial(residuals_over_angles, run.local_values(name), run.robot, kind),
+        f"Residuals of the {kind.elements} over the position of each joint that varied.",
+        f"Residuals of the {kind.elements} against the position of every joint that varied"
+        + (of_gravity if kind.symbol == "g" else "."),
+    )
+
+
+def measured_elements(values: Sequence[LocalValue], kind: ElementKind, robot: Robot) -> Chart:
+    """Draw elements of g(q) or M(q) of one kind as measured against those of the model.
+
+    One panel an element: measured and modelled above, their difference below.
+    """
+    keys = sorted({(value.axis, value.partner) for value in values})
+    numbered = list(enumerate(values, start=1))
+    return Chart(
+        tuple(
+            _element([(k, v) for k, v in numbered if (v.axis, v.partner) == key], kind, robot)
+            for key in keys
+        )
+    )
+
+
+def _element(chosen: Sequence[tuple[int, LocalValue]], kind: ElementKind, robot: Robot) -> Panel:
+    axis, partner = chosen[0][1].axis, chosen[0][1].partner
+    x, ids = [number for number, _ in chosen], [value.id for _, value in chosen]
+    measured = np.array([value.value for _, value in chosen])
+    model = np.array([value.model for _, value in chosen])
+    error = 2.0 * np.nan_to_num([value.standard_error for _, value in chosen])
+    unit, label = kind.unit_of(robot, axis, partner), "measured, ± 2 standard errors"
+    return Panel(
+        items=(
+            Line(x, model, width=0.7, opacity=0.6),
+            Points(x, model, "ring", MODEL, "modelled", size=3.2),
+            Points(x, measured, label=label, error=error, ids=ids),
+        ),
+        title=f"${kind.element(axis, partner)}$",
+        x_label="configuration number",
+        y_label=f"{kind.quantity} [{unit}]",
+        whole=True,
+        below=Panel(
+            items=(Rule(0.0, colour=MODEL), Points(x, measured - model, error=error, ids=ids)),
+            y_label=f"Δ [{unit}]",
+            height=48.0,
+        ),
+    )
+
+
+def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]) -> Chart:
+    """Draw what the model leaves of every measurement, as torque; and how normal that is.
+
+    Parameters
+    ----------
+    planned : mapping
+        Measurements by their id.
+    """
+    number = {value.id: k for k, value in enumerate(estimate.local, start=1)}
+    left, right = [], []
+    for name, kind in ELEMENT_KINDS.items():
+        values = [value for value in estimate.local if value.kind == name]
+        relative = np.array([_relative(value, robot, planned[value.id]) for value in values])
+        places, ids = [number[value.id] for value in values], [value.id for value in values]
+        left.append(
+            Points(places, 100 * relative, kind.marker, kind.colour, name, ids=ids, size=2.6)
+        )
+        normal, scaled = _quantiles(relative, [value.axis for value in values])
+        right.append(Points(normal, scaled, kind.marker, kind.colour, ids=ids, size=2.3))
+    return Chart(
+        (
+            Panel(
+                (Rule(0.0), *left),
+                title="residuals of all measurements",
+                x_label="measurement, in the plan's order",
+                y_label="measured − modelled [% of torque limit]",
+                whole=True,
+                width=700.0,
+                height=220.0,
+            ),
+            Panel(
+                (Line((-3.0, 3.0), (-3.0, 3.0), MUTED, width=1.0), *right),
+                title="normal probability plot",
+                x_label="quantile of the normal distribution",
+                y_label="residual, centred and scaled by axis",
+                height=220.0,
+            ),
+        )
+    )
+
+
+def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Chart:
+    """Measured less modelled elements of every axis against the position of each joint that varied.
+
+    What is the same at all configurations of an axis is taken off: it is friction that differs by
+    direction, or that step 1 takes for part of the element, and hides what depends on angles.
+
+    Parameters
+    ----------
+    values : sequence of LocalValue
+        Of one kind.
+    robot : Robot
+    kind : ElementKind
+        Theirs.
+    """
+    axes = sorted({value.axis for value in values})
+    each = ([value for value in values if value.axis == axis] for axis in axes)
+    return Chart(tuple(panel for own in each for panel in _over_angles(own, robot, kind)))
+
+
+def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
+    """Panels of one axis, all with the same vertical axis, over joints that vary by 4 deg or mm."""
+    axis = own[0].axis
+    left = np.array([value.value - value.model for value in own])
+    mean = float(left.mean())
+    error = 2.0 * np.nan_to_num([value.standard_error for value in own])
+    most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
+    unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
+    for joint, turns in enumerate(robot.revolute):
+        shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
+        if np.ptp(shown) > 4.0:
+            yield Panel(
+                (
+                    Rule(0.0, colour=MODEL),
+                    Points(shown, left - mean, error=error, ids=[value.id for value in own],
+                           label="measured − modelled, ± 2 standard errors", size=2.5),
+                ),
+                title=f"${element}$ less mean {signed(f'{mean:.2g}')} {unit}",
+                x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
+                y_label=f"Δ${element}$ [{unit}]",
+                y_range=(-most, most),
+                ticks=_right_angles(shown) if turns else None,
+                width=260.0,
+                height=95.0,
+            )  # fmt: skip
+
+
+def _right_angles(shown: Array) -> dict[float, str] | None:
+    """Marks at right angles, where a joint turns as far."""
+    if np.ptp(shown) < 150:
+        return None
+    step = 180 if np.ptp(shown) > 340 else 90
+    first, last = int(np.floor(shown.min() / step)), int(np.ceil(shown.max() / step))
+    room = 0.05 * np.ptp(shown)
+    within = (step * k for k in range(first, last + 1))
+    return {
+        float(each): signed(f"{each}")
+        for each in within
+        if shown.min() - room <= each <= shown.max() + room
+    }
+
+
+def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> float:
+    """Measured less modelled as a torque over the axis's limit, eq. (16)."""
+    torque = (value.value - value.model) * planned.torque_per_element
+    return float(torque / robot.torque_limit[value.axis])
+
+
+def _quantiles(residual: Array, axes: Sequence[int]) -> tuple[Array, Array]:
+    """Where residuals of a kind would be were they normal, and they, standardised by axis."""
+    scaled, axis = residual.copy(), np.array(axes)
+    for a in set(axis.tolist()):
+        own = scaled[axis == a]
+        scatter = own.std(ddof=1) if len(own) > 1 else 0.0
+        scaled[axis == a] = (own - own.mean()) / (scatter or 1.0)
+    place = np.empty(len(scaled))
+    place[np.argsort(scaled, kind="stable")] = (np.arange(len(scaled)) + 0.5) / max(len(scaled), 1)
+    return np.array([NormalDist().inv_cdf(each) for each in place]), scaled

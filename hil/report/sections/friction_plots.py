@@ -1,0 +1,217 @@
+"""The plots of a run's friction: the paper's Figs. 1 and 2 of this robot, levels of a campaign."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.local_fits import REFERENCE_SPEED
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.report.charts.chart import (
+    GREEN,
+    INK,
+    MODEL,
+    MUTED,
+    PURPLE,
+    Chart,
+    Line,
+    Panel,
+    Points,
+    Rule,
+    in_turn,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.friction.points import FrictionPoint
+    from hil.estimation.local_values import LocalValue
+    from hil.friction.curves import AxisCurves
+    from hil.friction.drift import Drift
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ElementKind
+    from hil.report.charts.chart import Item
+    from hil.results.friction_file import FrictionResult
+
+    Array = NDArray[np.float64]
+
+STYLES = {
+    "linear": (MUTED, "1 3"),
+    "cube-root": (GREEN, "5 3"),
+    "arctan": (MODEL, ""),
+    "stribeck": (PURPLE, "6 2 1 2"),
+}
+"""Colour and line of each model."""
+
+
+def normalised(result: FrictionResult) -> Chart:
+    """Characteristics of all axes over their full speed ranges, normalised: Fig. 1a."""
+    items: list[Item] = []
+    for fit, colour in zip(result.axes, in_turn(len(result.axes)), strict=True):
+        own = sorted(result.of_axis(fit.axis), key=lambda p: p.velocity)
+        limit = float(result.robot.velocity_limit[fit.axis])
+        top = max(max(p.forward, -p.backward) for p in own)
+        items += _characteristic(own, limit, top, colour, f"axis {fit.axis + 1}")
+    return Chart(
+        (
+            Panel(
+                tuple(items),
+                x_label="speed / speed limit",
+                y_label="friction / largest friction",
+                width=640.0,
+                height=260.0,
+            ),
+        )
+    )
+
+
+def _characteristic(
+    own: Sequence[FrictionPoint], limit: float, top: float, colour: str, label: str
+) -> Iterator[Item]:
+    """Friction of both directions over the velocity, both relative to something."""
+    v = np.array([point.velocity for point in own]) / limit
+    forward = np.array([point.forward for point in own]) / top
+    backward = np.array([point.backward for point in own]) / top
+    x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
+    ids = [point.id for point in own]
+    yield Line(x, y, colour)
+    yield Points(x, y, "o", colour, label, ids=[*ids[::-1], *ids], size=2.0)
+
+
+def models(result: FrictionResult) -> Chart:
+    """Measured friction of every axis and the models fitted to it: Fig. 1b."""
+    return Chart(tuple(_models(result, fit) for fit in result.axes))
+
+
+def _models(result: FrictionResult, fit: AxisCurves) -> Panel:
+    limit = float(result.robot.velocity_limit[fit.axis])
+    v = np.geomspace(fit.velocity.min(), fit.velocity.max(), 120)
+    lines = (
+        Line(
+            v / limit,
+            model.torque(v),
+            STYLES[kind][0],
+            kind,
+            STYLES[kind][1],
+            width=2.0 if kind == fit.chosen else 1.0,
+        )
+        for kind, model in fit.models.items()
+    )
+    return Panel(
+        (*lines, Points(fit.velocity / limit, fit.torque, label="measured")),
+        title=f"axis {fit.axis + 1}: {fit.chosen}",
+        x_label="speed / speed limit",
+        y_label=f"friction [{result.robot.torque_unit(fit.axis)}]",
+        decades=True,
+    )
+
+
+def over_time(drifts: Sequence[Drift]) -> Chart:
+    """Friction levels in the course of time and the model of their drift: Fig. 2a."""
+    return Chart(
+        tuple(
+            Panel(
+                tuple(_levels_in_time(each)),
+                title=f"axis {each.axis + 1}",
+                x_label="time [min]",
+                y_label="friction / its mean",
+            )
+            for each in drifts
+        )
+    )
+
+
+def _levels_in_time(drift: Drift) -> Iterator[Item]:
+    minutes = np.array([level.time for level in drift.levels]) / 60
+    measured = np.array([level.friction for level in drift.levels])
+    groups = [level.group for level in drift.levels]
+    for group in dict.fromkeys(groups):
+        own = np.array([g == group for g in groups])
+        base = measured[own].mean()
+        yield Points(minutes[own], measured[own] / base, "o", label="measured", size=1.8)
+        yield Line(minutes[own], _interrupted(minutes[own], drift.fitted[own] / base),
+                   label="two states, three time constants")  # fmt: skip
+
+
+def _interrupted(minutes: Array, fitted: Array) -> Array:
+    """Leave a gap where nothing was measured for three times the usual interval."""
+    pauses = np.diff(minutes, prepend=minutes[:1])
+    return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
+
+
+def in_operation(result: FrictionResult) -> Chart:
+    """Characteristics after several times of continuous operation: Fig. 2b."""
+    return Chart(tuple(_in_operation(result, axis) for axis in axes_in_operation(result)))
+
+
+def _in_operation(result: FrictionResult, axis: int) -> Panel:
+    curves = characteristics(result, axis)
+    begin = curves[0][0].time
+    items: list[Item] = [Rule(0.0, colour=INK)]
+    for curve, colour in zip(curves, in_turn(len(curves)), strict=True):
+        own = sorted(curve, key=lambda p: p.velocity)
+        after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
+        items += _characteristic(own, 1.0, 1.0, colour, after)
+    return Panel(
+        tuple(items),
+        title=f"axis {axis + 1}",
+        x_label=f"speed [{result.robot.position_unit(axis)}/s]",
+        y_label=f"friction [{result.robot.torque_unit(axis)}]",
+        height=190.0,
+    )
+
+
+def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoint]]:
+    """Points of an axis, a new list after every exercise; those of fewer than 4 speeds left out."""
+    lists: list[list[FrictionPoint]] = [[]]
+    for point in sorted(result.of_axis(axis), key=lambda p: p.time):
+        if result.planned[point.id].exercise:
+            lists.append([])
+        lists[-1].append(point)
+    return [each for each in lists if len({p.velocity for p in each}) >= 4]
+
+
+def axes_in_operation(result: FrictionResult) -> list[int]:
+    """Axes that have characteristics after more than one time of operation."""
+    axes = sorted({point.axis for point in result.points})
+    return [axis for axis in axes if len(characteristics(result, axis)) > 1]
+
+
+def levels(local: Sequence[LocalValue], robot: Robot) -> Chart:
+    """Draw the friction of every axis over a campaign, as step 1 finds it by the way."""
+    last = max((value.time for value in local), default=0.0) / 60
+    return Chart(
+        tuple(
+            Panel(
+                tuple(_levels([value for value in local if value.axis == axis])),
+                title=f"axis {axis + 1}",
+                x_label="robot time [min]",
+                y_label=f"friction [{robot.torque_unit(axis)}]",
+                x_range=(-0.02 * last, 1.02 * last),
+                height=125.0,
+            )
+            for axis in sorted({value.axis for value in local})
+        )
+    )
+
+
+def _levels(own: Sequence[LocalValue]) -> Iterator[Item]:
+    for name, kind in ELEMENT_KINDS.items():
+        chosen = [value for value in own if value.kind == name]
+        yield Points(
+            [value.time / 60 for value in chosen],
+            [value.friction for value in chosen],
+            kind.marker,
+            kind.colour,
+            _friction_label(kind),
+            ids=[value.id for value in chosen],
+            size=2.6,
+        )
+
+
+def _friction_label(kind: ElementKind) -> str:
+    speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
+    return f"{kind.name}, at {speed}"

@@ -1,0 +1,181 @@
+"""What was identified of imported recordings: parameters, friction, and what is left of torques.
+
+Of axes that move back and forth by themselves, half-sums and half-differences are drawn.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.report.charts.axis import drawn
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, in_turn
+from hil.report.section import Plot, Section
+from hil.results.recorded_torque import in_si, predict_recording
+from hil.results.tables import back_and_forth as strokes
+from hil.results.tables import free_motion
+from hil.results.tables import parameters as tables
+from hil.results.tables.friction import campaign_friction
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.estimation.back_and_forth.half_sums import HalfSums
+    from hil.estimation.back_and_forth.result import FrictionCurve
+    from hil.model.robot import Robot
+    from hil.report.charts.chart import Item
+    from hil.report.reported_run import ForeignRun
+    from hil.results.recorded_torque import RecordedTorque
+
+
+def free_motions(run: ForeignRun) -> Section:
+    """Tables, what was chosen, and the longest recording beside its prediction."""
+    model = run.model
+    longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
+    torque = predict_recording(model, in_si(model, longest, recording))
+    plot = Plot(
+        "torques",
+        partial(measured_and_predicted, torque, run.robot),
+        "Measured and predicted torque of every axis over time, and their difference.",
+        f"Recording {longest.id}: torques after the low-pass, measured and as the model with its"
+        " friction predicts them; below, what is left.",
+    )
+    return Section(
+        "Parameters, friction and torques",
+        "free_motions.html",
+        {
+            "parameters": tables.parameters(model),
+            "laws": free_motion.friction(model),
+            "left": free_motion.left_by_free_motions(model),
+            "statements": () if model.friction is None else free_motion.statements(model.friction),
+            "lengths": run.robot.file.lengths,
+        },
+        (plot,),
+        leads=True,
+    )
+
+
+def back_and_forth(run: ForeignRun) -> Section | None:
+    """Tables and what was chosen, half-sums beside the model, half-differences as curves."""
+    model = run.model
+    if model.back_and_forth is None:
+        return None
+    plots = (
+        Plot(
+            "half-sums",
+            partial(shown_half_sums, run.estimate.half_sums, run.robot),
+            "Torque of the rigid bodies over the position of each axis, measured and modelled.",
+            "Half the sum of the torques forth and back over the position, less what differs by"
+            " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
+            " with standard errors, of the recordings with the longest ways, each in a colour;"
+            " lines are the model.",
+        ),
+        Plot(
+            "friction-curves",
+            partial(friction_curves, model.back_and_forth.curves, run.robot),
+            "Friction of each axis over its speed with intervals of 95 %.",
+            "Half the difference of the torques, less the rigid bodies' part of it: friction over"
+            " the speed, means over the pairs with intervals of 95 %. Dashed: Coulomb and viscous"
+            " alone.",
+        ),
+    )
+    return Section(
+        "Parameters, friction and torques",
+        "back_and_forth.html",
+        {
+            "parameters": tables.parameters(model),
+            "curves": strokes.curves(model),
+            "plain": strokes.plain(model),
+            "law": campaign_friction(model),
+            "left": strokes.left_by_strokes(model),
+            "statements": strokes.statements(model.back_and_forth),
+            "lengths": run.robot.file.lengths,
+        },
+        plots,
+        leads=True,
+    )
+
+
+def measured_and_predicted(torque: RecordedTorque, robot: Robot) -> Chart:
+    """Torques of one recording over time, axis by axis, with their residual."""
+    shown, time, hole = drawn(torque.time)
+    measured = torque.measured[shown] + hole[:, np.newaxis]
+    predicted = torque.predicted[shown] + hole[:, np.newaxis]
+    return Chart(
+        tuple(
+            Panel(
+                (
+                    Line(time, measured[:, axis], MEASURED, "measured"),
+                    Line(time, predicted[:, axis], MODEL, "predicted", dash="5 3"),
+                ),
+                title=f"axis {axis + 1}",
+                x_label="time [s]",
+                y_label="torque [N m]" if robot.revolute[axis] else "force [N]",
+                below=Panel(
+                    (Line(time, (measured - predicted)[:, axis], MUTED, width=0.8),),
+                    y_label="residual",
+                    height=60.0,
+                ),
+            )
+            for axis in range(robot.n_joints)
+        )
+    )
+
+
+def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
+    """Torque of the rigid bodies over the position, measured and modelled, axis by axis.
+
+    Of each axis the six recordings with the longest ways.
+    """
+    axes = sorted({each.axis for each in half_sums})
+    return Chart(
+        tuple(
+            Panel(
+                tuple(_half_sums([each for each in half_sums if each.axis == axis])),
+                title=f"axis {axis + 1}",
+                x_label=f"position [{robot.position_unit(axis)}]",
+                y_label=_torque(robot, axis),
+            )
+            for axis in axes
+        )
+    )
+
+
+def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
+    longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:6]
+    for each, colour in zip(longest, in_turn(len(longest)), strict=True):
+        error = np.nan_to_num(each.standard_error)
+        yield Points(each.q, each.measured, "o", colour, error=error, size=1.6)
+        yield Line(each.q, each.model, colour)
+
+
+def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Chart:
+    """Friction over the speed, axis by axis."""
+    return Chart(tuple(_curve(curve, robot) for curve in curves))
+
+
+def _curve(curve: FrictionCurve, robot: Robot) -> Panel:
+    axis = curve.axis - 1
+    speed = np.array([point.speed for point in curve.points])
+    friction = np.array([point.friction for point in curve.points])
+    half = np.array([point.half_width or 0.0 for point in curve.points])
+    items: list[Item] = [Points(speed, friction, "o", error=half, size=2.2)]
+    if curve.plain:
+        coulomb, viscous = (curve.plain[name].value for name in ("Coulomb", "viscous"))
+        ends = np.array([0.0, speed.max()])
+        items.append(Line(ends, coulomb + viscous * ends, MODEL, dash="5 3"))
+    low, high = min(0.0, float(np.min(friction - half))), float(np.max(friction + half))
+    return Panel(
+        tuple(items),
+        title=f"axis {curve.axis}",
+        x_label=f"speed [{robot.position_unit(axis)}/s]",
+        y_label=_torque(robot, axis),
+        x_range=(0.0, 1.05 * float(speed.max())),
+        y_range=(low, high + 0.08 * (high - low)),
+    )
+
+
+def _torque(robot: Robot, axis: int) -> str:
+    return "torque [N m]" if robot.revolute[axis] else "force [N]"

@@ -1,0 +1,297 @@
+"""Results that other commands keep in a run's folder, held against the run as it is now.
+
+A model (`model.yaml`) holds what commands add to it: verdicts of validations, bodies. A load
+(`payload.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a load
+needs a second run, so reports do not compute them again. One that no longer belongs to the run is
+not shown, and the report states why and how to make it anew.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import numpy as np
+
+from hil.errors import FileError, HilError
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.report import VALIDATION
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points
+from hil.report.charts.svg import file
+from hil.report.section import Picture, Plot, Section, picture_uri
+from hil.report.sections.elements import residuals_over_angles
+from hil.results import diagnosis_file, payload_file
+from hil.results.diagnosis_file import load_diagnosis
+from hil.results.model import Model
+from hil.results.model_file import NAME
+from hil.results.payload_file import DRAWN, read_payload
+from hil.results.rounding import signed
+from hil.results.stamp import same_parameters
+from hil.results.tables import consistent
+from hil.results.tables import diagnosis as diagnosis_tables
+from hil.results.tables import payload as load_tables
+from hil.results.validation import judgements
+from hil.runs.atomic_file import own_folder, write_file
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.gravity_phase import Phase
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ElementKind
+    from hil.report.charts.chart import Item
+    from hil.report.reported_run import ForeignRun, IdentifiedRun
+    from hil.results.diagnosis import Diagnosis
+    from hil.results.diagnosis_file import DiagnosisFile
+    from hil.results.payload_file import ElementRecord, PayloadFile
+    from hil.runs.run import Run
+
+    Array = NDArray[np.float64]
+
+
+class _Kept(Protocol):
+    def stale(self, folder: Run, p: Array) -> str:
+        """Why it is stale beside base parameters p; empty if it is not."""
+
+
+K = TypeVar("K", bound=_Kept)
+
+
+def current(
+    read: Callable[[Run], K | None], run: IdentifiedRun | ForeignRun, name: str, command: str
+) -> tuple[K | None, str]:
+    """Read a result of the run, or why it is not shown.
+
+    Parameters
+    ----------
+    read : callable
+        Returns what is kept in a folder, or None.
+    name : str
+        Of its file.
+    command : str
+        Which makes it anew.
+
+    Returns
+    -------
+    kept : K or None
+    note : str
+        Empty where there is nothing, or nothing wrong with it.
+    """
+    try:
+        kept = read(run.source)
+        stale = kept.stale(run.source, run.model.values) if kept else ""
+    except FileError as error:
+        return None, f"{name} cannot be used: {error}. Make it anew with: {command}"
+    if stale:
+        return None, f"{name} is stale and not shown: {stale}. Make it anew with: {command}"
+    return kept, ""
+
+
+def kept_model(run: IdentifiedRun | ForeignRun) -> Model | None:
+    """Read the model that is kept in the run's folder; None where it is not that of this report."""
+    path = run.source.path / NAME
+    if not path.exists():
+        return None
+    try:
+        kept = Model.load(path)
+    except HilError:
+        return None
+    return None if same_parameters(kept.values.tolist(), run.model.values) else kept
+
+
+def validation(run: IdentifiedRun | ForeignRun) -> Section | None:
+    """Judgements of the kept model, if it is the one of this report, and the newest's picture."""
+    kept = kept_model(run)
+    if kept is None or not kept.validations:
+        return None
+    places = (run.source.path / each.run / VALIDATION for each in reversed(kept.validations))
+    uri = next(filter(None, map(picture_uri, places)), None)
+    picture = Picture(
+        "validation",
+        uri or "",
+        "Torque of every axis over time on the recording that was validated last: measured,"
+        " predicted with its interval, and what is left.",
+        "Torques of the recording that was validated last, from where each axis moves first; below"
+        " each axis what the prediction leaves, and its 95 % interval.",
+    )
+    return Section(
+        "Validation",
+        "validation.html",
+        {"judgements": judgements(kept.validations)},
+        (picture,) if uri else (),
+        leads=True,
+    )
+
+
+def bodies(run: IdentifiedRun | ForeignRun) -> Section | None:
+    """Bodies that the kept model has, as long as it is the one of this report."""
+    kept = kept_model(run)
+    if kept is None or kept.consistent is None:
+        return None
+    found = kept.consistent
+    return Section(
+        "Bodies",
+        "bodies.html",
+        {
+            "bodies": consistent.bodies(run.robot, found),
+            "changed": consistent.changed_parameters(run.robot, found),
+            "costs": consistent.torque_costs(run.robot, found),
+        },
+    )
+
+
+def load(run: IdentifiedRun | ForeignRun) -> Section | None:
+    """What is kept of a load, or why it is not shown."""
+    found, note = current(
+        read_payload, run, payload_file.NAME, f"hil payload WITHOUT {run.source.path}"
+    )
+    if found is None and not note:
+        return None
+    # of imported motions there are no elements by themselves to draw
+    drawn = DRAWN if found and not found.imported else ()
+    plots = tuple(_load_plot(name, found, run.robot) for name in drawn if found)
+    values = {"load": found, "note": note, "tables": load_tables}
+    return Section("The load", "payload.html", values, plots)
+
+
+def _load_plot(name: str, load: PayloadFile, robot: Robot) -> Plot:
+    kind = ELEMENT_KINDS[name]
+    elements = kind.elements.capitalize()
+    return Plot(
+        f"load-{name}",
+        partial(with_and_without_load, load.elements_without, load.elements_loaded, kind, robot),
+        f"{elements} without and with load over configuration number, one panel an axis.",
+        f"{elements} without and with load, measured and modelled ({kind.figure}).",
+    )
+
+
+PHASE = (
+    "Where what was found shifts a gravity torque most (the paper's Fig. 7): sinusoids at the"
+    " measured configuration where the stated one is largest. Measurements at other configurations"
+    " are brought to this one by the extended model, and what is the same in all of them is taken"
+    " off."
+)
+
+
+def diagnosis(run: IdentifiedRun) -> Section | None:
+    """What is kept of a diagnosis, or why it is not shown."""
+    found, note = current(
+        load_diagnosis, run, diagnosis_file.NAME, f"hil diagnose {run.source.path}"
+    )
+    if found is None and not note:
+        return None
+    values = {"found": found, "note": note, "tables": diagnosis_tables}
+    plots = _phase_plot(found, run.robot) if found else ()
+    return Section("Parameters absent from the robot file", "diagnosis.html", values, plots)
+
+
+def _phase_plot(found: DiagnosisFile, robot: Robot) -> tuple[Plot, ...]:
+    if found.phase is None:
+        return ()
+    return (
+        Plot(
+            "phase",
+            partial(shifted_sinusoid, found.phase.phase(), ", ".join(found.found), robot),
+            "A gravity torque over a joint angle: sinusoids of the robot file and with what was"
+            " found, and measurements.",
+            PHASE,
+        ),
+    )
+
+
+def with_and_without_load(
+    without: Sequence[ElementRecord],
+    loaded: Sequence[ElementRecord],
+    kind: ElementKind,
+    robot: Robot,
+) -> Chart:
+    """The paper's Figs. 5 and 6: elements of both runs over configuration number.
+
+    Parameters
+    ----------
+    without, loaded : sequence of ElementRecord
+        The latter of the run that is reported.
+    kind : ElementKind
+        Of the elements that are drawn.
+    robot : Robot
+    """
+    runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
+    axes = sorted({each.axis for run in runs for each in run})
+    return Chart(
+        tuple(
+            Panel(
+                (*_elements(runs[0], axis, loaded=False), *_elements(runs[1], axis, loaded=True)),
+                title=f"${kind.element(axis - 1, axis - 1)}$",
+                x_label="configuration number",
+                y_label=f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]",
+                whole=True,
+            )
+            for axis in axes
+        )
+    )
+
+
+def _elements(run: Sequence[ElementRecord], axis: int, *, loaded: bool) -> Iterator[Item]:
+    state = "with load" if loaded else "without load"
+    own = [(k, each) for k, each in enumerate(run, start=1) if each.axis == axis]
+    x = [k for k, _ in own]
+    dash = "5 3" if loaded else ""
+    yield Line(x, [each.model for _, each in own], MODEL, f"model {state}", dash, width=1.0)
+    yield Points(
+        x,
+        [each.value for _, each in own],
+        "x" if loaded else "ring",
+        MEASURED if loaded else MUTED,
+        f"measured {state}",
+        ids=[each.id for _, each in own] if loaded else (),
+    )
+
+
+def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
+    """The paper's Fig. 7: a gravity torque by the robot file and by what was `found`."""
+    angle = np.linspace(-np.pi, np.pi, 181)
+    shown = np.degrees(angle)
+    name = found if len(found) < 40 else "what was found"  # letters that a legend has room for
+    error = 2.0 * np.nan_to_num(phase.standard_error)
+    return Chart(
+        (
+            Panel(
+                (
+                    Line(shown, phase.stated.at(angle), MODEL, "robot file", "5 3"),
+                    Line(shown, phase.extended.at(angle), MODEL, f"with {name}"),
+                    Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
+                ),
+                title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
+                x_label=f"$q_{{{phase.over + 1}}}$ [deg]",
+                y_label=f"$g_{{{phase.axis + 1}}}$ [{robot.torque_unit(phase.axis)}]",
+                ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
+                width=700.0,
+                height=220.0,
+            ),
+        )
+    )
+
+
+def write_diagnosis_plots(run_folder: Path, found: Diagnosis) -> Path:
+    """Draw residuals over angles and, where there is one, Fig. 7; return their folder."""
+    place = run_folder / "diagnosis"
+    own_folder(place)
+    for name, chart in _charts(found).items():
+        write_file(place / f"{name}.svg", file(chart))
+    return place
+
+
+def _charts(found: Diagnosis) -> dict[str, Chart]:
+    local = found.estimate.local
+    charts = {
+        name: residuals_over_angles([v for v in local if v.kind == name], found.robot, kind)
+        for name, kind in ELEMENT_KINDS.items()
+        if not kind.pair
+    }
+    if found.phase is not None:
+        labels = ", ".join(c.label for c in found.errors.found)
+        charts["phase"] = shifted_sinusoid(found.phase, labels, found.robot)
+    return charts

@@ -1,0 +1,99 @@
+"""The run itself: what needs attention, drive trains, the method, where it was measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.estimation import signals
+from hil.friction import equation
+from hil.least_squares import window
+from hil.report.section import Section
+from hil.results.tables.drive_train import drive_train
+from hil.results.tables.table import Column, Part, Table, figures
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+    from hil.report.reported_run import IdentifiedRun, ReportedRun
+    from hil.results.judgement import Reservation
+    from hil.runs.journal import Session
+
+COLUMNS = (
+    Column("where"),
+    Column("finding", folds=True),
+)
+
+
+def advice(run: IdentifiedRun) -> Section | None:
+    """What is to be done as a table, notes as a list."""
+    if run.source.imported:
+        return None
+    urgent = [item for item in run.found.advice if item.word != "good"]
+    notes = [item for item in run.found.advice if item.word == "good"]
+    return Section(
+        "Findings and remedies",
+        "advice.html",
+        {"urgent": _findings(urgent), "notes": notes},
+    )
+
+
+def _findings(items: list[Reservation]) -> Table:
+    """Findings under their remedies, each of which is stated once."""
+    remedies = dict.fromkeys(item.remedy for item in items)
+    return Table(
+        "",
+        COLUMNS,
+        tuple(
+            Part(
+                tuple((item.subject, item.reason) for item in items if item.remedy == remedy),
+                f"Remedy: {remedy}",
+            )
+            for remedy in remedies
+        ),
+    )
+
+
+def drive_trains(run: IdentifiedRun) -> Section | None:
+    """Drive train of each axis; None where nothing of it was estimated."""
+    axes = drive_train(run.estimate, run.robot)
+    if not axes:
+        return None
+    return Section("Drive trains", "drive_train.html", {"axes": axes})
+
+
+def derivation(run: IdentifiedRun) -> Section | None:
+    """Text alone, with the constants that the estimation uses; none of trajectories alone."""
+    if not run.estimate.local:
+        return None
+    values = {"signals": signals, "window": window, "terms": equation}
+    return Section("Method of identification", "derivation.html", values)
+
+
+def sessions(run: ReportedRun) -> Section:
+    """Sessions with their axes, and digests of robot file and plan."""
+    listed = [(each, _session(each, run.robot)) for each in run.source.journal.sessions]
+    values = {"sessions": listed, "robot": run.robot, "plan": run.source.plan}
+    return Section("Sessions and drives", "sessions.html", values)
+
+
+def _session(session: Session, robot: Robot) -> Table:
+    rows = (
+        (
+            axis.name,
+            axis.identity,
+            f"{axis.torque_resolution:.3g}",
+            f"{axis.position_resolution:.3g}",
+        )
+        for axis in session.axes
+    )
+    return Table(
+        title="",
+        columns=(
+            Column("axis"),
+            Column("drive", folds=True),
+            *figures(
+                f"torque resolution, {robot.torque_units}",
+                f"position resolution, {robot.position_units}",
+            ),
+        ),
+        parts=(Part(tuple(rows)),),
+    )

@@ -1,0 +1,216 @@
+"""The friction of a model while axes are watched: tables by speed, and what it has become since.
+
+Friction at a speed is known for either direction. Half of their sum is no friction but an offset,
+half of their difference is the level: friction is ``offset + direction * level``, whatever way the
+direction turns round after a reversal (`hil.watching.turning`). Both are linear in the torque that
+the axis transmits. Ripple is left out: its mean over a turn of the motor is zero. As tables one
+sample costs microseconds.
+
+Temperature and lubricant change a level of friction by a tenth and more, in minutes, and a law of
+friction is never quite the axis's. A push comes within milliseconds and goes. So what friction is
+beside the law's is unknown at a row of speeds, linear between them, and wanders; a Kalman filter
+follows it block by block:
+
+    residual / limit = z level x(u) / limit + offset,
+
+with direction z and speed u as a share of the velocity limit. What neighbours in the row say is
+alike, as what a walk over the row's numbers would leave. It begins with what the model says of the
+uncertainty of its friction. What the filter says of its own is part of every threshold.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.friction.direction import Direction
+from hil.friction.law import friction_torque, friction_variance
+from hil.results.torque_parts import known_friction
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from hil.results.model import Model
+
+    Array = NDArray[np.float64]
+
+NODES = 401
+FASTEST = 1.25
+"""Share of the velocity limit up to which the tables reach; faster is as fast as that."""
+ANGLES = 16
+"""Angles of the motor over which ripple is averaged out."""
+
+
+class FrictionTables:
+    """Friction of all axes by speed.
+
+    Parameters
+    ----------
+    model : Model
+
+    Attributes
+    ----------
+    uncertainty : ndarray, shape (n_joints,)
+        Greatest standard error of the level, as a share of it.
+    slowest : ndarray, shape (n_joints,)
+        Speeds below which the law was not found but goes on [rad/s or m/s].
+
+    Raises
+    ------
+    NotEnoughData
+        The model has no law of friction.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._law = known_friction(model, of_all=True)
+        reach = FASTEST * model.robot.velocity_limit
+        self._per_node = (NODES - 1) / reach
+        speeds = np.linspace(0.0, 1.0, NODES)[:, np.newaxis] * reach
+        free, loaded = self._both_ways(speeds, 0.0), self._both_ways(speeds, 1.0)
+        tables = np.concatenate([free, loaded - free])
+        self._tables = np.concatenate([tables[:, :-1], np.diff(tables, axis=1)])
+        self._axes = np.arange(model.robot.n_joints)
+        self.slowest = np.array(
+            [axis.speeds[0] if axis and axis.speeds else 0.0 for axis in self._law.axes]
+        )
+        self.uncertainty = self._relative_error(speeds, free[1])
+
+    def at(self, qd: Array, load: Array) -> tuple[Array, Array]:
+        """Offset and level of friction of samples, each of shape (n, n_joints) [N m or N].
+
+        Parameters
+        ----------
+        qd, load : ndarray, shape (n, n_joints)
+            Velocities [rad/s or m/s] and torques of the rigid bodies [N m or N].
+        """
+        place = np.minimum(np.abs(qd) * self._per_node, NODES - 1.001)
+        node = place.astype(np.intp)
+        found = self._tables[:, node, self._axes]
+        offset, level, offset_by_load, level_by_load = found[:4] + (place - node) * found[4:]
+        heavy = np.abs(load)
+        return offset + heavy * offset_by_load, np.maximum(level + heavy * level_by_load, 0.0)
+
+    def _both_ways(self, speeds: Array, load: float) -> Array:
+        """Offset and level at a load, shape (2, NODES, n_joints)."""
+        forth, back = (self._one_way(sign, speeds, load) for sign in (1.0, -1.0))
+        return np.stack([forth + back, forth - back]) / 2
+
+    def _one_way(self, sign: float, speeds: Array, load: float) -> Array:
+        robot = self._model.robot
+        turn = 2 * np.pi / np.nan_to_num(robot.gear_ratio, nan=1.0)
+        direction = [Direction(np.full(NODES, sign), np.zeros(NODES))] * robot.n_joints
+        loads = np.full(speeds.shape, load)
+        ways = [
+            friction_torque(
+                robot, self._law, np.tile(share * turn, (NODES, 1)), sign * speeds, loads, direction
+            )
+            for share in np.arange(ANGLES) / ANGLES
+        ]
+        return np.asarray(np.mean(ways, axis=0))
+
+    def _relative_error(self, speeds: Array, level: Array) -> Array:
+        none = np.zeros_like(speeds)
+        variance = friction_variance(self._model.robot, self._law, none, speeds, none)
+        share: Array = np.sqrt(variance[1:]) / np.maximum(level[1:], 1e-9)
+        return np.asarray(share.max(axis=0))
+
+
+SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])
+"""Shares of the velocity limit at which friction is unknown; faster is as fast as the last."""
+ALIKE = 2.0
+"""Places in the row of speeds after which what is said has half gone over into something else."""
+LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
+"""Standard deviations at the beginning, at least: shares of the level, and of the torque limit."""
+EXTRAPOLATED = 0.2
+"""That of the shape far below the speeds that a law was found from."""
+LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
+"""Standard deviations of what they wander in a minute."""
+ERROR = 0.004
+"""Share of the torque limit by which the mean of a block errs that is no friction."""
+N_UNKNOWNS = len(SPEEDS) + 1
+"""Friction beside the law's at each of the speeds, and the offset."""
+
+
+class FrictionLevel:
+    """Follows the friction of all axes.
+
+    Parameters
+    ----------
+    uncertainty : ndarray, shape (n_joints,)
+        Of the law's level, as a share of it.
+    slowest : ndarray, shape (n_joints,)
+        Speeds from which the law was found, as shares of the velocity limit.
+    """
+
+    def __init__(self, uncertainty: Array, slowest: Array) -> None:
+        self._x = np.zeros((len(uncertainty), N_UNKNOWNS))
+        below = np.clip(1.0 - SPEEDS / np.maximum(slowest, 1e-9)[:, np.newaxis], 0.0, 1.0)
+        shape = np.maximum(SHAPE, EXTRAPOLATED * below)
+        self._covariance = np.stack(
+            [
+                _covariance(max(LEVEL, own), spread, OFFSET)
+                for own, spread in zip(uncertainty, shape, strict=True)
+            ]
+        )
+        even = np.full(len(SPEEDS), SHAPE_WANDER)
+        self._wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
+
+    def at(self, columns: Array) -> tuple[Array, Array]:
+        """What friction adds to the law's, and its standard error, as shares of the torque limit.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, n_joints, n_unknowns)
+            Those of `columns_of`.
+        """
+        spread = np.einsum("njk,jkl,njl->nj", columns, self._covariance, columns)
+        return np.einsum("njk,jk->nj", columns, self._x), np.sqrt(spread)
+
+    def follow(self, columns: Array, left: Array, used: Array, duration: float) -> None:
+        """Take one block of samples.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (n, n_joints, n_unknowns)
+        left : ndarray, shape (n, n_joints)
+            Measured less predicted, with what was followed before, as shares of the torque limit.
+        used : ndarray of bool, shape (n, n_joints)
+        duration : float
+            Of the block [s].
+        """
+        walk = self._wander * duration / 60
+        weight = used / (ERROR**2 * len(left))
+        information = np.einsum("njk,nj,njl->jkl", columns, weight, columns)
+        shown = np.einsum("njk,nj,nj->jk", columns, weight, left)
+        before = self._covariance + walk
+        narrowed = np.linalg.solve(np.eye(N_UNKNOWNS) + before @ information, before)
+        self._covariance = (narrowed + np.swapaxes(narrowed, 1, 2)) / 2
+        self._x = self._x + np.einsum("jkl,jl->jk", self._covariance, shown)
+
+
+def columns_of(direction: Array, level: Array, speed: Array) -> Array:
+    """Columns of the unknowns, shape (n, n_joints, n_unknowns).
+
+    Parameters
+    ----------
+    direction, level, speed : ndarray, shape (n, n_joints)
+        Direction from -1 to 1, and shares of the torque and velocity limits.
+    """
+    columns = np.empty((*speed.shape, N_UNKNOWNS))
+    place = np.interp(speed, SPEEDS, np.arange(len(SPEEDS)))
+    near = np.abs(place[..., np.newaxis] - np.arange(len(SPEEDS)))
+    columns[..., :-1] = (direction * level)[..., np.newaxis] * np.maximum(1.0 - near, 0.0)
+    columns[..., -1] = 1.0
+    return columns
+
+
+def _covariance(level: float, shape: Array, offset: float) -> Array:
+    """Of the unknowns, shape (n_unknowns, n_unknowns); `shape` is of each speed."""
+    found = np.zeros((N_UNKNOWNS, N_UNKNOWNS))
+    number = np.arange(len(SPEEDS))
+    apart = np.abs(np.subtract.outer(number, number))
+    found[:-1, :-1] = level**2 + np.outer(shape, shape) * 0.5 ** (apart / ALIKE)
+    found[-1, -1] = offset**2
+    return found
