@@ -1,7 +1,7 @@
 """Results that other commands keep in a run's folder, held against the run as it is now.
 
 A model (`model.yaml`) holds what commands add to it: verdicts of validations, bodies. A load
-(`payload.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a load
+(`load.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a load
 needs a second run, so reports do not compute them again. One that no longer belongs to the run is
 not shown, and the report states why and how to make it anew.
 """

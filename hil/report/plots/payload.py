@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.report.charts.chart import Item
-    from hil.results.payload_file import ElementRecord
+    from hil.results.load_file import ElementRecord
 
 
 def with_and_without_load(

@@ -9,18 +9,18 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.kept_result import current
 from hil.report.plots.payload import with_and_without_load
 from hil.report.section import Plot, Section
-from hil.results.payload_file import DRAWN, NAME, read_payload
+from hil.results.load_file import DRAWN, NAME, read_load
 from hil.results.tables import payload as tables
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.report.reported_run import ForeignRun, IdentifiedRun
-    from hil.results.payload_file import PayloadFile
+    from hil.results.load_file import LoadFile
 
 
 def section(run: IdentifiedRun | ForeignRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
-    load, note = current(read_payload, run, NAME, f"hil payload WITHOUT {run.source.path}")
+    load, note = current(read_load, run, NAME, f"hil payload WITHOUT {run.source.path}")
     if load is None and not note:
         return None
     # of imported motions there are no elements by themselves to draw
@@ -31,7 +31,7 @@ def section(run: IdentifiedRun | ForeignRun) -> Section | None:
     return Section("The load", "payload.html", values, plots)
 
 
-def _plot(name: str, load: PayloadFile, robot: Robot) -> Plot:
+def _plot(name: str, load: LoadFile, robot: Robot) -> Plot:
     kind = ELEMENT_KINDS[name]
     elements = kind.elements.capitalize()
     return Plot(

@@ -10,8 +10,9 @@ from scipy import special
 from twin_recordings import TwinRecorder, brick, in_units
 
 from hil.estimation.free_motion.gathering import Gathered, gather
-from hil.estimation.free_motion.load import fit_load
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
+from hil.estimation.loads.evidence import of_free_motions
+from hil.estimation.loads.fit import fit_load
 from hil.model.robot import parse_robot
 
 MASS = 2.805
@@ -29,11 +30,16 @@ def gathered(twin: TwinRecorder, data, *, open_scale: bool = False) -> Gathered:
     return gather(twin.robot, data, VARIANTS[DEFAULT], open_scale=open_scale)
 
 
+def fitted(robot, runs, *of_load, **gains):
+    bare, loaded = of_free_motions(robot, runs)
+    return fit_load(robot, bare, lambda _: loaded, *of_load, **gains)
+
+
 def test_intervals_hold_the_load(twin: TwinRecorder) -> None:
     held = []
     for seed in range(6):
         pair = [twin.recorded(2 * seed + 50, n=1), twin.recorded(2 * seed + 51, LOAD, n=1)]
-        found = fit_load(twin.robot, [gathered(twin, data) for data in pair])
+        found = fitted(twin.robot, [gathered(twin, data) for data in pair])
         error = np.sqrt(np.diag(found.covariance))
         assert (error > 0).sum() == len(SEEN)
         seen = error > 0
@@ -57,7 +63,7 @@ def test_a_known_mass_fixes_the_gains_of_all_axes_though_nothing_else_does(
     ]
     runs = [gathered(without_rotors, data, open_scale=True) for data in pair]
     assert all(len(run.scaling.unknown) < 4 for run in runs)  # a scale is open
-    found = fit_load(without_rotors.robot, runs, MASS, gains=True)
+    found = fitted(without_rotors.robot, runs, MASS, gains=True)
     relative = found.gains / np.array(list(gains.values())) - 1
     assert (np.abs(relative) < 4 * found.gain_errors).all()
     assert found.gain_errors[[0, 1, 3]].max() < 0.03
@@ -68,6 +74,6 @@ def test_a_known_mass_fixes_the_gains_of_all_axes_though_nothing_else_does(
 
 def test_without_a_load_none_is_found_and_nothing_but_chance_is_left(twin: TwinRecorder) -> None:
     runs = [gathered(twin, twin.recorded(seed, n=1)) for seed in (80, 81)]
-    found = fit_load(twin.robot, runs)
+    found = fitted(twin.robot, runs)
     assert found.present.p_value > 0.01
     assert found.rigid.p_value > 0.01
