@@ -321,8 +321,11 @@ class _Joint:
 
     def _regression(self, blocks: Blocks) -> Regression:
         """Regression of blocks, each axis of each run weighted."""
+        # cells of one run alone lack columns of the other
+        layout = self.layout
+        whole = blocks.expanded(layout.shared, layout.own, layout.channels)
         weights = self.weights[blocks.labels["run"], :, np.newaxis, np.newaxis]
-        weighted = replace(blocks, products=weights * blocks.products)
+        weighted = replace(whole, products=weights * whole.products)
         return Regression(weighted, np.ones(blocks.n_channels), self._kept)
 
     def _joined(self, parts: Sequence[Blocks | None], torque: str | None = None) -> Blocks:

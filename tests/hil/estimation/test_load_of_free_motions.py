@@ -1,4 +1,4 @@
-"""A load from two runs of free motions: its intervals, and gains by its mass alone."""
+"""A load from runs of free motions: its intervals, gains by its mass, strokes in one of the runs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ import re
 import numpy as np
 import pytest
 from scipy import special
+from synthetic import Friction, record
 from twin_recordings import TwinRecorder, brick, in_units
 
 from hil.estimation.free_motion.gathering import Gathered, gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.loads.evidence import of_free_motions
+from hil.estimation.loads.evidence import of_free_motions, of_strokes
 from hil.estimation.loads.fit import fit_load
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.model.load import load_columns
 from hil.model.robot import parse_robot
+from hil.planning.design.by_counts import design
 
 MASS = 2.805
 LOAD = brick(MASS, (0.03, -0.02, 0.05), 0.05)
@@ -77,3 +82,30 @@ def test_without_a_load_none_is_found_and_nothing_but_chance_is_left(twin: TwinR
     found = fitted(twin.robot, runs)
     assert found.present.p_value > 0.01
     assert found.rigid.p_value > 0.01
+
+
+def strokes(robot, p, seed: int):
+    """Evidence of strokes of a machine with base parameters p."""
+    rng, friction = np.random.default_rng(seed), Friction(offset=np.zeros(robot.n_joints))
+    plan = design(robot, {"gravity": 6, "inertia": 16, "coupling": 6})
+    fit = SimultaneousFit(robot, [
+        (m, signals(record(robot, m, p, friction, noise=0.002, rng=rng))) for m in plan.measurements
+    ])  # fmt: skip
+    return of_strokes(robot, fit.items)
+
+
+@pytest.mark.parametrize("imported", ["loaded", "bare"])
+def test_one_run_may_be_of_strokes_and_the_other_imported(twin: TwinRecorder, imported) -> None:
+    robot, p = twin.robot, twin.truth
+    load = LOAD if imported == "loaded" else None
+    (free,) = of_free_motions(robot, [gathered(twin, twin.recorded(2, load, n=2))])
+    if imported == "loaded":
+        found = fit_load(robot, strokes(robot, p, 1), lambda _: free)
+    else:
+        with_load = strokes(robot, p + load_columns(robot).K @ LOAD.phi(), 1)
+        found = fit_load(robot, free, lambda _: with_load)
+    error = np.sqrt(np.diag(found.covariance))
+    assert (error > 0).sum() == len(SEEN)
+    assert (np.abs(found.phi - LOAD.phi())[error > 0] < 4 * error[error > 0]).all()
+    assert error[9] < 0.015 * MASS
+    assert found.present.p_value < 1e-6
