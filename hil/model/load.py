@@ -20,9 +20,8 @@ from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    Array = NDArray[np.float64]
 
 MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
 """Where mass, first moments and inertias stand in eq. (4)."""

@@ -34,8 +34,7 @@ from hil.runs.pooling import Pooled, pooled, recorded
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.loads.evidence import Evidence
@@ -43,7 +42,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.runs.run import Run
 
-    Array = NDArray[np.float64]
     Fit = Callable[..., Load]
 
 ABSENT = 0.01
@@ -57,8 +55,6 @@ NOTABLE = 2.0
 """Standard errors from which a gain explains a contradiction."""
 BESIDE = 0.001
 """Chance of a load's first moments across the last axis, were it on it, from which on it is not."""
-LOOSE = 0.001
-"""Chance of what a rigid load leaves, from which on it is not rigid."""
 _UNKNOWN_FRICTION = 0.1
 """Friction of an axis without a law of it, as share of its torque limit."""
 
@@ -207,23 +203,6 @@ def estimated(run: Run) -> Estimate:
         return estimate(run.robot, recorded(run))
 
 
-def is_loose(found: Load) -> bool:
-    """Whether the axes' torques contradict a load that is rigid and fixed, or no body is so."""
-    return rigid_chance(found) <= LOOSE or is_no_body(found)
-
-
-def is_no_body(found: Load) -> bool:
-    """Whether a moment of inertia about the centre is negative beyond its error."""
-    least = found.least_inertia()
-    return least is not None and least[1] <= LOOSE
-
-
-def rigid_chance(found: Load) -> float:
-    """Chance of the worst axis's misfit, as one of so many that were tested."""
-    chances = [each.p_value for each in found.misfit]
-    return min(1.0, len(chances) * min(chances)) if chances else 1.0
-
-
 def require_load(found: Load) -> None:
     """Refuse a load that does not stand out of its error, or whose mass is negative.
 
@@ -296,13 +275,13 @@ def _beside_axis(runs: _Runs, fit: Fit, found: Load) -> tuple[Fit, Load]:
     one of them stands out of its error, and it is rigid then.
     """
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
-    wider = with_whole_last_link(runs.robot)
-    if not newly or wider is runs.robot:
+    if not newly or runs.unknown:
         return fit, found
+    wider = with_whole_last_link(runs.robot)
     fit_wider = runs.fit(wider)
     beside = fit_wider()
     error = np.sqrt(np.diag(beside.covariance))[newly]
-    if not np.all(error > 0) or is_loose(beside):
+    if not np.all(error > 0) or beside.is_loose:
         return fit, found
     chance = 2 * special.stdtr(beside.degrees[newly], -np.abs(beside.phi[newly]) / error)
     return (fit_wider, beside) if len(newly) * chance.min() <= BESIDE else (fit, found)
@@ -353,21 +332,16 @@ class _Runs:
 
     def fit(self, robot: Robot | None = None) -> Fit:
         """Fit of the load for a robot with more parameters of the last link, or the same."""
+        gathered = self._gathered if robot is None else self._gather(robot)
         robot = robot or self.robot
-        same = robot is self.robot
-        without, loaded = self._gathered if same else self._gather(robot)
-        free = iter(of_free_motions(robot, [run for run in (without, loaded) if run]))
-        if without:
-            bare, strokes = next(free), None
-        else:
-            run = self.bare.run
-            prepared = prepared_for(self.robot, self.bare.estimate, recorded(run))
+        free, strokes = of_free_motions(robot, [run for run in gathered if run]), None
+        if gathered[0] is None:
+            prepared = prepared_for(self.robot, self.bare.estimate, recorded(self.bare.run))
             strokes = SimultaneousFit(robot, prepared)
-            bare = of_strokes(robot, strokes.items)
-        if loaded:
-            with_load = next(free)
-            return partial(fit_load, robot, bare, lambda _: with_load)
-        return partial(fit_load, robot, bare, self._strokes(robot, strokes))
+            free.insert(0, of_strokes(robot, strokes.items))
+        bare, *loaded = free
+        with_load = (lambda _: loaded[0]) if loaded else self._strokes(robot, strokes)
+        return partial(fit_load, robot, bare, with_load)
 
     def _strokes(self, robot: Robot, bare: SimultaneousFit | None) -> Callable[[Array], Evidence]:
         """Evidence of measurements with the load; gears are as the run without it has them."""
@@ -393,16 +367,13 @@ class _Runs:
 
     def estimated(self, s: int, found: Load | None) -> Estimate | None:
         """Estimate of one run by itself, with gains as stated or found; None if it has none."""
-        gathered, run = self._gathered[s], (self.bare.run, self.loaded[-1])[s]
-        if gathered:
-            if found is not None:
-                scaling = Scaling(found.gains, (), np.zeros(0))
-                gathered = replace(gathered, scaling=scaling)
-            return estimate_from(self.robot, DEFAULT, VARIANTS[DEFAULT].solver, gathered)
-        if s == 0:
-            return self.bare.estimate
+        gathered = self._gathered[s]
         try:
-            return estimated(run)
+            if gathered is None:
+                return self.bare.estimate if s == 0 else estimated(self.loaded[-1])
+            if found is not None:
+                gathered = replace(gathered, scaling=Scaling.known(found.gains))
+            return estimate_from(self.robot, DEFAULT, VARIANTS[DEFAULT].solver, gathered)
         except NotIdentifiable:
             return None
 

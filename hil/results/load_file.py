@@ -16,6 +16,7 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator
 
 from checked_files.yaml_file import FileModel, load_yaml
+from hil.estimation.loads.figures import AxisMisfit, Quantity
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.load import load_columns
 from hil.planning.measurement import ELEMENT_KINDS
@@ -27,15 +28,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
-    from hil.estimation.loads.figures import Load, Quantity
+    from hil.estimation.loads.figures import Load
     from hil.model.robot import Robot
     from hil.results.load import FoundLoad
     from hil.runs.run import Run
 
-    Array = NDArray[np.float64]
 
 NAME, EARLIER = "load.yaml", "payload.yaml"
 DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
@@ -65,22 +64,6 @@ class Change(FileModel):
     """Of the load in it."""
 
 
-class QuantityRecord(FileModel):
-    """A figure of the load."""
-
-    name: str
-    value: float
-    standard_error: float
-    half_width: float | None = None
-    """Of the interval of 95 %."""
-    unit: str
-
-    @classmethod
-    def of(cls, q: Quantity) -> QuantityRecord:
-        """What is kept of a figure."""
-        return cls(**{name: getattr(q, name) for name in cls.model_fields})
-
-
 class GainRecord(FileModel):
     """Gain of one axis by the known mass; `error` is relative.
 
@@ -108,24 +91,6 @@ class ElementRecord(FileModel):
     model: float
 
 
-class AxisRecord(FileModel):
-    """How much more measurements of one axis contradict one another than without the load.
-
-    Attributes
-    ----------
-    axis : int
-        Number from 1.
-    ratio : float
-        Of mean squares.
-    p_value : float
-        Chance of one at least as great, were the load rigid.
-    """
-
-    axis: int
-    ratio: float
-    p_value: float
-
-
 class LoadFile(FileModel):
     """Content of `load.yaml`.
 
@@ -138,7 +103,7 @@ class LoadFile(FileModel):
         As it was stated [kg].
     verdict : tuple of str
         What the operator is to read, line by line.
-    rigidity : tuple of AxisRecord
+    rigidity : tuple of AxisMisfit
     unseen : tuple of str
         Parameters of the load that the robot file takes as zero.
     unidentifiable : tuple of str
@@ -165,8 +130,8 @@ class LoadFile(FileModel):
     ]
     mass: float | None
     verdict: tuple[str, ...] = ()
-    rigidity: tuple[AxisRecord, ...] = ()
-    load: tuple[QuantityRecord, ...]
+    rigidity: tuple[AxisMisfit, ...] = ()
+    load: tuple[Quantity, ...]
     unseen: tuple[str, ...]
     unidentifiable: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
@@ -214,10 +179,8 @@ def write_load(
         loaded=tuple(stamps[1:]),
         mass=load.stated_mass,
         verdict=tuple(verdict),
-        rigidity=tuple(
-            AxisRecord(axis=axis + 1, ratio=ratio, p_value=p) for axis, ratio, p in load.misfit
-        ),
-        load=tuple(QuantityRecord.of(q) for q in load.quantities()),
+        rigidity=load.misfit,
+        load=tuple(load.quantities()),
         unseen=load.unseen,
         unidentifiable=load.unidentifiable,
         chi_squared=load.rigid.square,

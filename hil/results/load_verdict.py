@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING
 
 from hil.planning.design.load_pose import helpful_poses
-from hil.results.load import is_loose, is_no_body, rigid_chance
 from hil.results.rounding import rounded, unit
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ def verdict(found: Load, advice: Mapping[str, str] | None = None) -> tuple[str, 
     """
     figures = [q for q in found.quantities() if q.name == "mass" or "centre" in q.name]
     lines = ["; ".join(_in_words(q) for q in figures), *_of_rigidity(found)]
-    if not is_loose(found):
+    if not found.is_loose:
         lines += _of_unsure(found, advice or {})
     if found.unseen:
         lines.append(
@@ -96,22 +95,22 @@ def _parameter_of(figure: Quantity) -> str:
 def _of_rigidity(found: Load) -> list[str]:
     if not found.misfit:
         return []
-    chance, least = rigid_chance(found), found.least_inertia()
+    chance, least = found.rigid_chance, found.least_inertia()
     doubt, remedy = (
         "not rigid, not fixed, or friction changed with it: ",
         ("; fasten the load and its cables, empty what can flow, and measure again"),
     )
-    if least is not None and is_no_body(found):
+    if least is not None and found.is_no_body:
         return [
             f"{doubt}no body has the inertia that was found, with {_in_words(least[0])} about an"
             f" axis through the centre{remedy}"
         ]
-    if not is_loose(found):
-        axes = ", ".join(str(each.axis + 1) for each in found.misfit)
+    if not found.is_loose:
+        axes = ", ".join(str(each.axis) for each in found.misfit)
         return [f"rigid and fixed, as far as axes {axes} show (p = {chance:.2g})"]
     worst = min(found.misfit, key=lambda each: each.p_value)
     return [
-        f"{doubt}measurements of axis {worst.axis + 1} contradict one another"
+        f"{doubt}measurements of axis {worst.axis} contradict one another"
         f" {math.sqrt(worst.ratio):.2g} times as much as without the load (p = {chance:.2g})"
         f"{remedy}"
     ]

@@ -7,43 +7,46 @@ origin (Huygens and Steiner), their errors to first order.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
+from pydantic import BeforeValidator
 from scipy import special
 
+from checked_files.yaml_file import FileModel
 from hil.estimation.intervals import combined_degrees, half_width
 from hil.model.load import FIRST_MOMENTS, MASS
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    Array = NDArray[np.float64]
 
+LOOSE = 0.001
+"""Chance of what a rigid load leaves, from which on it is not rigid."""
 _STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
 """First moments whose squares belong to each moment of inertia."""
 _DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """One figure with its standard error and the half-width of its interval of 95 %."""
+class Quantity(FileModel):
+    """One figure of a load."""
 
     name: str
     value: float
     standard_error: float
-    half_width: float
+    half_width: Annotated[float, BeforeValidator(lambda x: x or 0.0)] = 0.0
+    """Of the interval of 95 %; 0 where an earlier version kept none."""
     unit: str
 
 
-class AxisMisfit(NamedTuple):
+class AxisMisfit(FileModel):
     """What measurements of one axis with a load leave beside those without.
 
     Attributes
     ----------
     axis : int
-        Index from 0.
+        Number from 1.
     ratio : float
         Of the mean squares.
     p_value : float
@@ -112,6 +115,23 @@ class Load:
     def mass(self) -> Quantity:
         """Mass [kg]; a stated one has no standard error."""
         return self._quantity("mass", _unit(MASS, 10), "kg")
+
+    @property
+    def rigid_chance(self) -> float:
+        """Chance of the worst axis's misfit, as one of so many that were tested."""
+        chances = [each.p_value for each in self.misfit]
+        return min(1.0, len(chances) * min(chances)) if chances else 1.0
+
+    @property
+    def is_no_body(self) -> bool:
+        """Whether a moment of inertia about the centre is negative beyond its error."""
+        least = self.least_inertia()
+        return least is not None and least[1] <= LOOSE
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether the axes' torques contradict a load that is rigid and fixed, or no body is so."""
+        return self.rigid_chance <= LOOSE or self.is_no_body
 
     def quantities(self) -> list[Quantity]:
         """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
@@ -187,7 +207,9 @@ class Load:
         error = float(np.sqrt(gradient @ self.covariance @ gradient))
         freedom = self._degrees_of(gradient)
         half = half_width(np.array(error**2), np.zeros(()), freedom, 0.95)
-        return Quantity(name, value, error, float(half), unit)
+        return Quantity(
+            name=name, value=value, standard_error=error, half_width=float(half), unit=unit
+        )
 
     def _degrees_of(self, gradient: Array) -> Array:
         return combined_degrees(gradient, np.diag(self.covariance), self.degrees)

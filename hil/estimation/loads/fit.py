@@ -62,14 +62,10 @@ from hil.model.robot_file import LINK_PARAMETERS
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices, Mask
     from hil.estimation.loads.evidence import Evidence
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
-    Mask = NDArray[np.bool_]
     Runs = tuple[Evidence, Evidence]
 
 GAIN_STATED = 0.5
@@ -414,7 +410,7 @@ def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[A
             (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
             ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
             chance = special.fdtrc(len(after), len(before), ratio)
-            found.append(AxisMisfit(axis, ratio, float(chance)))
+            found.append(AxisMisfit(axis=axis + 1, ratio=ratio, p_value=float(chance)))
     return found
 
 

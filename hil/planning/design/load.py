@@ -42,17 +42,15 @@ from hil.planning.workspace import narrowed
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices, Mask
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
 
-    Array = NDArray[np.float64]
     Poses = tuple[tuple[int, float], ...]
-    Worth = tuple[tuple[NDArray[np.intp], Array], ...]
+    Worth = tuple[tuple[Indices, Array], ...]
 
 OFFSETS = 2
 """Common terms of an axis that each run has by itself: a constant, one with |qd|."""
@@ -372,7 +370,7 @@ def _possible(found: FoundLoad) -> list[Array]:
     return [_body(mass, centre, shown) for mass in (max(found.phi[MASS], 0.0), most)]
 
 
-def _body(mass: float, centre: Array, shown: NDArray[np.bool_]) -> Array:
+def _body(mass: float, centre: Array, shown: Mask) -> Array:
     """Standard parameters of a load with radius of gyration `REACH`, shape (10,)."""
     phi = np.zeros(10)
     phi[MASS], phi[list(FIRST_MOMENTS)] = mass, mass * centre

@@ -18,13 +18,11 @@ from hil.planning.design.load import FoundLoad, WithoutLoad, allowed, at_positio
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.planning.design.load import Worth
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan
 
-    Array = NDArray[np.float64]
 
 STEP = math.radians(15)
 """Between positions of an axis that turns."""

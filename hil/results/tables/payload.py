@@ -8,7 +8,8 @@ from hil.results.rounding import rounded, signed, uncertain, unit
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
-    from hil.results.load_file import Change, GainRecord, LoadFile, QuantityRecord
+    from hil.estimation.loads.figures import Quantity
+    from hil.results.load_file import Change, GainRecord, LoadFile
     from hil.results.tables.table import Row
 
 OF_MAPS = (
@@ -61,9 +62,9 @@ def quantities(load: LoadFile) -> Table:
     )
 
 
-def _quantity(q: QuantityRecord) -> Row:
+def _quantity(q: Quantity) -> Row:
     value, error = uncertain(q.value, q.standard_error)
-    half = "" if q.half_width is None else uncertain(q.half_width, q.standard_error)[0]
+    half = uncertain(q.half_width, q.standard_error)[0] if q.half_width else ""
     stated = not q.standard_error
     return q.name, value, "stated" if stated else error, "" if stated else half, unit(q.unit)
 

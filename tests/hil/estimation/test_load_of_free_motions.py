@@ -1,4 +1,4 @@
-"""A load from runs of free motions: its intervals, gains by its mass, strokes in one of the runs."""
+"""A load from runs of free motions: its intervals, gains by its mass, strokes in either run."""
 
 from __future__ import annotations
 
