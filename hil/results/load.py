@@ -338,7 +338,7 @@ class _Runs:
         if gathered[0] is None:
             prepared = prepared_for(self.robot, self.bare.estimate, recorded(self.bare.run))
             strokes = SimultaneousFit(robot, prepared)
-            free.insert(0, of_strokes(robot, strokes.items))
+            free.insert(0, of_strokes(robot, strokes.items, strokes.loaded))
         bare, *loaded = free
         with_load = (lambda _: loaded[0]) if loaded else self._strokes(robot, strokes)
         return partial(fit_load, robot, bare, with_load)
@@ -349,10 +349,13 @@ class _Runs:
         train = find_drive_train(robot, raw) if bare is None else self.bare.estimate.drive_train
         applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
         if bare is None:
-            alone = of_strokes(robot, SimultaneousFit(robot, applied).items)
+            fit = SimultaneousFit(robot, applied)
+            alone = of_strokes(robot, fit.items, fit.loaded)
             return lambda _: alone
         p = bare.solve()
-        return lambda change: of_strokes(robot, condensed_like(robot, bare, applied, p + change))
+        return lambda change: of_strokes(
+            robot, condensed_like(robot, bare, applied, p + change), bare.loaded
+        )
 
     def _gather(self, robot: Robot) -> list[Gathered | None]:
         """Free motions without and with the load, where they were imported."""

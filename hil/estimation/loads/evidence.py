@@ -19,13 +19,13 @@ from hil.estimation.free_motion.choice import law_terms
 from hil.estimation.free_motion.columns import ROTOR
 from hil.estimation.free_motion.friction_terms import COLUMNS
 from hil.estimation.free_motion.solution import BLOCKS
-from hil.least_squares.terms import ASYMMETRIC, common_terms
+from hil.least_squares.terms import ASYMMETRIC, LOAD, common_terms
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.estimation.condensed import Condensed, Stacked
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.signals import Signals
@@ -70,8 +70,8 @@ class Evidence:
     scale_open: bool = False
 
 
-def of_strokes(robot: Robot, items: Sequence[Sequence[Condensed]]) -> Evidence:
-    """Evidence of condensed measurements."""
+def of_strokes(robot: Robot, items: Sequence[Sequence[Condensed]], loaded: Mask) -> Evidence:
+    """Evidence of condensed measurements, friction of the load on axes that are `loaded` alone."""
     blocks, common, n = condensed_blocks(robot, items), common_terms(), robot.n_joints
     torque, rotor = np.eye(1, blocks.products.shape[-1]), blocks.place(CONDENSED_ROTOR)
     motors = np.zeros_like(torque)
@@ -81,7 +81,7 @@ def of_strokes(robot: Robot, items: Sequence[Sequence[Condensed]]) -> Evidence:
         kind="strokes",
         blocks=blocks.recast(torque, {ROTOR: motors}, (CONDENSED_ROTOR,)),
         apart=frozenset(common[k] for k in ASYMMETRIC),
-        terms=(frozenset(common),) * n,
+        terms=tuple(frozenset(common if each else common[:LOAD]) for each in loaded),
         gains=np.ones(n),
     )
 

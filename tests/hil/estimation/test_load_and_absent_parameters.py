@@ -71,10 +71,11 @@ def test_a_load_has_its_share_of_each_base_parameter(robot):
 
 def found_between(robot, runs, mass=None, **gains):
     fit = SimultaneousFit(robot, prepared(runs[0]))
-    bare, p = of_strokes(robot, fit.items), fit.solve()
+    bare, p = of_strokes(robot, fit.items, fit.loaded), fit.solve()
 
     def with_load(change):
-        return of_strokes(robot, condensed_like(robot, fit, prepared(runs[1]), p + change))
+        items = condensed_like(robot, fit, prepared(runs[1]), p + change)
+        return of_strokes(robot, items, fit.loaded)
 
     return fit_load(robot, bare, with_load, mass, **gains)
 
