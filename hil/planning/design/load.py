@@ -28,13 +28,14 @@ from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_colu
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.clearance import are_clear
-from hil.planning.design.by_counts import TRAVEL, as_plan
-from hil.planning.design.by_minutes import lasting, nearest_first, numbered
+from hil.planning.design.by_counts import TRAVEL
+from hil.planning.design.by_minutes import lasting, numbered, ordered
 from hil.planning.design.candidates import judged, pool
 from hil.planning.design.tour import guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.path_clearance import JointBoxes
-from hil.planning.prediction.predicted_samples import forecast
+from hil.planning.plan import as_plan
+from hil.planning.prediction.information import forecast
 from hil.planning.strokes import Strokes
 from hil.planning.timetable import SETTLING, timetable, travel_times
 from hil.planning.workspace import narrowed
@@ -437,7 +438,7 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         tried = [options[k].measurement for k in (*chosen, best)]
         tried = (
             guarded_tour(robot, workspace, tried, TRAVEL)
-            if workspace else nearest_first(robot, tried)
+            if workspace else ordered(robot, tried)
         )  # fmt: skip
         if lasting(robot, tried) > seconds:
             break
