@@ -51,7 +51,7 @@ from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.diagnosis import diagnose
-from hil.results.payload import find_payload
+from hil.results.load import find_payload
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 from sim_plant.plant_file import load_plant_file
@@ -282,13 +282,17 @@ def print_payload(folder: Path, seeds: Sequence[int]) -> None:
     for k, seed in enumerate(seeds):
         loaded = folder / "payload" / f"seed-{seed}"
         bare_run = Run.open(folder / "default" / f"seed-{seeds[k - 1]}")
-        found = find_payload(bare_run, Run.open(loaded)).payload
+        whole = find_payload(bare_run, Run.open(loaded))
+        assert whole.before is not None
+        assert whole.after is not None
+        found, changed = whole.load, whole.after.p - whole.before.p
+        error = np.sqrt(np.diag(whole.before.covariance + whole.after.covariance))
         truth = true_parameters(robot, loaded.with_suffix(".yaml")) - bare
-        change.append(100 * float(np.linalg.norm(found.change - truth) / np.linalg.norm(truth)))
+        change.append(100 * float(np.linalg.norm(changed - truth) / np.linalg.norm(truth)))
         load = dict(zip(LINK_PARAMETERS, found.phi, strict=True))
         mass.append(100 * (load["m"] / MASS - 1))
         distance.append(1e3 * (load["sz"] / load["m"] - DISTANCE))
-        inside.append(np.abs(found.change - truth) < 1.96 * found.standard_error)
+        inside.append(np.abs(changed - truth) < 1.96 * error)
     print(
         f"payload, {len(seeds)} seeds: dp {rms(change):.3f} % of its norm (0.3), mass"
         f" {rms(mass):.3f} % (0.2), distance {rms(distance):.3f} mm (0.5);"

@@ -112,10 +112,10 @@ BY_RIVALS: dict[str, tuple[str, tuple[object, ...]]] = {
 """Results of ``python -m benchmarks.rivals``: run and options."""
 OTHERS: dict[str, tuple[tuple[object, ...], str]] = {
     "friction-sweep": (("friction", "fit", "sweep", "--model", "campaign"), "sweep/friction.yaml"),
-    "load-strokes": (("payload", "strokes", "strokes-loaded"), "strokes-loaded/payload.yaml"),
+    "load-strokes": (("payload", "strokes", "strokes-loaded"), "strokes-loaded/load.yaml"),
     "load-imported": (
         ("payload", "scara-bare", "scara-loaded", "--mass", 2.805, "--gains"),
-        "scara-loaded/payload.yaml",
+        "scara-loaded/load.yaml",
     ),
     "diagnosis": (
         ("diagnose", "strokes-torque-constant"),

@@ -17,7 +17,7 @@ from accuracy import ROBOT, SIDE_BY_SIDE, hil, rms
 from claims import DISTANCE, MASS, make_plant
 
 from checked_files.yaml_file import load_yaml
-from hil.results.measured_load import NAME, LoadFile
+from hil.results.load_file import NAME, LoadFile
 from hil.runs.run import Run
 
 FIRST_BARE, FIRST_SEED = 301, 401

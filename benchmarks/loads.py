@@ -23,9 +23,10 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.free_motion.gathering import gather
-from hil.estimation.free_motion.load import fit_load
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
+from hil.estimation.loads.evidence import of_free_motions
+from hil.estimation.loads.fit import fit_load
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
@@ -67,12 +68,12 @@ def of_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:
     """Which intervals hold the truth."""
     runs = [twin.recorded(2 * seed), twin.recorded(2 * seed + 1, load)]
     truth, mass = load.phi(), load.parameters["m"]
-    free = fit_load(twin.robot, [gathered(twin, run) for run in runs])
+    free = fitted(twin, runs)
     gains = np.exp(SPREAD * np.random.default_rng(seed).standard_normal(twin.n))
     unknown = in_units(runs[0], {1: 0.1})
     for _, recording in (*runs[0], *runs[1]):
         recording.tau[:] /= gains
-    by_mass = fit_load(twin.robot, [gathered(twin, run) for run in runs], mass, gains=True)
+    by_mass = fitted(twin, runs, mass, gains=True)
     alone = estimate(twin.robot, unknown, DEFAULT)
     assert alone.free is not None
     (gain,) = alone.free.gains
@@ -92,9 +93,11 @@ def held(error: np.ndarray, standard_error: np.ndarray, degrees: np.ndarray) -> 
     return np.abs(error[known]) <= half
 
 
-def gathered(twin: TwinRecorder, data: list) -> object:
-    """A run as a fit takes it."""
-    return gather(twin.robot, data, VARIANTS[DEFAULT])
+def fitted(twin: TwinRecorder, runs: list, mass: float | None = None, *, gains: bool = False):
+    """The load between two runs."""
+    gathered = [gather(twin.robot, run, VARIANTS[DEFAULT]) for run in runs]
+    bare, loaded = of_free_motions(twin.robot, gathered)
+    return fit_load(twin.robot, bare, lambda _: loaded, mass, gains=gains)
 
 
 def write(folder: Path) -> None:

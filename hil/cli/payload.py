@@ -17,9 +17,8 @@ from hil.terminal.console import out, say, working
 if TYPE_CHECKING:
     from hil.cli.measuring import OnBus
     from hil.model.robot import Robot
+    from hil.planning.design.load import LoadPlan
     from hil.planning.plan import Plan
-    from hil.results.bare_run import BareRun
-    from hil.results.load_plan import LoadPlan
     from hil.runs.run import Run
 
 TWO_RUNS = "two-runs"
@@ -66,28 +65,29 @@ def two_runs(
         ),
     ] = False,
 ) -> None:
-    """Find a load from two runs; writes payload.yaml into the second; what happens by default."""
+    """Find a load from two runs; writes load.yaml into the second; what happens by default."""
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     with working("reading the runs") as now:
-        from hil.results import payload as results
-        from hil.results import payload_file
+        from hil.results import load as results
+        from hil.results import load_file
+        from hil.results.load_verdict import verdict
         from hil.results.tables import payload as tables
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
-        path = loaded / payload_file.NAME
+        path = loaded / load_file.NAME
         refuse_unwritable(path)
         runs = Run.open(without), Run.open(loaded)
         now("estimating both runs anew and the load between them")
         found = results.find_payload(*runs, mass, gains=gains)
     say_simulated(*runs)
-    load = payload_file.write_payload(*runs, found)
-    show(tables.changes(load), out)
-    show(tables.quantities(load), out)
-    for sentence in (tables.goodness_of_fit(load), tables.unseen(load)):
+    kept = load_file.write_load(loaded, runs[0], runs[1:], found, verdict(found.load))
+    show(tables.changes(kept), out)
+    show(tables.quantities(kept), out)
+    for sentence in (tables.goodness_of_fit(kept), tables.unseen(kept)):
         show_sentence(sentence, out)
-    show(tables.torque_constants(load), out)
+    show(tables.torque_constants(kept), out)
     say(f"load in {path}; hil report {loaded} shows it")
 
 
@@ -125,9 +125,10 @@ def measure(
 ) -> None:
     """Measure a load beside a run without it, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
-    from hil.results import load_plan
-    from hil.results.bare_run import know
-    from hil.results.measured_load import NAME, estimate_load, find_load, write_load
+    from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
+    from hil.results.load import BareRun, FoundLoad, estimate_load, find_load
+    from hil.results.load_file import NAME, write_load
+    from hil.results.load_verdict import advised, verdict
     from hil.runs.run import Run
 
     if mass is not None and at_most is not None and mass > at_most:
@@ -136,33 +137,36 @@ def measure(
     _refuse_output(bare_run, output, resume=resume)
     poses = _poses(bare_run.robot, pose or [])
     with working("reading what the run without the load knows"):
-        bare = know(bare_run)
+        bare = BareRun(bare_run)
+        known = bare.known
     how = OnBus(**vars(where))
-    slow = _kept_plan(output / SLOW, bare)
+    slow = _kept_plan(output / SLOW, bare_run)
     if slow is None:
         with working("choosing slow measurements"):
-            stage = load_plan.slow_plan(bare, minutes, at_most if mass is None else mass, poses)
+            stage = slow_plan(known, minutes, at_most if mass is None else mass, poses)
             slow = stage.plan
-            held = load_plan.holds(bare, slow)
-        _show_stage("slow", stage, bare)
+            held = holds(known, slow)
+        _show_stage("slow", stage, bare_run)
         say(
             f"all axes hold up to {held:.3g} kg in these poses, its centre up to"
-            f" {load_plan.REACH:g} m from the last frame"
+            f" {REACH:g} m from the last frame"
         )
-    _carry_out(slow, bare, output / SLOW, how, resume=resume)
-    fast = _kept_plan(output / FAST, bare)
+    _carry_out(slow, bare_run, output / SLOW, how, resume=resume)
+    fast = _kept_plan(output / FAST, bare_run)
     if fast is None:
         with working("estimating the load, and choosing faster measurements by it"):
             found = estimate_load(bare, [Run.open(output / SLOW)])
-            stage = load_plan.fast_plan(bare, minutes, slow, found, poses)
+            stage = fast_plan(known, minutes, slow, found, poses)
             fast = stage.plan
-        _show_stage("fast", stage, bare)
-    _carry_out(fast, bare, output / FAST, how, resume=resume)
+        _show_stage("fast", stage, bare_run)
+    _carry_out(fast, bare_run, output / FAST, how, resume=resume)
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
     with working("estimating the load"):
-        kept = write_load(output, bare, runs, find_load(bare, runs, mass))
+        load = find_load(bare, runs, mass)
+        said = verdict(load, advised(known, [run.planned for run in runs], load))
+        write_load(output, bare_run, runs, FoundLoad(load), said)
     say_simulated(*runs)
-    for line in kept.verdict:
+    for line in said:
         say(line)
     say(f"load in {output / NAME}")
 
@@ -205,7 +209,7 @@ def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
         )
 
 
-def _kept_plan(folder: Path, bare: BareRun) -> Plan | None:
+def _kept_plan(folder: Path, bare: Run) -> Plan | None:
     """Plan of a stage that was begun before; None where there is none.
 
     Raises
@@ -221,20 +225,20 @@ def _kept_plan(folder: Path, bare: BareRun) -> Plan | None:
     run = Run.open(folder)
     if run.robot.digest != bare.robot.digest:
         raise Mismatch(
-            f"{folder}: was measured with another robot file than {bare.run.path}; choose another"
+            f"{folder}: was measured with another robot file than {bare.path}; choose another"
             " folder with -o"
         )
     return run.planned
 
 
-def _carry_out(plan: Plan, bare: BareRun, folder: Path, how: OnBus, *, resume: bool) -> None:
+def _carry_out(plan: Plan, bare: Run, folder: Path, how: OnBus, *, resume: bool) -> None:
     from hil.cli.measuring import measure as measured
 
     again = resume and (folder / "run.json").exists()
     measured(plan, bare.robot, folder / "plan.yaml", folder, how, again)
 
 
-def _show_stage(name: str, stage: LoadPlan, bare: BareRun) -> None:
+def _show_stage(name: str, stage: LoadPlan, bare: Run) -> None:
     from hil.planning.timetable import timetable
     from hil.results.rounding import clock
 

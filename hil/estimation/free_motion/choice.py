@@ -92,8 +92,13 @@ def kept_by(layout: Layout, laws: Sequence[str]) -> Indices:
 
     With Coulomb's friction there is how it bends, whose column is 0 where it turns round at once.
     """
-    terms = (LAWS[law] for law in laws)
-    return layout.kept([(*each, BENT) if "Coulomb" in each else each for each in terms])
+    return layout.kept([law_terms(law) for law in laws])
+
+
+def law_terms(law: str) -> tuple[str, ...]:
+    """Terms of a law; with Coulomb's friction there is how it bends."""
+    terms = LAWS[law]
+    return (*terms, BENT) if "Coulomb" in terms else terms
 
 
 def usual(blocks: Blocks) -> Regression:

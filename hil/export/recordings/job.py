@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.runs.journal import NO_REAL_MACHINE
 
@@ -12,9 +12,34 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from hil.export.recordings.tables import Column
+    from numpy.typing import NDArray
+
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
+
+
+class Column(NamedTuple):
+    """A column of a measurement's table.
+
+    Attributes
+    ----------
+    name : str
+        With the unit, such as ``q1_rad``: letters, digits and underscores.
+    unit : str
+        Empty for flags and numbers.
+    what : str
+        What it holds, in words.
+    values : array (n,)
+        NaN where a sample is missing.
+    derived : bool
+        Whether it was computed afterwards; what was not is as recorded.
+    """
+
+    name: str
+    unit: str
+    what: str
+    values: NDArray[Any]
+    derived: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drivers.drive_bus import SampleFlag
-from hil.export.recordings.job import README, about_columns, facts, readme
+from hil.export.recordings.job import README, Column, about_columns, facts, readme
 from hil.optional_packages import needed_for
 from hil.planning.free_motion import FreeMotion
 from hil.runs.atomic_file import new_file, own_folder
@@ -54,30 +54,6 @@ _FLAGS = ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in SampleFl
 INDEX = ("id", "kind", "axes", "read", "session", "samples", "begins_s", "ends_s", "attempts",
          "findings")  # fmt: skip
 """Columns of the list of measurements."""
-
-
-class Column(NamedTuple):
-    """A column of a measurement's table.
-
-    Attributes
-    ----------
-    name : str
-        With the unit, such as ``q1_rad``: letters, digits and underscores.
-    unit : str
-        Empty for flags and numbers.
-    what : str
-        What it holds, in words.
-    values : array (n,)
-        NaN where a sample is missing.
-    derived : bool
-        Whether it was computed afterwards; what was not is as recorded.
-    """
-
-    name: str
-    unit: str
-    what: str
-    values: Values
-    derived: bool = False
 
 
 def columns(robot: Robot, measured: Measured) -> tuple[Column, ...]:

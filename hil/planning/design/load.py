@@ -7,207 +7,451 @@ normal equations over the unknowns x of `hil.friction.equation` become those of 
     x = E z,    z = (x of the run without, phi, offsets of the loaded run).
 
 Chosen is whatever adds most in its time to log det of the information about phi, all else
-eliminated, which no scale of mass or inertia sways.
-
-What the axes must give in a measurement is computed with the loads that are possible; strokes of
-acceleration that call for too much are made slower.
+eliminated, which no scale of mass or inertia sways: slow strokes first, then as fast as the axes
+can move the load that these find. What the axes must give in a measurement is computed with the
+loads that are possible; strokes of acceleration that call for too much are made slower.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from hil.errors import InvalidValue, NotEnoughData
 from hil.friction.equation import N_COMMON, n_unknowns
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
+from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
+from hil.model.robot_file import LINK_PARAMETERS
+from hil.planning.clearance import are_clear
 from hil.planning.design.by_counts import TRAVEL
 from hil.planning.design.by_minutes import lasting, numbered, ordered
-from hil.planning.design.candidates import judged
+from hil.planning.design.candidates import judged, pool
 from hil.planning.design.tour import guarded_tour
+from hil.planning.measurement import shows_parameters
+from hil.planning.path_clearance import JointBoxes
 from hil.planning.plan import as_plan
 from hil.planning.prediction.information import forecast
-from hil.planning.timetable import SETTLING, travel_times
+from hil.planning.strokes import Strokes
+from hil.planning.timetable import SETTLING, timetable, travel_times
+from hil.planning.workspace import narrowed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
-    from hil.arrays import Array, Indices
+    from hil.arrays import Array, Indices, Mask
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
-    from hil.planning.strokes import Partner, Strokes
-    from hil.planning.workspace import Workspace
 
-    Worth = Sequence[tuple[Indices, Array]]
+    Poses = tuple[tuple[int, float], ...]
+    Worth = tuple[tuple[Indices, Array], ...]
 
 OFFSETS = 2
-"""Of the common terms of an axis those that each run has by itself: a constant, one with |qd|."""
+"""Common terms of an axis that each run has by itself: a constant, one with |qd|."""
 HOLD = 0.9
 """Share of an axis's torque limit that a measurement may call for."""
 SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
-"""Shares of a candidate's acceleration that are tried, velocity by its root."""
+"""Shares of a candidate's acceleration that are tried, velocity by its root: steps of about root
+2."""
+SLOW_SHARE = 0.4
+"""Share of the time for slow strokes."""
+IN_TIME = 0.9
+"""Share of what is left of the time that the fast stage plans with: drives take a little longer for
+many short strokes than their profiles do."""
+REACH = 0.2
+"""Radius of gyration that a load may have, and distance of its centre from the last frame, as long
+as they are unknown [m]."""
+SURE = 3.0
+"""Standard errors that an estimate may be off."""
+_EACH = 24
+"""Configurations of every element that are chosen from."""
+_LEAST = 1e-6
+"""Information that counts as nothing, as share of a mean option's."""
 _INSTANT = 0.02
 """Between instants at which torques are looked at [s]."""
 
 
-def embedding(robot: Robot, shown: Array) -> Array:
-    """E, shape (n_unknowns, n_unknowns + n_free + OFFSETS n_joints).
+class FoundLoad(Protocol):
+    """What is known of the load so far, such as `hil.estimation.loads.figures.Load`."""
 
-    Parameters
+    @property
+    def phi(self) -> Array:
+        """Standard parameters, shape (10,)."""
+
+    @property
+    def covariance(self) -> Array:
+        """Of them, shape (10, 10)."""
+
+    @property
+    def unidentifiable(self) -> tuple[str, ...]:
+        """Those that are open."""
+
+
+@dataclass(frozen=True, eq=False)
+class WithoutLoad:
+    """What a run without a load gives to one with it.
+
+    Attributes
     ----------
-    shown : ndarray, shape (n_base, n_free)
-        Change of the base parameters by each free parameter of the load.
-    """
-    n, n_base, n_free = n_unknowns(robot), len(base_parameters(robot)), shown.shape[1]
-    E = np.hstack([np.eye(n), np.zeros((n, n_free + OFFSETS * robot.n_joints))])
-    E[:n_base, n : n + n_free] = shown
-    for axis in range(robot.n_joints):
-        for k in range(OFFSETS):
-            at = n_base + axis * N_COMMON + k
-            E[at, at], E[at, n + n_free + OFFSETS * axis + k] = 0.0, 1.0
-    return E
-
-
-def of_load(information: Array, load: slice) -> Array:
-    """Information about the unknowns of `load` alone, all others eliminated."""
-    inside = np.zeros(len(information), dtype=bool)
-    inside[load] = True
-    across = information[np.ix_(inside, ~inside)]
-    others = information[np.ix_(~inside, ~inside)]
-    left: Array = information[np.ix_(inside, inside)] - across @ np.linalg.solve(others, across.T)
-    return left
-
-
-def within_torque(
-    robot: Robot,
-    options: Sequence[Option],
-    loaded: Sequence[Array],
-    friction: Array,
-    period: float,
-    noise: Noise,
-) -> list[Option]:
-    """Options that all axes can carry out with every one of the loads, slower where need be.
-
-    Parameters
-    ----------
-    loaded : sequence of ndarray, shape (n_base,)
-        Base parameters with each load.
+    robot : Robot
+    plan : Plan
+        Of that run: its workspace and sample period.
+    p : ndarray, shape (n_base,)
     friction : ndarray, shape (n_joints,)
-        Highest friction of each axis [N m].
-    period, noise
-        By which slower ones are judged anew.
+        Highest friction of each axis [N m or N].
+    noise : Noise
+    information : ndarray, shape (n_unknowns, n_unknowns)
+        About all unknowns, under that noise.
     """
+
+    robot: Robot
+    plan: Plan
+    p: Array
+    friction: Array
+    noise: Noise
+    information: Array
+
+    @cached_property
+    def columns(self) -> LoadColumns:
+        """What a load changes."""
+        return load_columns(self.robot)
+
+    @cached_property
+    def at(self) -> slice:
+        """Where the load's free parameters stand among the unknowns z."""
+        n = n_unknowns(self.robot)
+        return slice(n, n + self.columns.free.shape[1])
+
+    @cached_property
+    def embedding(self) -> Array:
+        """E, shape (n_unknowns, n_unknowns + n_free + OFFSETS n_joints)."""
+        n, n_base = n_unknowns(self.robot), len(base_parameters(self.robot))
+        offsets = OFFSETS * self.robot.n_joints
+        E = np.hstack([np.eye(n, self.at.stop), np.zeros((n, offsets))])
+        E[:n_base, self.at] = self.columns.shown
+        for axis in range(self.robot.n_joints):
+            for k in range(OFFSETS):
+                own = n_base + axis * N_COMMON + k
+                E[own, own], E[own, self.at.stop + OFFSETS * axis + k] = 0.0, 1.0
+        return E
+
+    def judged(self, measurement: ParameterMeasurement) -> Worth:
+        """What a measurement is worth (`hil.planning.design.candidates.Option`)."""
+        return judged(self.robot, measurement, self.plan.sample_period, self.noise)
+
+    def embedded(self, worth: Worth) -> Array:
+        """Information about z of a measurement with the load, shape (n_z, n_z)."""
+        total = np.zeros((self.embedding.shape[1],) * 2)
+        for at, each in worth:
+            total += self.embedding[at].T @ each @ self.embedding[at]
+        return total
+
+    def before(self, options: Sequence[Option], measured: Iterable[Plan] = ()) -> Array:
+        """Information about z by the run without the load, and by plans with it.
+
+        Parameters
+        ----------
+        options : sequence of Option
+            As small as counts as nothing beside one of them is what is known of a load otherwise.
+        """
+        n = n_unknowns(self.robot)
+        mean = np.mean([np.diag(self.embedded(option.worth)) for option in options], axis=0)
+        known = np.diag(np.where(mean > 0, _LEAST * mean, 1.0))
+        known[:n, :n] += self.information
+        for measurement in (m for plan in measured for m in plan.measurements):
+            if shows_parameters(measurement):
+                known += self.embedded(self.judged(measurement))
+        return known
+
+    def of_load(self, information: Array) -> Array:
+        """Information about phi alone, all other unknowns eliminated."""
+        inside = np.zeros(len(information), dtype=bool)
+        inside[self.at] = True
+        across = information[np.ix_(inside, ~inside)]
+        others = information[np.ix_(~inside, ~inside)]
+        own = information[np.ix_(inside, inside)]
+        left: Array = own - across @ np.linalg.solve(others, across.T)
+        return left
+
+    def torque(self, measurement: ParameterMeasurement) -> tuple[tuple[Array, ...], Array]:
+        """Motion of a measurement, and its torques without a load, shape (n, n_joints)."""
+        planned = forecast(measurement, _INSTANT)
+        motion = planned.q, planned.qd, planned.qdd
+        tau = inverse_dynamics(self.robot, self.p, *motion) + motor_torque(self.robot, *motion)
+        return motion, tau
+
+    def strain(self, measurement: ParameterMeasurement, loads: Sequence[Array]) -> float:
+        """Largest torque of any axis with any of the loads, as share of its limit."""
+        motion, tau = self.torque(measurement)
+        of_loads = [
+            inverse_dynamics(self.robot, self.columns.K @ phi, *motion) if phi.any() else 0.0
+            for phi in loads
+        ]
+        shares = [(np.abs(tau + each) + self.friction) / self.robot.torque_limit
+                  for each in of_loads]  # fmt: skip
+        return float(np.max(shares))
+
+    def bodies(self, mass: float) -> list[Array]:
+        """Loads of this mass with their centre in the last frame and `REACH` off it, each way."""
+        shown = np.abs(self.columns.free).max(axis=1) > 0
+        loads = [_body(mass, np.zeros(3), shown)]
+        for k, at in enumerate(FIRST_MOMENTS):
+            if shown[at]:
+                loads += [_body(mass, sign * REACH * np.eye(3)[k], shown) for sign in (1, -1)]
+        return loads
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadPlan:
+    """One stage.
+
+    Attributes
+    ----------
+    plan : Plan
+    deviation : ndarray, shape (n_free,)
+        Predicted standard deviations of the load's free parameters, after it.
+    """
+
+    plan: Plan
+    deviation: Array
+
+
+def slow_plan(
+    bare: WithoutLoad, minutes: float, heaviest: float | None = None, poses: Poses = ()
+) -> LoadPlan:
+    """Choose strokes at constant velocity, a tenth of the limits.
+
+    Parameters
+    ----------
+    minutes : float
+        Of both stages, ways included.
+    heaviest : float, optional
+        Mass that the load has at most [kg].
+    poses : tuple of (int, float)
+        Axes, indices from 0, that are held where stated [rad or m].
+
+    Raises
+    ------
+    InvalidValue
+        Too little time, a pose out of an axis's range, or no stroke in which all axes hold
+        `heaviest`.
+    """
+    loads = [np.zeros(10), *([] if heaviest is None else bare.bodies(heaviest))]
+    options = [each for each in _options(bare, poses) if _is_slow(each.measurement)]
+    fitting = _within_torque(bare, options, loads)
+    if not fitting:
+        load = "" if heaviest is None else f"a load of {heaviest:g} kg, its centre up to {REACH:g}"
+        raise InvalidValue(
+            f"{load and load + ' m from the last frame, overloads an axis: '}every slow stroke"
+            f" calls for more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct"
+            " torque_limit in the robot file"
+        )
+    return _chosen(bare, fitting, bare.before(fitting), 60 * SLOW_SHARE * minutes)
+
+
+def fast_plan(
+    bare: WithoutLoad, minutes: float, slow: Plan, found: FoundLoad, poses: Poses = ()
+) -> LoadPlan:
+    """Choose what is still missing, as fast as the axes can move the load found.
+
+    Raises
+    ------
+    NotEnoughData
+        A mass that the slow stage leaves open, or no measurement in which all axes can move it.
+    InvalidValue
+        Too little time.
+    """
+    if LINK_PARAMETERS[MASS] in found.unidentifiable:
+        raise NotEnoughData(
+            f"{bare.robot.name}: the slow strokes leave the mass of the load open, so that nothing"
+            " says how fast it may be moved; measure again with more --minutes, or without --pose"
+        )
+    fitting = _within_torque(bare, _options(bare, poses), _possible(found))
+    if not fitting:
+        raise NotEnoughData(
+            f"{bare.robot.name}: with {found.phi[MASS]:.3g} kg no measurement stays within"
+            f" {HOLD:.0%} of the torque limits, however slow: this load overloads an axis; mount a"
+            " lighter one"
+        )
+    entries = timetable(slow, bare.robot, slow.measurements)
+    spent = sum(each.travel + each.duration for each in entries)
+    return _chosen(bare, fitting, bare.before(fitting, [slow]), IN_TIME * (60 * minutes - spent))
+
+
+def holds(bare: WithoutLoad, plan: Plan) -> float:
+    """Mass that all axes hold in a plan, its centre up to `REACH` from the last frame [kg]."""
+    found = np.inf
+    for measurement in filter(shows_parameters, plan.measurements):
+        motion, tau = bare.torque(measurement)
+        left = HOLD * bare.robot.torque_limit - bare.friction - np.abs(tau)
+        for phi in bare.bodies(1.0):
+            of_one = np.abs(inverse_dynamics(bare.robot, bare.columns.K @ phi, *motion))
+            found = min(found, float((left / np.maximum(of_one, 1e-9)).min()))
+    return max(found, 0.0)
+
+
+def allowed(
+    bare: WithoutLoad, found: FoundLoad | None = None, options: Sequence[Option] | None = None
+) -> list[Option]:
+    """Measurements that could be made, with a load in which all axes can move it."""
+    options = _options(bare) if options is None else list(options)
+    return options if found is None else _within_torque(bare, options, _possible(found))
+
+
+def at_position(
+    measurement: ParameterMeasurement, axis: int, position: float
+) -> ParameterMeasurement:
+    """Return strokes with an axis held elsewhere; what moves all axes stays as it is."""
+    if not isinstance(measurement, Strokes):
+        return measurement
+    q = list(measurement.q)
+    q[axis] = position
+    return measurement.model_copy(update={"q": tuple(q)})
+
+
+@lru_cache(maxsize=4)
+def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
+    """All that both stages choose from."""
+    if poses:
+        return _held(bare, _options(bare, poses[:-1]), *poses[-1])
+    plan = bare.plan
+    guarded = narrowed(bare.robot, plan.workspace)
+    return pool(guarded, plan.workspace, plan.sample_period, bare.noise, _EACH)
+
+
+def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: float) -> list[Option]:
+    """Options that do not move an axis, with it held at a position, clear of all boxes."""
+    guarded = replace(bare, robot=narrowed(bare.robot, bare.plan.workspace))
+    low, high = guarded.robot.q_min[axis], guarded.robot.q_max[axis]
+    if not low <= position <= high:
+        raise InvalidValue(
+            f"axis {axis + 1} at {position:.4g} must be within {low:.4g} ... {high:.4g}"
+            f" {'rad' if bare.robot.revolute[axis] else 'm'}, its range; correct --pose"
+        )
+    turned = (
+        replace(option, measurement=at_position(option.measurement, axis, position))
+        for option in options
+        if axis not in option.measurement.moved
+    )
+    found = [
+        replace(each, worth=guarded.judged(each.measurement))
+        for each in turned
+        if _is_clear(guarded, each.measurement)
+    ]
+    if not found:
+        raise InvalidValue(
+            f"no measurement with axis {axis + 1} at {position:.4g} keeps clear of the workspace's"
+            " boxes; take another --pose"
+        )
+    return found
+
+
+def _is_clear(bare: WithoutLoad, measurement: ParameterMeasurement) -> bool:
+    workspace = bare.plan.workspace
+    if workspace is None:
+        return True
+    q = forecast(measurement, _INSTANT).q
+    return bool(are_clear(bare.robot, workspace, JointBoxes(q[:-1], q[1:])).all())
+
+
+def _possible(found: FoundLoad) -> list[Array]:
+    """The load found, and the largest that it may be: heavier, and of `REACH` about its centre."""
+    shown = np.abs(found.phi) + np.diag(found.covariance) > 0
+    shown[list(INERTIAS)] = True
+    error = float(np.sqrt(found.covariance[MASS, MASS]))
+    most = max(found.phi[MASS] + SURE * error, 0.1)
+    centre = found.phi[list(FIRST_MOMENTS)] / max(found.phi[MASS], most / 2)
+    return [_body(mass, centre, shown) for mass in (max(found.phi[MASS], 0.0), most)]
+
+
+def _body(mass: float, centre: Array, shown: Mask) -> Array:
+    """Standard parameters of a load with radius of gyration `REACH`, shape (10,)."""
+    phi = np.zeros(10)
+    phi[MASS], phi[list(FIRST_MOMENTS)] = mass, mass * centre
+    about = mass * (float(centre @ centre) * np.eye(3) - np.outer(centre, centre))
+    about += mass * REACH**2 * np.eye(3)
+    phi[list(INERTIAS)] = about[np.triu_indices(3)]
+    return np.where(shown, phi, 0.0)
+
+
+def _within_torque(
+    bare: WithoutLoad, options: Sequence[Option], loads: Sequence[Array]
+) -> list[Option]:
+    """Options that all axes can carry out with every one of the loads, slower where need be."""
     found = []
     for option in options:
-        for share in SLOWER[:1] if is_slow(option.measurement) else SLOWER:
+        for share in SLOWER[:1] if _is_slow(option.measurement) else SLOWER:
             slower = _slowed(option.measurement, share)
-            if all(strain(robot, slower, p, friction) <= HOLD for p in loaded):
-                anew = option.worth if share == 1.0 else judged(robot, slower, period, noise)
-                found.append(replace(option, measurement=slower, worth=anew))
+            if bare.strain(slower, loads) <= HOLD:
+                worth = option.worth if share == 1.0 else bare.judged(slower)
+                found.append(replace(option, measurement=slower, worth=worth))
                 break
     return found
 
 
-def is_slow(measurement: ParameterMeasurement) -> bool:
+def _is_slow(measurement: ParameterMeasurement) -> bool:
     """Whether torques are read at constant velocity alone."""
     return not measurement.streamed and not any(measurement.unit_acceleration)
-
-
-def strain(robot: Robot, measurement: ParameterMeasurement, p: Array, friction: Array) -> float:
-    """Largest torque of any axis in a measurement, as share of its limit."""
-    planned = forecast(measurement, _INSTANT)
-    motion = planned.q, planned.qd, planned.qdd
-    tau = inverse_dynamics(robot, p, *motion) + motor_torque(robot, *motion)
-    return float(((np.abs(tau) + friction) / robot.torque_limit).max())
 
 
 def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasurement:
     if share == 1.0 or measurement.streamed:
         return measurement
-    if not measurement.partners:
-        return measurement.model_copy(update=_slower(measurement, share))
-    (partner,) = measurement.partners
-    slow = partner.model_copy(update=_slower(partner, share))
-    return measurement.model_copy(update={"partner": slow})
+    moved = measurement.partners[0] if measurement.partners else measurement
+    slow = {
+        "velocity": np.sqrt(share) * moved.velocity,
+        "acceleration": share * moved.acceleration,
+    }
+    if moved is not measurement:
+        slow = {"partner": moved.model_copy(update=slow)}
+    return measurement.model_copy(update=slow)
 
 
-def _slower(moved: Strokes | Partner, share: float) -> dict[str, float]:
-    return {"velocity": np.sqrt(share) * moved.velocity, "acceleration": share * moved.acceleration}
-
-
-def choose(
-    robot: Robot,
-    options: Sequence[Option],
-    E: Array,
-    known: Array,
-    load: slice,
-    seconds: float,
-    workspace: Workspace | None,
-) -> tuple[Plan, Array]:
-    """Choose measurements within `seconds`, ways included.
+def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> LoadPlan:
+    """Choose measurements within `seconds`, ways included, one after the other.
 
     Parameters
     ----------
     known : ndarray, shape (n_z, n_z)
         Information about z so far, of full rank.
-    load : slice
-        Where phi stands in z.
-
-    Returns
-    -------
-    plan : Plan
-    information : ndarray, shape (n_z, n_z)
-        With what was chosen.
-
-    Raises
-    ------
-    ValueError
-        Not even one measurement fits.
     """
-    worth = [embedded(option.worth, E) for option in options]
+    robot, workspace = bare.robot, bare.plan.workspace
+    worth = [bare.embedded(option.worth) for option in options]
     starts = np.array([option.measurement.start for option in options])
     durations = np.array([option.measurement.duration for option in options]) + SETTLING
     free, chosen = np.ones(len(options), dtype=bool), list[int]()
     order: list[ParameterMeasurement] = []
     while free.any():
-        gains = np.array([_log_det(known + each, load) for each in worth]) - _log_det(known, load)
+        now = _log_det(bare, known)
+        gains = np.array([_log_det(bare, known + each) - now for each in worth])
         here = starts[chosen] if chosen else np.zeros((1, robot.n_joints))
         ways = np.min([travel_times(robot, each, starts, TRAVEL) for each in here], axis=0)
         best = int(np.argmax(np.where(free, gains / (durations + ways), -np.inf)))
         free[best] = False
-        tried = _order(robot, [options[k].measurement for k in (*chosen, best)], workspace)
+        tried = [options[k].measurement for k in (*chosen, best)]
+        tried = (
+            guarded_tour(robot, workspace, tried, TRAVEL)
+            if workspace else ordered(robot, tried)
+        )  # fmt: skip
         if lasting(robot, tried) > seconds:
             break
         chosen.append(best)
         order, known = tried, known + worth[best]
     if not order:
-        raise ValueError(
+        raise InvalidValue(
             f"{seconds:.0f} s are too short for a measurement and the way to it; give more minutes"
         )
-    return as_plan(robot, numbered(order, set()), workspace=workspace), known
+    plan = as_plan(robot, numbered(order, set()), 0.0, workspace)
+    plan = plan.model_copy(update={"sample_period": bare.plan.sample_period})
+    return LoadPlan(plan, np.sqrt(np.diag(np.linalg.inv(bare.of_load(known)))))
 
 
-def _order(
-    robot: Robot, chosen: Sequence[ParameterMeasurement], workspace: Workspace | None
-) -> list[ParameterMeasurement]:
-    if workspace:
-        return guarded_tour(robot, workspace, chosen, TRAVEL)
-    return ordered(robot, chosen)
-
-
-def embedded(worth: Worth, E: Array) -> Array:
-    """Information about z of a measurement with the load, shape (n_z, n_z)."""
-    total = np.zeros((E.shape[1], E.shape[1]))
-    for at, each in worth:
-        total += E[at].T @ each @ E[at]
-    return total
-
-
-def _log_det(information: Array, load: slice) -> float:
-    return float(np.linalg.slogdet(of_load(information, load))[1])
+def _log_det(bare: WithoutLoad, information: Array) -> float:
+    return float(np.linalg.slogdet(bare.of_load(information))[1])

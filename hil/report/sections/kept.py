@@ -20,11 +20,11 @@ from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, 
 from hil.report.charts.svg import file
 from hil.report.section import Picture, Plot, Section, picture_uri
 from hil.report.sections.elements import residuals_over_angles
-from hil.results import diagnosis_file, payload_file
+from hil.results import diagnosis_file, load_file
 from hil.results.diagnosis_file import load_diagnosis
+from hil.results.load_file import DRAWN, read_load
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.payload_file import DRAWN, read_payload
 from hil.results.rounding import signed
 from hil.results.stamp import same_parameters
 from hil.results.tables import consistent
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from hil.report.reported_run import ForeignRun, IdentifiedRun
     from hil.results.diagnosis import Diagnosis
     from hil.results.diagnosis_file import DiagnosisFile
-    from hil.results.payload_file import ElementRecord, PayloadFile
+    from hil.results.load_file import ElementRecord, LoadFile
     from hil.runs.run import Run
 
     Array = NDArray[np.float64]
@@ -145,9 +145,7 @@ def bodies(run: IdentifiedRun | ForeignRun) -> Section | None:
 
 def load(run: IdentifiedRun | ForeignRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
-    found, note = current(
-        read_payload, run, payload_file.NAME, f"hil payload WITHOUT {run.source.path}"
-    )
+    found, note = current(read_load, run, load_file.NAME, f"hil payload WITHOUT {run.source.path}")
     if found is None and not note:
         return None
     # of imported motions there are no elements by themselves to draw
@@ -157,7 +155,7 @@ def load(run: IdentifiedRun | ForeignRun) -> Section | None:
     return Section("The load", "payload.html", values, plots)
 
 
-def _load_plot(name: str, load: PayloadFile, robot: Robot) -> Plot:
+def _load_plot(name: str, load: LoadFile, robot: Robot) -> Plot:
     kind = ELEMENT_KINDS[name]
     elements = kind.elements.capitalize()
     return Plot(

@@ -8,7 +8,8 @@ from hil.results.rounding import rounded, signed, uncertain, unit
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:
-    from hil.results.payload_file import Change, GainRecord, PayloadFile, QuantityRecord
+    from hil.estimation.loads.figures import Quantity
+    from hil.results.load_file import Change, GainRecord, LoadFile
     from hil.results.tables.table import Row
 
 OF_MAPS = (
@@ -19,8 +20,11 @@ MISFIT = 0.001
 """p-value below which something else than a rigid load changed."""
 
 
-def changes(load: PayloadFile) -> Table:
-    """Base parameters without and with the load, and what a rigid load changes of them."""
+def changes(load: LoadFile) -> Table:
+    """Base parameters without and with the load, and what a rigid load changes of them.
+
+    No rows where one of the runs does not identify the robot.
+    """
     return Table(
         title="Change by the load: the paper's Table 3 of this robot",
         columns=(
@@ -37,7 +41,7 @@ def changes(load: PayloadFile) -> Table:
     )
 
 
-def _units(load: PayloadFile) -> str:
+def _units(load: LoadFile) -> str:
     found = list(dict.fromkeys(unit(each.unit) for each in load.changes))
     return " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found)
 
@@ -49,7 +53,7 @@ def _change(each: Change) -> Row:
     return (each.name, *(rounded(value, s) for value in values), z, each.share)
 
 
-def quantities(load: PayloadFile) -> Table:
+def quantities(load: LoadFile) -> Table:
     """Mass, first moments, centre of mass and inertia of the load."""
     return Table(
         title="The load, in the last link's frame",
@@ -58,14 +62,14 @@ def quantities(load: PayloadFile) -> Table:
     )
 
 
-def _quantity(q: QuantityRecord) -> Row:
+def _quantity(q: Quantity) -> Row:
     value, error = uncertain(q.value, q.standard_error)
-    half = "" if q.half_width is None else uncertain(q.half_width, q.standard_error)[0]
+    half = uncertain(q.half_width, q.standard_error)[0] if q.half_width else ""
     stated = not q.standard_error
     return q.name, value, "stated" if stated else error, "" if stated else half, unit(q.unit)
 
 
-def torque_constants(load: PayloadFile) -> Table:
+def torque_constants(load: LoadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
     stated = "" if load.mass is None else f"The mass was stated as {load.mass:g} kg."
     return Table(
@@ -90,9 +94,11 @@ def _gain(gain: GainRecord) -> Row:
     return axis, assumed, *found, *uncertain(100 * gain.error, 100 * gain.error_standard_error)
 
 
-def goodness_of_fit(load: PayloadFile) -> str:
-    """State how well a rigid load explains the changes."""
+def goodness_of_fit(load: LoadFile) -> str:
+    """State how well a rigid load explains the changes; empty where that was not tested."""
     p = load.p_value
+    if not load.degrees_of_freedom:
+        return ""
     return (
         f"A rigid load leaves χ² = {load.chi_squared:.1f} of the differences with"
         f" {load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
@@ -100,14 +106,14 @@ def goodness_of_fit(load: PayloadFile) -> str:
     )
 
 
-def _or_gains(load: PayloadFile) -> str:
+def _or_gains(load: LoadFile) -> str:
     """What else explains changes that no load makes, of imported runs with gains as stated."""
     if not load.imported or load.gains:
         return ""
     return ", or the gains are wrong, which --mass and --gains find"
 
 
-def unseen(load: PayloadFile) -> str:
+def unseen(load: LoadFile) -> str:
     """State what of the load the runs do not show; empty where they show all of it."""
     said = []
     if load.unseen:

@@ -133,7 +133,7 @@ def test_a_folder_is_made_with_those_about_it_and_a_file_s_folder_is_not(
     ("command", "result"),
     [
         ("identify", "model.yaml"), ("report", "report.html"), ("diagnose", "diagnosis.yaml"),
-        ("friction fit", "friction.yaml"), ("payload", "payload.yaml"), ("view", "view.html"),
+        ("friction fit", "friction.yaml"), ("payload", "load.yaml"), ("view", "view.html"),
         ("validate", "validation.yaml"),
     ],
 )  # fmt: skip

@@ -20,7 +20,7 @@ from hil.report.page import report
 from hil.report.sections.kept import current
 from hil.results.diagnosis import diagnose
 from hil.results.diagnosis_file import NAME, DiagnosisFile, write_diagnosis
-from hil.results.payload_file import PayloadFile, read_payload
+from hil.results.load_file import LoadFile, read_load
 from hil.results.tables.payload import changes, quantities, torque_constants
 from hil.results.tables.terminal import show
 from hil.runs.run import Run
@@ -80,7 +80,7 @@ def copies(runs, tmp_path):
 def kept(runs):
     """What the command found of the load."""
     hil("payload", runs / "bare", runs / "loaded", "--mass", 10.86)
-    return load_yaml(runs / "loaded" / "payload.yaml", PayloadFile)
+    return load_yaml(runs / "loaded" / "load.yaml", LoadFile)
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +96,8 @@ def bare_page(runs, kept):
 class TestLoad:
     def test_it_is_kept_in_the_loaded_runs_folder_with_what_it_was_made_of(self, kept):
         assert kept.without.folder == "../bare"
-        assert kept.loaded.folder == "."
-        assert kept.without.recordings != kept.loaded.recordings
+        assert [each.folder for each in kept.loaded] == ["."]
+        assert kept.without.recordings != kept.loaded[0].recordings
         assert {q.name for q in kept.load} >= {"mass", "sz", "centre z", "Ixx", "Izz"}
         assert len(kept.elements_without) == len(kept.elements_loaded) == 36
 
@@ -133,14 +133,14 @@ class TestLoad:
         """What a report of the loaded run would show and note, were the estimate as it was."""
         then = SimpleNamespace(values=np.array([each.loaded for each in kept.changes]))
         run = SimpleNamespace(source=Run.open(place / "loaded"), model=then)
-        return current(read_payload, run, "payload.yaml", "hil payload")
+        return current(read_load, run, "load.yaml", "hil payload")
 
     @pytest.mark.parametrize("changed", ["bare", "loaded"])
     def test_recordings_that_changed_since_make_it_stale(self, kept, copies, changed):
         (copies / changed / "recordings" / "i05.h5").unlink()
         load, note = self.noted(copies, kept)
         assert load is None
-        assert "payload.yaml is stale and not shown: the recordings of" in note
+        assert "load.yaml is stale and not shown: the recordings of" in note
         assert "Make it anew with: hil payload" in note
 
     def test_without_the_other_run_it_is_still_shown(self, kept, copies):
@@ -148,8 +148,8 @@ class TestLoad:
         assert self.noted(copies, kept) == (kept, "")
 
     def test_a_damaged_file_is_told(self, kept, copies):
-        (copies / "loaded" / "payload.yaml").write_text("format: 9\n")
-        assert "payload.yaml cannot be used" in self.noted(copies, kept)[1]
+        (copies / "loaded" / "load.yaml").write_text("format: 9\n")
+        assert "load.yaml cannot be used" in self.noted(copies, kept)[1]
 
 
 class TestDiagnosis:

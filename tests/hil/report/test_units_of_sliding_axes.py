@@ -14,7 +14,7 @@ from hil.model.robot import Robot, load_robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.sections.kept import shifted_sinusoid, with_and_without_load
-from hil.results.payload_file import ElementRecord
+from hil.results.load_file import ElementRecord
 from hil.runs.recording import Recording
 from hil.runs.recording_file import Measured, read_measured, write_measured
 

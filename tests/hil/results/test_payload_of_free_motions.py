@@ -16,8 +16,8 @@ from hil import cli
 from hil.errors import Mismatch, NoLoad
 from hil.report.page import report
 from hil.results.diagnosis import diagnose
-from hil.results.payload import find_payload
-from hil.results.payload_file import PayloadFile
+from hil.results.load import find_payload
+from hil.results.load_file import UNIDENTIFIABLE, LoadFile
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -64,13 +64,13 @@ def found_in(runs: Path, kind: str, mass: float | None = None, *, gains: bool = 
 
 
 @pytest.fixture(scope="module")
-def kept(runs: Path) -> PayloadFile:
+def kept(runs: Path) -> LoadFile:
     """What the command writes."""
     hil("payload", runs / "bare", runs / "loaded")
-    return load_yaml(runs / "loaded" / "payload.yaml", PayloadFile)
+    return load_yaml(runs / "loaded" / "load.yaml", LoadFile)
 
 
-def test_load_and_its_intervals_are_found_and_kept(kept: PayloadFile) -> None:
+def test_load_and_its_intervals_are_found_and_kept(kept: LoadFile) -> None:
     found = {q.name: q for q in kept.load}
     assert list(found) == [
         "mass", "sx", "sy", "centre x", "centre y", "Izz", "Izz about the centre",
@@ -86,12 +86,12 @@ def test_load_and_its_intervals_are_found_and_kept(kept: PayloadFile) -> None:
     assert kept.imported
 
 
-def test_what_no_motion_of_this_robot_shows_is_named(kept: PayloadFile) -> None:
+def test_what_no_motion_of_this_robot_shows_is_named(kept: LoadFile) -> None:
     assert set(kept.unidentifiable) == set(NEVER)
     assert kept.unseen == ()
 
 
-def test_the_report_of_the_loaded_run_shows_the_load(runs: Path, kept: PayloadFile) -> None:
+def test_the_report_of_the_loaded_run_shows_the_load(runs: Path, kept: LoadFile) -> None:
     text = re.sub(
         r"\s+", " ", re.sub(r"<[^>]+>", " ", report(Run.open(runs / "loaded")).read_text())
     )
@@ -103,13 +103,14 @@ def test_the_report_of_the_loaded_run_shows_the_load(runs: Path, kept: PayloadFi
 
 def test_wrong_gains_are_found_by_the_mass_and_the_load_with_them(runs: Path) -> None:
     found = found_in(runs, "wrong-", MASS, gains=True)
-    assert found.gains is not None
-    told = found.gains.identifiable
+    assert found.by_mass is not None
+    gains, error = found.by_mass.gains, found.by_mass.gain_errors
+    told = error < UNIDENTIFIABLE
     assert told[[0, 1, 3]].all()
-    z = (found.gains.constant - GAINS) / found.gains.constant_error
+    z = (gains / GAINS - 1.0) / error
     assert np.abs(z[told]).max() < 4
-    assert found.gains.constant_error[[0, 1, 3]].max() < 0.03
-    by_name = {q.name: q for q in found.payload.quantities()}
+    assert error[[0, 1, 3]].max() < 0.03
+    by_name = {q.name: q for q in found.load.quantities()}
     assert (by_name["mass"].value, by_name["mass"].standard_error) == (MASS, 0.0)
     assert by_name["centre x"].value == pytest.approx(0.03, abs=2 * by_name["centre x"].half_width)
 
@@ -126,14 +127,14 @@ def test_a_mass_that_contradicts_the_runs_is_refused_with_the_gains_that_would_e
 
 
 def test_unknown_gains_of_both_runs_are_found_with_the_load(runs: Path) -> None:
-    found = found_in(runs, "unknown-").payload
+    found = found_in(runs, "unknown-").load
     (mass,) = (q for q in found.quantities() if q.name == "mass")
     assert mass.value == pytest.approx(MASS, abs=2 * mass.half_width)
     assert mass.standard_error < 0.05 * MASS
-    with_gains = found_in(runs, "unknown-", MASS, gains=True).gains
-    assert with_gains is not None
-    assert with_gains.constant[:2] == pytest.approx([0.1, 0.2], rel=0.05)
-    assert np.isnan(with_gains.error).tolist() == [True, True, False, False]
+    with_gains = found_in(runs, "unknown-", MASS, gains=True)
+    assert with_gains.by_mass is not None
+    assert with_gains.by_mass.gains[:2] == pytest.approx([0.1, 0.2], rel=0.05)
+    assert np.isnan(with_gains.assumed).tolist() == [True, True, False, False]
 
 
 @pytest.mark.parametrize(("second", "error", "words"), [

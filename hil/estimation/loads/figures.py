@@ -7,109 +7,135 @@ origin (Huygens and Steiner), their errors to first order.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
+from pydantic import BeforeValidator
 from scipy import special
 
-from hil.estimation.intervals import MANY, combined_degrees, half_width
+from checked_files.yaml_file import FileModel
+from hil.estimation.intervals import combined_degrees, half_width
+from hil.model.load import FIRST_MOMENTS, MASS
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    from hil.estimation.load_misfit import AxisMisfit
 
-    Array = NDArray[np.float64]
-
-MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
-"""Where mass, first moments and inertias stand in eq. (4)."""
-CONTRADICTS = 4.0
-"""Standard errors between a stated mass and the one that is found, from which they contradict."""
+LOOSE = 0.001
+"""Chance of what a rigid load leaves, from which on it is not rigid."""
 _STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
 """First moments whose squares belong to each moment of inertia."""
 _DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """One figure with its standard error and the half-width of its interval of 95 %."""
+class Quantity(FileModel):
+    """One figure of a load."""
 
     name: str
     value: float
     standard_error: float
-    half_width: float
+    half_width: Annotated[float, BeforeValidator(lambda x: x or 0.0)] = 0.0
+    """Of the interval of 95 %; 0 where an earlier version kept none."""
     unit: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Payload:
-    """A load and how well it explains the change of the base parameters.
+class AxisMisfit(FileModel):
+    """What measurements of one axis with a load leave beside those without.
 
     Attributes
     ----------
-    before, after, change, standard_error : ndarray, shape (n_base,)
-        Base parameters without and with the load, their difference and its standard error.
-    expected : ndarray, shape (n_base,)
-        K_n phi of the load found.
-    covariance : ndarray, shape (n_base, n_base)
-        Of `change`.
+    axis : int
+        Number from 1.
+    ratio : float
+        Of the mean squares.
+    p_value : float
+        Chance of a ratio at least as great, were the load rigid and nothing else changed.
+    """
+
+    axis: int
+    ratio: float
+    p_value: float
+
+
+class Chance(NamedTuple):
+    """Hotelling's T^2 of so many directions, and the chance of one at least as great."""
+
+    square: float
+    directions: int
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """A load, and the robot and gains that were found with it.
+
+    Attributes
+    ----------
+    p : ndarray, shape (n_base,)
+        Base parameters without the load.
     phi : ndarray, shape (10,)
         The load's standard parameters in the last link's frame, order of eq. (4).
-    phi_covariance : ndarray, shape (10, 10)
+    covariance : ndarray, shape (10, 10)
+        Zero for those that were stated, that the robot file leaves out or that are open.
+    degrees : ndarray, shape (10,)
+        Effective degrees of freedom.
     stated_mass : float or None
         The mass that was stated and held [kg]; None where it was estimated.
     unseen : tuple of str
         Of the load's ten those that the robot file leaves out of the last link.
-    chi_squared : float
-        Squares of what phi leaves of dp, by its covariance.
-    degrees_of_freedom : int
-        Of that; 0 where nothing is left to be tested.
     unidentifiable : tuple of str
         Of the load's ten those that the recordings do not determine.
-    degrees : ndarray, shape (10,), optional
-        Effective degrees of freedom of `phi_covariance`; many where there are none.
-    chance : float, optional
-        `p_value`, where the covariance behind `chi_squared` is itself uncertain.
+    gains : ndarray, shape (n_joints,)
+        [N m or N for one unit of the torque that was read with the load].
+    gain_errors : ndarray, shape (n_joints,)
+        Relative standard errors; 0 for gains that were taken as stated, inf for those that nothing
+        determines.
+    present, rigid : Chance
+        Of no load at all, and of nothing but a rigid load; of no directions where the run with the
+        load does not determine every change of the base parameters.
     misfit : tuple of AxisMisfit
-        What a rigid load leaves of each axis's torque, beside without it, where that was tested.
+        What strokes with the load contradict one another by, beside those without.
     """
 
-    before: Array
-    after: Array
-    change: Array
-    standard_error: Array
-    expected: Array
-    covariance: Array
+    p: Array
     phi: Array
-    phi_covariance: Array
+    covariance: Array
+    degrees: Array
     stated_mass: float | None
     unseen: tuple[str, ...]
-    chi_squared: float
-    degrees_of_freedom: int
-    unidentifiable: tuple[str, ...] = ()
-    degrees: Array | None = None
-    chance: float | None = None
-    misfit: tuple[AxisMisfit, ...] = ()
-
-    @property
-    def p_value(self) -> float:
-        """Chance of a misfit at least so large, were the load rigid and nothing else changed.
-
-        NaN where nothing was tested.
-        """
-        if self.chance is not None:
-            return self.chance
-        return float(special.chdtrc(self.degrees_of_freedom, self.chi_squared))
+    unidentifiable: tuple[str, ...]
+    gains: Array
+    gain_errors: Array
+    present: Chance
+    rigid: Chance
+    misfit: tuple[AxisMisfit, ...]
 
     @property
     def mass(self) -> Quantity:
         """Mass [kg]; a stated one has no standard error."""
         return self._quantity("mass", _unit(MASS, 10), "kg")
 
+    @property
+    def rigid_chance(self) -> float:
+        """Chance of the worst axis's misfit, as one of so many that were tested."""
+        chances = [each.p_value for each in self.misfit]
+        return min(1.0, len(chances) * min(chances)) if chances else 1.0
+
+    @property
+    def is_no_body(self) -> bool:
+        """Whether a moment of inertia about the centre is negative beyond its error."""
+        least = self.least_inertia()
+        return least is not None and least[1] <= LOOSE
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether the axes' torques contradict a load that is rigid and fixed, or no body is so."""
+        return self.rigid_chance <= LOOSE or self.is_no_body
+
     def quantities(self) -> list[Quantity]:
         """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
-        present = [k for k in range(10) if self.phi_covariance[k, k] > 0]
+        present = [k for k in range(10) if self.covariance[k, k] > 0]
         found = [self.mass] if MASS in present or self.stated_mass is not None else []
         heavy = bool(found) and self.phi[MASS] > 0
         first = [(k, axis) for k, axis in zip(FIRST_MOMENTS, "xyz", strict=True) if k in present]
@@ -137,7 +163,7 @@ class Payload:
         No moment of inertia is negative, so for all pairs of axes (Iii + Ijj) / 2 >= |Iij|. None
         where not all inertias were estimated.
         """
-        if not (np.all(np.diag(self.phi_covariance)[:6] > 0) and self.phi[MASS] > 0):
+        if not (np.all(np.diag(self.covariance)[:6] > 0) and self.phi[MASS] > 0):
             return None
         found = []
         for name in _DEVIATION:
@@ -178,14 +204,15 @@ class Payload:
         return self._at(name, float(gradient @ self.phi), gradient, unit)
 
     def _at(self, name: str, value: float, gradient: Array, unit: str) -> Quantity:
-        error = float(np.sqrt(gradient @ self.phi_covariance @ gradient))
+        error = float(np.sqrt(gradient @ self.covariance @ gradient))
         freedom = self._degrees_of(gradient)
         half = half_width(np.array(error**2), np.zeros(()), freedom, 0.95)
-        return Quantity(name, value, error, float(half), unit)
+        return Quantity(
+            name=name, value=value, standard_error=error, half_width=float(half), unit=unit
+        )
 
     def _degrees_of(self, gradient: Array) -> Array:
-        degrees = np.full(10, MANY) if self.degrees is None else self.degrees
-        return combined_degrees(gradient, np.diag(self.phi_covariance), degrees)
+        return combined_degrees(gradient, np.diag(self.covariance), self.degrees)
 
 
 def _unit(k: int, n: int) -> Array:

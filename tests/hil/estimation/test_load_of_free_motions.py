@@ -1,4 +1,4 @@
-"""A load from two runs of free motions: its intervals, and gains by its mass alone."""
+"""A load from runs of free motions: its intervals, gains by its mass, strokes in either run."""
 
 from __future__ import annotations
 
@@ -7,12 +7,18 @@ import re
 import numpy as np
 import pytest
 from scipy import special
+from synthetic import Friction, record
 from twin_recordings import TwinRecorder, brick, in_units
 
 from hil.estimation.free_motion.gathering import Gathered, gather
-from hil.estimation.free_motion.load import fit_load
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
+from hil.estimation.loads.evidence import of_free_motions, of_strokes
+from hil.estimation.loads.fit import fit_load
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.model.load import load_columns
 from hil.model.robot import parse_robot
+from hil.planning.design.by_counts import design
 
 MASS = 2.805
 LOAD = brick(MASS, (0.03, -0.02, 0.05), 0.05)
@@ -29,11 +35,16 @@ def gathered(twin: TwinRecorder, data, *, open_scale: bool = False) -> Gathered:
     return gather(twin.robot, data, VARIANTS[DEFAULT], open_scale=open_scale)
 
 
+def fitted(robot, runs, *of_load, **gains):
+    bare, loaded = of_free_motions(robot, runs)
+    return fit_load(robot, bare, lambda _: loaded, *of_load, **gains)
+
+
 def test_intervals_hold_the_load(twin: TwinRecorder) -> None:
     held = []
     for seed in range(6):
         pair = [twin.recorded(2 * seed + 50, n=1), twin.recorded(2 * seed + 51, LOAD, n=1)]
-        found = fit_load(twin.robot, [gathered(twin, data) for data in pair])
+        found = fitted(twin.robot, [gathered(twin, data) for data in pair])
         error = np.sqrt(np.diag(found.covariance))
         assert (error > 0).sum() == len(SEEN)
         seen = error > 0
@@ -57,7 +68,7 @@ def test_a_known_mass_fixes_the_gains_of_all_axes_though_nothing_else_does(
     ]
     runs = [gathered(without_rotors, data, open_scale=True) for data in pair]
     assert all(len(run.scaling.unknown) < 4 for run in runs)  # a scale is open
-    found = fit_load(without_rotors.robot, runs, MASS, gains=True)
+    found = fitted(without_rotors.robot, runs, MASS, gains=True)
     relative = found.gains / np.array(list(gains.values())) - 1
     assert (np.abs(relative) < 4 * found.gain_errors).all()
     assert found.gain_errors[[0, 1, 3]].max() < 0.03
@@ -68,6 +79,33 @@ def test_a_known_mass_fixes_the_gains_of_all_axes_though_nothing_else_does(
 
 def test_without_a_load_none_is_found_and_nothing_but_chance_is_left(twin: TwinRecorder) -> None:
     runs = [gathered(twin, twin.recorded(seed, n=1)) for seed in (80, 81)]
-    found = fit_load(twin.robot, runs)
+    found = fitted(twin.robot, runs)
     assert found.present.p_value > 0.01
     assert found.rigid.p_value > 0.01
+
+
+def strokes(robot, p, seed: int):
+    """Evidence of strokes of a machine with base parameters p."""
+    rng, friction = np.random.default_rng(seed), Friction(offset=np.zeros(robot.n_joints))
+    plan = design(robot, {"gravity": 6, "inertia": 16, "coupling": 6})
+    fit = SimultaneousFit(robot, [
+        (m, signals(record(robot, m, p, friction, noise=0.002, rng=rng))) for m in plan.measurements
+    ])  # fmt: skip
+    return of_strokes(robot, fit.items, fit.loaded)
+
+
+@pytest.mark.parametrize("imported", ["loaded", "bare"])
+def test_one_run_may_be_of_strokes_and_the_other_imported(twin: TwinRecorder, imported) -> None:
+    robot, p = twin.robot, twin.truth
+    load = LOAD if imported == "loaded" else None
+    (free,) = of_free_motions(robot, [gathered(twin, twin.recorded(2, load, n=2))])
+    if imported == "loaded":
+        found = fit_load(robot, strokes(robot, p, 1), lambda _: free)
+    else:
+        with_load = strokes(robot, p + load_columns(robot).K @ LOAD.phi(), 1)
+        found = fit_load(robot, free, lambda _: with_load)
+    error = np.sqrt(np.diag(found.covariance))
+    assert (error > 0).sum() == len(SEEN)
+    assert (np.abs(found.phi - LOAD.phi())[error > 0] < 4 * error[error > 0]).all()
+    assert error[9] < 0.015 * MASS
+    assert found.present.p_value < 1e-6

@@ -1,0 +1,1 @@
+"""A load at the last link, from runs without and with it."""

@@ -1,0 +1,132 @@
+"""What a run says of a robot, with a load or without: blocks of one form for all kinds of run.
+
+The torque of an axis is the first column, as it was read, in SI by the gains that are stated or in
+the unit of its signal. Columns that all axes share are those of the base parameters, of coupled
+motors' friction and of the torque that turns rotors of known inertia (`ROTOR`); own columns are an
+axis's friction. So every gain and every load is a combination of columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hil.estimation.condensed import ROTOR as CONDENSED_ROTOR
+from hil.estimation.condensed import condensed_blocks, stack
+from hil.estimation.free_motion.choice import law_terms
+from hil.estimation.free_motion.columns import ROTOR
+from hil.estimation.free_motion.solution import BLOCKS
+from hil.friction.equation import ASYMMETRIC, COMMON, LOAD
+from hil.friction.terms import COLUMNS
+from hil.model.base_parameters import base_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from hil.arrays import Array, Mask
+    from hil.estimation.condensed import Condensed, Stacked
+    from hil.estimation.free_motion.gathering import Gathered
+    from hil.estimation.signals import Signals
+    from hil.estimation.simultaneous import SimultaneousFit
+    from hil.least_squares.blocks import Blocks
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMotion
+
+    Prepared = Iterable[tuple[ParameterMotion, Signals]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Blocks of a run.
+
+    Attributes
+    ----------
+    kind : str
+        What groups are: measurements or periods with friction of their own, or pieces of time.
+    blocks : Blocks
+    apart : frozenset of str
+        Columns whose unknowns another run of this kind has anew.
+    terms : tuple of frozenset of str
+        Own columns of each axis that its law of friction has.
+    gains : ndarray, shape (n_joints,)
+        [N m or N for one unit of the signal], to begin with where they are open.
+    cells : Blocks, optional
+        The same samples by state, of free motions.
+    unknown : tuple of int
+        Axes, from 0, whose gain the map leaves open.
+    scale_open : bool
+        Whether one more gain is, which was held at random.
+    """
+
+    kind: Literal["strokes", "free motions"]
+    blocks: Blocks
+    apart: frozenset[str]
+    terms: tuple[frozenset[str], ...]
+    gains: Array
+    cells: Blocks | None = None
+    unknown: tuple[int, ...] = ()
+    scale_open: bool = False
+
+
+def of_strokes(robot: Robot, items: Sequence[Sequence[Condensed]], loaded: Mask) -> Evidence:
+    """Evidence of condensed measurements, friction of the load on axes that are `loaded` alone."""
+    blocks, common, n = condensed_blocks(robot, items), COMMON, robot.n_joints
+    torque, rotor = np.eye(1, blocks.products.shape[-1]), blocks.place(CONDENSED_ROTOR)
+    motors = np.zeros_like(torque)
+    # condensed is the torque less that of the rotors
+    torque[:, rotor] = motors[:, rotor] = 1.0
+    return Evidence(
+        kind="strokes",
+        blocks=blocks.recast(torque, {ROTOR: motors}, (CONDENSED_ROTOR,)),
+        apart=frozenset(common[k] for k in ASYMMETRIC),
+        terms=tuple(frozenset(common if each else common[:LOAD]) for each in loaded),
+        gains=np.ones(n),
+    )
+
+
+def condensed_like(
+    robot: Robot, fit: SimultaneousFit, prepared: Prepared, p: Array
+) -> list[list[Condensed]]:
+    """Condense measurements, friction of the transmitted torque where a fit of others has it.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n_base,)
+        By which torque is transmitted.
+    """
+
+    def of_axis(each: Stacked) -> Condensed:
+        return (each.loaded(each.load(p)) if fit.loaded[each.axis] else each).condensed()
+
+    stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
+    return [[of_axis(each) for each in axes] for axes in stacks]
+
+
+def of_free_motions(robot: Robot, runs: Sequence[Gathered]) -> list[Evidence]:
+    """Evidence of imported runs: they share the dead zone and, axis by axis, terms of friction."""
+    slowest = max((run.choice.slowest for run in runs), default=0)
+    terms = tuple(
+        frozenset(term for run in runs for term in law_terms(run.choice.laws[axis]))
+        for axis in range(robot.n_joints)
+    )
+    used = [name for name in COLUMNS if any(name in law for law in terms)]
+    found = []
+    for run in runs:
+        shared = run.recorded.layout.shared
+        pieces, cells = (
+            each[slowest].only(shared, used) for each in (run.recorded.pieces, run.recorded.cells)
+        )
+        coupled = set(shared) - {*base_parameters(robot).names, ROTOR}
+        found.append(Evidence(
+            kind="free motions",
+            blocks=pieces.grouped(BLOCKS),
+            apart=frozenset({*coupled, *COLUMNS}),
+            terms=terms,
+            gains=run.scaling.gains,
+            cells=cells.where(cells.counts.sum(axis=1) > 0),
+            unknown=run.scaling.unknown,
+            scale_open=run.scaling.unknown != run.found.unknown_gains,
+        ))  # fmt: skip
+    return found

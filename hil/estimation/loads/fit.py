@@ -1,0 +1,429 @@
+"""A load is up to ten more columns beside a robot, from a run without it and one with it.
+
+With s = 0 and 1 for the run without and with the load,
+
+    g_i y_i - Qm_i - s A_i K phi_known = A_i p + s A_i K phi + F_i a_is - d_i (model)_present,
+
+in which y is the torque as it was read, Qm that of the motors' rotors, K phi what a load adds to
+the base parameters (`hil.model.load`), F friction and d the relative change of an unknown gain g,
+linearised about the present solution (Gauss and Newton). All columns are combinations of those that
+a run of any kind gives (`evidence`), so runs of any kinds make one regression, each axis of each
+run weighted by what the solution leaves there. Neither run need identify anything by itself.
+
+A gain that is off by a share makes all torques of its axis wrong by that share, and shows in no
+residual of a run: the base parameters take it up. The change that a known mass brings about is
+known too, so with the mass all gains may be found. One that the load does not show stays as stated,
+within `GAIN_STATED`.
+
+Covariances come from what differs between groups, of which few carry phi: scores are corrected for
+the solution's having come to meet them (CR2). What repeats with the motion differs between cells of
+states (`hil.estimation.free_motion.uncertainty`); noise is in both, so that the larger variance
+counts. Errors of torque constants and rotor inertias are the same in both runs, and enter by what
+they do to the solution.
+
+Whether anything but a rigid load changed is asked with a change dp of all base parameters in its
+place: what of dp no load explains should be no larger than its covariance (Hotelling's T^2). In the
+same way a load that is nothing but error is found. A short run does not determine dp.
+Of every measurement of an axis remains its score about the base
+parameters, e. Had they to be found from this measurement alone, in as many directions r as it
+determines, they would differ from those found by
+
+    T = e'I^+ e,
+
+with the information I of the measurement. Noise and friction that wanders leave some T in any run.
+A load that gives way, slides or drags a cable along leaves more of it in the run with the load, as
+does friction that the load changed. So the mean T / r of an axis with the load is compared with
+that without: their ratio, were nothing else different, has about an F distribution with as many
+degrees of freedom as there are measurements of the axis in each run. What T adds within a
+measurement is alike in all of its directions, so r does not count them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import linalg, special
+
+from hil.estimation.free_motion.columns import ROTOR
+from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling, gain_name
+from hil.estimation.intervals import MANY
+from hil.estimation.loads.figures import AxisMisfit, Chance, Load
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.layout import embedded
+from hil.least_squares.regression import Regression
+from hil.least_squares.solving import inverse, inverse_root, solved, undetermined_beside
+from hil.least_squares.uncertainty import correlation_of, scatter
+from hil.model.base_parameters import base_parameters
+from hil.model.load import MASS, load_columns
+from hil.model.robot_file import LINK_PARAMETERS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.arrays import Array, Indices, Mask
+    from hil.estimation.loads.evidence import Evidence
+    from hil.model.robot import Robot
+
+    Runs = tuple[Evidence, Evidence]
+
+GAIN_STATED = 0.5
+"""Standard deviation of the logarithm of a stated gain before any measurement: wide enough to sway
+none that a load shows, and none is undetermined."""
+STEADY = 1e-6
+"""Relative change of weights that is none."""
+PASSES = 2
+"""Times that friction of the transmitted torque is made of what the load adds to it."""
+_SHOWN = 1e-4
+"""Share of the information's largest eigenvalue from which on a measurement shows a direction."""
+_FEWEST = 2
+"""Measurements of an axis in a run from which on it is tested."""
+
+
+def fit_load(
+    robot: Robot,
+    bare: Evidence,
+    with_load: Callable[[Array], Evidence],
+    mass: float | None = None,
+    *,
+    gains: bool = False,
+) -> Load:
+    """Find a load.
+
+    Parameters
+    ----------
+    with_load : callable
+        Evidence of the run with the load, of the change of the base parameters that it makes;
+        friction may depend on it.
+    mass : float, optional
+        Of the load, if it is known: held [kg].
+    gains : bool
+        Whether the gains of all axes are found too, which takes the mass.
+
+    Raises
+    ------
+    NoLoad
+        The robot file states no parameter of the last link that a load could change.
+    """
+    load = load_columns(robot)
+    known, free = np.zeros(10), load.free
+    if mass is not None:
+        known[MASS], free = mass, load.without_mass
+    terms = _Terms(load.K @ known, load.K @ free, "load")
+    change, loaded = terms.known, None
+    for _ in range(PASSES):
+        before, loaded = loaded, with_load(change)
+        if loaded is not before:
+            unknown = {axis for run in (bare, loaded) for axis in run.unknown}
+            wanted = list(range(robot.n_joints)) if gains else sorted(unknown)
+            joint = _determined(robot, (bare, loaded), terms, mass, wanted)
+            change = terms.known + terms.columns @ joint.of("load")
+    return _described(joint, wanted, mass, known, free)
+
+
+def _described(
+    joint: _Joint, wanted: list[int], mass: float | None, known: Array, free: Array
+) -> Load:
+    load = load_columns(joint.robot)
+    at, gains = joint.places("load"), joint.places("gain")
+    V, degrees = joint.uncertainty()
+    errors = np.zeros(joint.robot.n_joints)
+    errors[wanted] = np.inf
+    errors[joint.axes] = np.sqrt(np.diag(V)[gains])
+    lost = joint.undetermined("load")
+    seen = np.where(lost, 0.0, 1.0)
+    V = V[np.ix_(at, at)] * np.outer(seen, seen)
+    is_open = zip(LINK_PARAMETERS, np.abs(free) @ lost > 0, strict=True)
+    return Load(
+        p=joint.of("base"),
+        phi=known + free @ (seen * joint.of("load")),
+        covariance=free @ V @ free.T,
+        degrees=np.where(free.any(axis=1), np.maximum(np.abs(free) @ degrees[at], 1.0), MANY),
+        stated_mass=mass,
+        unseen=load.absent,
+        unidentifiable=tuple(name for name, each in is_open if each or name in load.dark),
+        gains=joint.gains[1],
+        gain_errors=errors,
+        present=_test(joint.of("load"), V, joint.n_groups),
+        rigid=_rigid(joint),
+        misfit=joint.misfit(),
+    )
+
+
+def _determined(
+    robot: Robot, runs: Runs, terms: _Terms, mass: float | None, wanted: Sequence[int]
+) -> _Joint:
+    """Regression with those of the wanted gains that are determined."""
+    start = np.array([run.gains for run in runs])
+    if runs[0].kind == runs[1].kind:
+        start[:] = np.exp(np.mean(np.log(start), axis=0))
+    if mass is not None and wanted and any(run.scale_open for run in runs):
+        # one gain was held at random: scaled so that the mass is right
+        load = load_columns(robot)
+        whole = _Terms(np.zeros(len(load.K)), load.shown, "load")
+        found = float((load.free @ _Joint(robot, runs, whole, (), start).of("load"))[MASS])
+        start *= mass / found if found > 0 else 1.0
+    joint = _Joint(robot, runs, terms, wanted, start)
+    lost = joint.undetermined("gain")
+    if not lost.any():
+        return joint
+    return _Joint(robot, runs, terms, np.array(wanted)[~lost].tolist(), start)
+
+
+def _rigid(joint: _Joint) -> Chance:
+    """Test a change of all base parameters against those that a load makes."""
+    known, columns, _ = joint.terms
+    any_change = _Terms(known, np.eye(len(known)), "change")
+    free = _Joint(joint.robot, joint.runs, any_change, (), joint.gains)
+    if free.undetermined("change").any():
+        return Chance(0.0, 0, 1.0)
+    at, other = free.places("change"), linalg.null_space(columns.T)
+    V = free.uncertainty()[0][np.ix_(at, at)]
+    return _test(other.T @ free.of("change"), other.T @ V @ other, free.n_groups)
+
+
+def _test(x: Array, V: Array, groups: int) -> Chance:
+    """Test x = 0, its covariance V being found from so many groups of samples."""
+    shown = np.diag(V) > 0
+    x, V, k = x[shown], V[np.ix_(shown, shown)], int(shown.sum())
+    if not k:
+        return Chance(0.0, 0, 1.0)
+    square = float(x @ inverse(V) @ x)
+    rest = max(groups - k, 1)
+    p_value = float(special.fdtrc(k, rest, square * rest / (k * max(groups - 1, 1))))
+    return Chance(square, k, p_value)
+
+
+class _Terms(NamedTuple):
+    """How a load enters the base parameters, ``known + columns theta``, and what theta is named."""
+
+    known: Array
+    columns: Array
+    name: str
+
+
+class _Joint:
+    """Both runs in one regression, solved.
+
+    Parameters
+    ----------
+    runs : tuple of Evidence
+        Without and with the load.
+    axes : tuple of int
+        From 0, whose gains are found.
+    start : ndarray, shape (2, n_joints)
+        Gains of each run, to begin with.
+    """
+
+    def __init__(
+        self, robot: Robot, runs: Runs, terms: _Terms, axes: Sequence[int], start: Array
+    ) -> None:
+        self.robot, self.runs, self.terms = robot, runs, terms
+        self.axes, self._start, self.gains = list(axes), start, start.copy()
+        self.alike = runs[0].kind == runs[1].kind
+        self._open = [[a for a in axes if self.alike or a in run.unknown] for run in runs]
+        self._names = {
+            "base": base_parameters(robot).names,
+            terms.name: tuple(f"{terms.name} {k + 1}" for k in range(terms.columns.shape[1])),
+            "gain": tuple(gain_name(axis) for axis in axes),
+        }
+        self._found: dict[str, float] = {}
+        self._totals = [run.blocks.total for run in runs]
+        blocks = self._joined(self._totals)
+        self.layout, self.weights = blocks.layout, np.ones((3, robot.n_joints))
+        self._kept = self.layout.kept([
+            list({self._named(s, name) for s, run in enumerate(runs) for name in run.terms[axis]})
+            for axis in range(robot.n_joints)
+        ])  # fmt: skip
+        self._solve(blocks)
+        self.whole = self._regression(self._joined([run.blocks for run in runs]))
+
+    def _solve(self, blocks: Blocks) -> None:
+        """Gains, weights and solution from each other."""
+        counts, own = np.maximum(blocks.counts[:2], 1.0), self.places("gain")
+        left = blocks.products[:2, :, 0, 0] / counts
+        # until there is a solution the columns of gains are not those of one
+        kept = np.setdiff1d(self._kept, own)
+        for _ in range(ROUNDS):
+            before, square = left, blocks.products[:2, :, 0, 0] / counts
+            least = np.maximum(left, np.finfo(float).eps * square)
+            self.weights[:2] = np.divide(1.0, least, out=np.zeros_like(least), where=square > 0)
+            x = replace(self._regression(blocks), kept=kept).solution
+            left = blocks.squares_left(x)[:2] / counts
+            change = np.clip(x[own], -STRIDE, STRIDE)
+            for gains, is_open in zip(self.gains, self._open, strict=True):
+                gains[is_open] *= np.exp(change[np.isin(self.axes, is_open)])
+            x[own] = 0.0
+            self.x, self._found = x, dict(zip(self.layout.names, x.tolist(), strict=True))
+            steady = np.allclose(before, left, rtol=STEADY) and len(kept) == len(self._kept)
+            if steady and np.all(np.abs(change) < CONVERGED):
+                break
+            kept, blocks = self._kept, self._joined(self._totals)
+
+    def places(self, kind: str) -> Indices:
+        """Where unknowns stand: of "base" parameters, of the "load" or "change", of each "gain"."""
+        return np.array([self.layout.at(name) for name in self._names[kind]], dtype=np.intp)
+
+    def of(self, kind: str) -> Array:
+        """Solution for them."""
+        return self.x[self.places(kind)]
+
+    def undetermined(self, kind: str) -> Mask:
+        """Which of them the runs leave open."""
+        own = self.places(kind)
+        order = np.concatenate([own, np.setdiff1d(self._kept, own)])
+        N = embedded(self.whole.normal.information, self._kept, self.layout.size)
+        return undetermined_beside(N[np.ix_(order, order)], len(own))
+
+    def uncertainty(self) -> tuple[Array, Array]:
+        """Covariance of all unknowns and its degrees of freedom."""
+        found, n = self.whole.uncertainty("CR2"), self.layout.size
+        V, cells = found.covariance, [run.cells for run in self.runs]
+        if any(cells):
+            scores = self._regression(self._joined(cells)).normal.scores(self.x[self._kept])
+            of_states = scatter(scores @ inverse(self.whole.normal.information), few=True)
+            largest = np.maximum(np.diag(V), np.diag(of_states))
+            V = correlation_of(V + of_states) * np.sqrt(np.outer(largest, largest))
+        scattered = embedded(np.diag(V), self._kept, n)
+        V = embedded(V, self._kept, n) + self._of_drives()
+        # stated errors have as many degrees of freedom as one likes, and scatter has few
+        ratio = np.divide(np.diag(V), scattered, out=np.ones(n), where=scattered > 0)
+        return V, embedded(found.degrees_of_freedom, self._kept, n) * ratio**2
+
+    def _of_drives(self) -> Array:
+        """Covariance from torque constants and rotor inertias, as uncertain as stated."""
+        n, stated = self.robot.n_joints, self.robot.stated_uncertainty.copy()
+        stated[self.axes] = 0.0
+        effect = np.zeros((self.layout.size, len(stated)))
+        for k in np.flatnonzero(stated):
+            shifted = self._regression(self._joined(self._totals, "" if k < n else ROTOR)).blocks
+            v = shifted.normal(np.eye(n)[k % n]).vector[self._kept]
+            effect[self._kept, k] = stated[k] * solved(self.whole.normal.information, v)
+        return effect @ effect.T
+
+    @property
+    def n_groups(self) -> int:
+        """Groups that scatter: of time, and of states."""
+        return sum(len(run.blocks) + (len(run.cells) if run.cells else 0) for run in self.runs)
+
+    def misfit(self) -> tuple[AxisMisfit, ...]:
+        """Compare strokes with and without the load, where both runs are of strokes."""
+        if any(run.kind != "strokes" for run in self.runs):
+            return ()
+        blocks = self._joined([run.blocks for run in self.runs])
+        without, with_load = (blocks.where(blocks.labels["run"] == s) for s in (0, 1))
+        return tuple(_misfit(without, with_load, self.x, len(self._names["base"])))
+
+    def _regression(self, blocks: Blocks) -> Regression:
+        """Regression of blocks, each axis of each run weighted."""
+        # cells of one run alone lack columns of the other
+        layout = self.layout
+        whole = blocks.expanded(layout.shared, layout.own, layout.channels)
+        weights = self.weights[blocks.labels["run"], :, np.newaxis, np.newaxis]
+        weighted = replace(whole, products=weights * whole.products)
+        return Regression(weighted, np.ones(blocks.n_channels), self._kept)
+
+    def _joined(self, parts: Sequence[Blocks | None], torque: str | None = None) -> Blocks:
+        """Blocks of both runs, and what is known of stated gains; `torque` as of `_of_run`."""
+        made = [self._of_run(s, part, torque) for s, part in enumerate(parts) if part is not None]
+        n, k = self.robot.n_joints, len(self.axes)
+        products = np.zeros((1, n, 1 + k, 1 + k))
+        unknown = {axis for run in self.runs for axis in run.unknown}
+        is_open = any(run.scale_open for run in self.runs)
+        for at, axis in enumerate(self.axes, start=1):
+            if axis not in unknown and not is_open and torque is None:
+                row = np.zeros(1 + k)
+                row[0] = -np.log(self.gains[1, axis] / self._start[1, axis]) / GAIN_STATED
+                row[at] = 1.0 / GAIN_STATED
+                products[0, axis] = np.outer(row, row)
+        known = Blocks(self._names["gain"], (), products, np.zeros((1, n)), labels=_label(1, 2))
+        return made[0].joined(*made[1:], known)
+
+    def _of_run(self, s: int, recorded: Blocks, torque: str | None) -> Blocks:
+        """Blocks of a run with the columns of gains and load.
+
+        Parameters
+        ----------
+        torque : str, optional
+            What stands in place of the torque less what is known: the column of this name, or if
+            it is empty the torque alone.
+        """
+        known, columns, kind = self.terms
+        scaling = Scaling(self.gains[s], tuple(self._open[s]), self._solution(s))
+        if torque is None:
+            blocks = scaling.applied(recorded)
+        else:
+            alone = scaling.signal(recorded.layout)
+            if torque:
+                alone = np.eye(1, alone.shape[1], recorded.place(torque)[0])
+            added = scaling.columns(recorded.layout)
+            blocks = recorded.recast(alone, added, (ROTOR,))
+        base = blocks.place(*self._names["base"])
+        left = np.eye(1, blocks.products.shape[-1])
+        load = np.zeros((len(self._names[kind]), *left.shape))
+        load[:, 0, base] = s * columns.T
+        if torque is None:
+            left[:, base] = -s * known
+        blocks = blocks.recast(left, dict(zip(self._names[kind], load, strict=True)))
+        shared, own = self._columns(s, blocks.shared), self._columns(s, blocks.own)
+        return replace(blocks, shared=shared, own=own, labels=_label(len(blocks), s))
+
+    def _solution(self, s: int) -> Array:
+        """What the solution is to one run, its load among the base parameters."""
+        layout, base = self.runs[s].blocks.layout, self._names["base"]
+        names = replace(
+            layout, shared=self._columns(s, layout.shared), own=self._columns(s, layout.own)
+        ).names
+        found = {name: self._found.get(name, 0.0) for name in names if name != ROTOR}
+        if self._found:
+            added = s * (self.terms.known + self.terms.columns @ self.of(self.terms.name))
+            for name, more in zip(base, added.tolist(), strict=True):
+                found[name] += more
+        return np.array(list(found.values()))
+
+    def _columns(self, s: int, names: Sequence[str]) -> tuple[str, ...]:
+        return tuple(self._named(s, name) for name in names)
+
+    def _named(self, s: int, name: str) -> str:
+        """What a column of a run is named beside those of the other."""
+        is_apart = name in self.runs[s].apart or (
+            not self.alike and name in self.runs[s].blocks.own
+        )
+        return f"{name} with load" if s and is_apart else name
+
+
+def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[AxisMisfit]:
+    """Compare both runs, axis by axis; axes that the load's run hardly moves are left out.
+
+    Parameters
+    ----------
+    without, with_load : Blocks
+        Measurements, the base parameters' columns first.
+    x : ndarray, shape (n,)
+        What was found of all unknowns.
+    """
+    found = []
+    for axis in range(with_load.n_channels):
+        before, after = (_left(blocks, axis, x, n_base) for blocks in (without, with_load))
+        if min(len(before), len(after)) >= _FEWEST:
+            (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
+            ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
+            chance = special.fdtrc(len(after), len(before), ratio)
+            found.append(AxisMisfit(axis=axis + 1, ratio=ratio, p_value=float(chance)))
+    return found
+
+
+def _left(blocks: Blocks, axis: int, x: Array, n_base: int) -> Array:
+    """T and r of every measurement of an axis, shape (n, 2)."""
+    around, base = np.concatenate([[1.0], -x[blocks.layout.place(axis)]]), slice(1, 1 + n_base)
+    found = []
+    for product in blocks.products[blocks.counts[:, axis] > 0, axis]:
+        t = inverse_root(product[base, base], _SHOWN).T @ (product[base] @ around)
+        if len(t):
+            found.append((t @ t, len(t)))
+    return np.array(found).reshape(-1, 2)
+
+
+def _label(n: int, run: int) -> dict[str, Indices]:
+    return {"run": np.full(n, run, dtype=np.intp)}

@@ -1,0 +1,108 @@
+"""A load at the last link: where its ten parameters stand, and what they do to base parameters.
+
+A rigid load adds its own ten parameters phi to those of the last link n, so the base parameters
+change by K_n phi: K_n are the columns of K (p = K p_standard) that belong to that link. Free are
+those of the ten that the robot file calls present there, tied as it ties them.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NoLoad
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import Robot
+from hil.model.robot_file import LINK_PARAMETERS
+
+if TYPE_CHECKING:
+    from hil.arrays import Array
+
+
+MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
+"""Where mass, first moments and inertias stand in eq. (4)."""
+_SHOWN = 1e-9
+"""Coefficient up to which a parameter changes no base parameter: rounding of K."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadColumns:
+    """What a load changes.
+
+    Attributes
+    ----------
+    K : ndarray, shape (n_base, 10)
+        Change of the base parameters by each of the ten.
+    free : ndarray, shape (10, n_free)
+        How the free parameters make up the ten.
+    absent : tuple of str
+        Of the ten those that the robot file takes as zero.
+    """
+
+    K: Array
+    free: Array
+    absent: tuple[str, ...]
+
+    @property
+    def shown(self) -> Array:
+        """Change of the base parameters by each free parameter, shape (n_base, n_free)."""
+        shown: Array = self.K @ self.free
+        return shown
+
+    @property
+    def without_mass(self) -> Array:
+        """Columns of `free` but that of the mass."""
+        return self.free[:, self.free[MASS] == 0]
+
+    @property
+    def dark(self) -> tuple[str, ...]:
+        """Parameters that are present and change no base parameter."""
+        lit = np.abs(self.free).max(axis=1) > 0
+        rows = zip(LINK_PARAMETERS, lit.tolist(), strict=True)
+        return tuple(name for name, is_lit in rows if not is_lit and name not in self.absent)
+
+
+@lru_cache(maxsize=8)
+def load_columns(robot: Robot) -> LoadColumns:
+    """Columns of a load at the last link.
+
+    Raises
+    ------
+    NoLoad
+        The robot file states no parameter of the last link that a load could change.
+    """
+    own = slice(10 * (robot.n_joints - 1), 10 * robot.n_joints)
+    names = robot.link_parameters[own]
+    carriers = [name for name in names if name in robot.present and name not in robot.ties]
+    free = np.array([
+        [float(robot.ties.get(name, name) == carrier and name in robot.present)
+         for carrier in carriers] for name in names
+    ]).reshape(10, len(carriers))  # fmt: skip
+    K = base_parameters(robot).matrix[:, own]
+    free = free[:, np.abs(K @ free).max(axis=0, initial=0.0) > _SHOWN]
+    if not free.size:
+        raise NoLoad(
+            f"{robot.name}: no parameter of the last link is present in the robot file, so a load"
+            " would show nowhere; add m, sx, sy, sz and inertias to its parameters"
+        )
+    absent = zip(LINK_PARAMETERS, names, strict=True)
+    return LoadColumns(K, free, tuple(short for short, name in absent if name not in robot.present))
+
+
+def with_whole_last_link(robot: Robot) -> Robot:
+    """The same robot with all ten parameters of the last link present, none tied.
+
+    Robot files leave out what the bare last link does not have; a load that is mounted beside its
+    axis has first moments and products of inertia all the same. Itself, where nothing is left out.
+    """
+    number, file = str(robot.n_joints), robot.file
+    ties = tuple(tie for tie in file.ties if number not in re.findall(r"\d+", tie))
+    if set(file.joints[-1].parameters) == set(LINK_PARAMETERS) and ties == file.ties:
+        return robot
+    last = file.joints[-1].model_copy(update={"parameters": LINK_PARAMETERS})
+    whole = file.model_copy(update={"joints": (*file.joints[:-1], last), "ties": ties})
+    return Robot(whole, robot.source, robot.text)

@@ -1,0 +1,394 @@
+"""A load from a run without it and one or several with it, of whatever kind they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import special
+
+from hil.errors import InvalidValue, Mismatch, NoLoad, NotIdentifiable
+from hil.estimation.drive_train_search import find_drive_train
+from hil.estimation.free_motion.gathering import gather
+from hil.estimation.free_motion.scaling import Scaling
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
+from hil.estimation.free_motion_methods import estimate_from
+from hil.estimation.identify import estimate
+from hil.estimation.loads.evidence import condensed_like, of_free_motions, of_strokes
+from hil.estimation.loads.fit import fit_load
+from hil.estimation.noise_levels import noise_levels
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.estimation.two_step_methods import prepare, prepared_for
+from hil.friction.law import friction_torque
+from hil.model.load import FIRST_MOMENTS, load_columns, with_whole_last_link
+from hil.model.robot_file import LINK_PARAMETERS
+from hil.planning.design.candidates import weighed
+from hil.planning.design.load import WithoutLoad
+from hil.planning.measurement import shows_element
+from hil.results.naming import named
+from hil.results.stamp import same_recordings
+from hil.runs.pooling import Pooled, pooled, recorded
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.arrays import Array
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.free_motion.gathering import Gathered
+    from hil.estimation.loads.evidence import Evidence
+    from hil.estimation.loads.figures import Load
+    from hil.model.robot import Robot
+    from hil.runs.run import Run
+
+    Fit = Callable[..., Load]
+
+ABSENT = 0.01
+"""Chance of a load's figures without a load, above which there is none."""
+SURE = 4.0
+"""Standard errors from which on a mass is below zero, or contradicts a stated one: by chance of
+6e-5."""
+FACTOR = 1.5
+"""Between a stated mass and the one found, beyond which torque constants cannot be the reason."""
+NOTABLE = 2.0
+"""Standard errors from which a gain explains a contradiction."""
+BESIDE = 0.001
+"""Chance of a load's first moments across the last axis, were it on it, from which on it is not."""
+_UNKNOWN_FRICTION = 0.1
+"""Friction of an axis without a law of it, as share of its torque limit."""
+
+
+class BareRun:
+    """A run without a load: what a run with one is compared with, found when it is asked for.
+
+    Attributes
+    ----------
+    run : Run
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """What is identified of it."""
+        return estimated(self.run)
+
+    @cached_property
+    def known(self) -> WithoutLoad:
+        """What measurements with a load are chosen by.
+
+        Raises
+        ------
+        Mismatch
+            Imported recordings.
+        FileError, NotIdentifiable, NoLoad
+            A damaged recording; one that does not determine the base parameters; a robot file that
+            states no parameter of the last link.
+        """
+        run, robot = self.run, self.run.robot
+        if run.imported:
+            raise Mismatch(
+                f"{run.path}: was imported, and measurements with a load are chosen by a run of the"
+                " same drives; import a recording with the load and take: hil payload WITHOUT"
+                " LOADED"
+            )
+        load_columns(robot)
+        found = self.estimate
+        with named(run):
+            prepared = prepared_for(robot, found, recorded(run))
+            noise, information = noise_levels(
+                robot, [(m, s) for m, s in prepared if shows_element(m)]
+            )
+        weight = weighed(information.matrix, information.scatter)
+        return WithoutLoad(robot, run.planned, found.p, self._friction(), noise, weight)
+
+    def _friction(self) -> Array:
+        """Highest friction of each axis, slow or fast, shape (n_joints,) [N m or N]."""
+        robot, law = self.run.robot, self.estimate.friction_law
+        unknown: Array = _UNKNOWN_FRICTION * robot.torque_limit
+        if law is None:
+            return unknown
+        qd = np.outer((0.1, 0.5, 1.0, -0.1, -0.5, -1.0), robot.velocity_limit)
+        still = np.zeros_like(qd)
+        highest: Array = np.abs(friction_torque(robot, law, still, qd, still)).max(axis=0)
+        return np.where(highest > 0, highest, unknown)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundLoad:
+    """What runs give of a load.
+
+    Attributes
+    ----------
+    load : Load
+    before, after : Estimate or None
+        Of the run without and of the one with it, each by itself with the gains that were found;
+        None of a run that does not identify the robot, and of a load that was measured in minutes.
+    own : Estimate or None
+        Of the loaded run by itself as its map states it; None where its scale is open.
+    by_mass : Load or None
+        With the gains of all axes, found by a mass that was stated.
+    assumed : ndarray, shape (n_joints,)
+        What gains are factors of: torque constants [N m/A], or of imported runs 1, NaN where the
+        map leaves the gain unknown.
+    """
+
+    load: Load
+    before: Estimate | None = None
+    after: Estimate | None = None
+    own: Estimate | None = None
+    by_mass: Load | None = None
+    assumed: Array = field(default_factory=lambda: np.zeros(0))
+
+
+def find_payload(
+    without: Run, loaded: Run, mass: float | None = None, *, gains: bool = False
+) -> FoundLoad:
+    """Find the load between two runs, and estimate each by itself.
+
+    Parameters
+    ----------
+    mass : float, optional
+        Of the load, if it is known [kg]: it is held. Of runs measured by strokes the torque
+        constants are found by it too.
+    gains : bool
+        Whether the gains of imported runs are found by the mass too.
+
+    Raises
+    ------
+    FileError
+        A damaged recording.
+    Mismatch
+        Runs of different robots, the same run twice, gains of runs of two kinds, different unknown
+        gains, or a mass that contradicts the runs.
+    InvalidValue
+        Gains without a mass.
+    NotIdentifiable, NotEnoughData, NoLoad
+        Measurements that do not suffice, no load that stands out of its error, or a robot file
+        without anything that a load changes.
+    """
+    bare, robot, strokes = (
+        BareRun(without),
+        without.robot,
+        not (without.imported or loaded.imported),
+    )
+    runs = _Runs(bare, [loaded], gains=gains)
+    found, fit = _found(runs, mass, gains=gains)
+    by_mass = found if gains else fit(mass, gains=True) if strokes and mass is not None else None
+    assumed = np.array(robot.torque_constant)
+    if loaded.imported:
+        assumed = np.ones(robot.n_joints)
+        assumed[list(runs.unknown)] = np.nan
+    before, after = (runs.estimated(s, found if gains or runs.is_open else None) for s in (0, 1))
+    own = None if runs.is_open else runs.estimated(1, None) if gains else after
+    return FoundLoad(found, before, after, own, by_mass, assumed)
+
+
+def find_load(bare: BareRun, loaded: Sequence[Run], mass: float | None = None) -> Load:
+    """Find the load that `loaded` carry, with gains as they are stated; see `find_payload`."""
+    return _found(_Runs(bare, loaded), mass)[0]
+
+
+def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Load:
+    """The same before there is enough to say whether there is a load."""
+    with named(loaded[-1]):
+        return _Runs(bare, loaded).fit()()
+
+
+def estimated(run: Run) -> Estimate:
+    """Estimate of a run by itself; errors name it."""
+    with named(run):
+        return estimate(run.robot, recorded(run))
+
+
+def require_load(found: Load) -> None:
+    """Refuse a load that does not stand out of its error, or whose mass is negative.
+
+    Raises
+    ------
+    NoLoad
+    """
+    mass, error = found.mass.value, found.mass.standard_error
+    if error and mass < -SURE * error:
+        raise NoLoad(
+            f"the mass of the load would be {mass:.4g} ± {error:.2g} kg: these runs are swapped, or"
+            " the one without the load carried one; name the run without the load first"
+        )
+    if found.present.p_value > ABSENT:
+        figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"
+        raise NoLoad(
+            f"no load stands out of its error: {figure} (p = {found.present.p_value:.2g}); check"
+            " that this run carries it, or record longer with a heavier one"
+        )
+
+
+def refuse_other_mass(found: Load, mass: float) -> None:
+    """Refuse a stated mass that no error of torque constants explains.
+
+    Raises
+    ------
+    Mismatch
+    """
+    m, error = found.mass.value, found.mass.standard_error
+    off = SURE * error
+    if error and not mass / FACTOR - off <= m <= mass * FACTOR + off:
+        raise Mismatch(
+            f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs, more than"
+            f" {FACTOR:g} times of either; correct the mass: no torque constant is so far off"
+        )
+
+
+def _found(
+    runs: _Runs, mass: float | None, *, gains: bool = False, constants: bool = False
+) -> tuple[Load, Fit]:
+    """The load, once there is one and its mass is not another one, and how it is fitted.
+
+    Parameters
+    ----------
+    constants : bool
+        Whether a stated mass may show that torque constants are off.
+    """
+    if gains and mass is None:
+        raise InvalidValue("gains are found by the load's mass; state it too")
+    with named(runs.loaded[-1]):
+        fit = runs.fit()
+        if runs.is_open:
+            return fit(mass, gains=gains), fit
+        fit, found = _beside_axis(runs, fit, fit())
+        require_load(found)
+        if mass is None:
+            return found, fit
+        if constants:
+            refuse_other_mass(found, mass)
+        elif not gains:
+            _refuse_contradiction(runs, fit, found, mass)
+        return fit(mass, gains=gains), fit
+
+
+def _beside_axis(runs: _Runs, fit: Fit, found: Load) -> tuple[Fit, Load]:
+    """Take in what the robot file leaves out of the last link, where the load calls for it.
+
+    A load beside the last axis, taken for one on it, contradicts itself as a loose one does. So its
+    first moments across the axis are freed before that is said: it is taken for beside the axis if
+    one of them stands out of its error, and it is rigid then.
+    """
+    newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
+    if not newly or runs.unknown:
+        return fit, found
+    wider = with_whole_last_link(runs.robot)
+    fit_wider = runs.fit(wider)
+    beside = fit_wider()
+    error = np.sqrt(np.diag(beside.covariance))[newly]
+    if not np.all(error > 0) or beside.is_loose:
+        return fit, found
+    chance = 2 * special.stdtr(beside.degrees[newly], -np.abs(beside.phi[newly]) / error)
+    return (fit_wider, beside) if len(newly) * chance.min() <= BESIDE else (fit, found)
+
+
+def _refuse_contradiction(runs: _Runs, fit: Fit, found: Load, mass: float) -> None:
+    m, error = found.mass.value, found.mass.standard_error
+    if not error or abs(m - mass) <= SURE * error:
+        return
+    explained = f"{mass / m:.3g} times those of all axes"
+    if runs.alike:
+        by_mass = fit(mass, gains=True)
+        factors = by_mass.gains / found.gains
+        notable = np.flatnonzero(np.abs(np.log(factors)) > NOTABLE * by_mass.gain_errors)
+        explained = (
+            ", ".join(f"{factors[k]:.3g} times that of axis {k + 1}" for k in notable) or explained
+        )
+    raise Mismatch(
+        f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs; gains of"
+        f" {explained} would explain it: correct the mass, or find the gains by it from two whole"
+        " runs of one kind: hil payload WITHOUT LOADED --mass --gains"
+    )
+
+
+class _Runs:
+    """Evidence of a run without a load and of those with it."""
+
+    def __init__(self, bare: BareRun, loaded: Sequence[Run], *, gains: bool = False) -> None:
+        self.bare, self.loaded, self.robot = bare, loaded, bare.run.robot
+        self._open_scale = gains
+        for run in loaded:
+            _refuse_unfit(bare.run, run)
+        self.alike = len({run.imported for run in (bare.run, *loaded)}) == 1
+        if gains and not self.alike:
+            raise Mismatch(
+                f"{loaded[-1].path}: gains of a run that was measured and of one that was imported"
+                " are not the same: find them from two runs of one kind, or leave --gains out"
+            )
+        self._gathered = self._gather(self.robot)
+        every = [run.found.unknown_gains for run in self._gathered if run]
+        self.unknown = every[-1] if every else ()
+        self.is_open = any(run and run.scaling.unknown != self.unknown for run in self._gathered)
+        if len(set(every)) > 1:
+            raise Mismatch(
+                f"{loaded[-1].path}: gains are unknown of other axes than in {bare.run.path}; an"
+                " axis has one gain: state it in the maps of both runs or of neither"
+            )
+
+    def fit(self, robot: Robot | None = None) -> Fit:
+        """Fit of the load for a robot with more parameters of the last link, or the same."""
+        gathered = self._gathered if robot is None else self._gather(robot)
+        robot = robot or self.robot
+        free, strokes = of_free_motions(robot, [run for run in gathered if run]), None
+        if gathered[0] is None:
+            prepared = prepared_for(self.robot, self.bare.estimate, recorded(self.bare.run))
+            strokes = SimultaneousFit(robot, prepared)
+            free.insert(0, of_strokes(robot, strokes.items, strokes.loaded))
+        bare, *loaded = free
+        with_load = (lambda _: loaded[0]) if loaded else self._strokes(robot, strokes)
+        return partial(fit_load, robot, bare, with_load)
+
+    def _strokes(self, robot: Robot, bare: SimultaneousFit | None) -> Callable[[Array], Evidence]:
+        """Evidence of measurements with the load; gears are as the run without it has them."""
+        raw, _ = prepare(pooled(self.loaded))
+        train = find_drive_train(robot, raw) if bare is None else self.bare.estimate.drive_train
+        applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
+        if bare is None:
+            fit = SimultaneousFit(robot, applied)
+            alone = of_strokes(robot, fit.items, fit.loaded)
+            return lambda _: alone
+        p = bare.solve()
+        return lambda change: of_strokes(
+            robot, condensed_like(robot, bare, applied, p + change), bare.loaded
+        )
+
+    def _gather(self, robot: Robot) -> list[Gathered | None]:
+        """Free motions without and with the load, where they were imported."""
+        found: list[Gathered | None] = []
+        for runs in ([self.bare.run], self.loaded):
+            with named(runs[-1]):
+                found.append(
+                    gather(robot, Pooled(runs), VARIANTS[DEFAULT], open_scale=self._open_scale)
+                    if runs[-1].imported else None
+                )  # fmt: skip
+        return found
+
+    def estimated(self, s: int, found: Load | None) -> Estimate | None:
+        """Estimate of one run by itself, with gains as stated or found; None if it has none."""
+        gathered = self._gathered[s]
+        try:
+            if gathered is None:
+                return self.bare.estimate if s == 0 else estimated(self.loaded[-1])
+            if found is not None:
+                gathered = replace(gathered, scaling=Scaling.known(found.gains))
+            return estimate_from(self.robot, DEFAULT, VARIANTS[DEFAULT].solver, gathered)
+        except NotIdentifiable:
+            return None
+
+
+def _refuse_unfit(bare: Run, loaded: Run) -> None:
+    if bare.robot != loaded.robot:
+        raise Mismatch(
+            f"{loaded.path}: was measured with another robot file than {bare.path}; name the run"
+            " without the load of this robot"
+        )
+    if same_recordings(bare, loaded):
+        raise Mismatch(
+            f"{loaded.path}: has the same recordings as {bare.path}; name the run without the load,"
+            " then the one with it, measured into a folder of its own"
+        )

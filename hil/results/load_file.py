@@ -1,0 +1,271 @@
+"""`load.yaml`: a load as it was found, beside the runs with it or in the folder of the loaded run.
+
+Reports show one of two whole runs without computing it again: Table 3, the load, the drives' gains,
+and what Figs. 5 and 6 need of both runs. The file says of which recordings it was made.
+`payload.yaml`, which earlier versions wrote for two runs, is read too.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+import yaml
+from pydantic import AfterValidator, BeforeValidator
+
+from checked_files.yaml_file import FileModel, load_yaml
+from hil.estimation.loads.figures import AxisMisfit, Quantity
+from hil.model.base_parameters import base_parameters, link_share
+from hil.model.load import load_columns
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.results.stamp import RunStamp, same_parameters
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from hil.arrays import Array
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.loads.figures import Load
+    from hil.model.robot import Robot
+    from hil.results.load import FoundLoad
+    from hil.runs.run import Run
+
+
+NAME, EARLIER = "load.yaml", "payload.yaml"
+DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
+"""Kinds of measurement that figures of the paper show."""
+UNIDENTIFIABLE = 0.1
+"""Relative standard error from which on a gain is not identifiable from the load: no better than
+the usual tolerance of a torque constant."""
+
+
+def _drawn(kind: str) -> str:
+    if kind not in DRAWN:
+        raise ValueError(f"{kind!r} must be one of {', '.join(DRAWN)}")
+    return kind
+
+
+class Change(FileModel):
+    """A column of Table 3: one base parameter without and with the load."""
+
+    name: str
+    unit: str
+    without: float
+    loaded: float
+    change: float
+    standard_error: float
+    expected: float
+    share: str
+    """Of the load in it."""
+
+
+class GainRecord(FileModel):
+    """Gain of one axis by the known mass; `error` is relative.
+
+    A torque constant [N m/A]; or of imported runs a factor of the map's gain, or where the map
+    leaves that unknown N m or N for one unit of the signal, and nothing is assumed.
+    """
+
+    axis: int
+    assumed: float | None
+    told: bool
+    corrected: float | None
+    standard_error: float | None
+    error: float | None
+    error_standard_error: float | None
+
+
+class ElementRecord(FileModel):
+    """One measurement by itself: an element of g(q) or M(q), measured and modelled."""
+
+    id: str
+    kind: Annotated[str, AfterValidator(_drawn)]
+    axis: int
+    value: float
+    standard_error: float | None
+    model: float
+
+
+class LoadFile(FileModel):
+    """Content of `load.yaml`.
+
+    Attributes
+    ----------
+    without : RunStamp
+    loaded : tuple of RunStamp
+        The runs with the load.
+    mass : float or None
+        As it was stated [kg].
+    verdict : tuple of str
+        What the operator is to read, line by line.
+    rigidity : tuple of AxisMisfit
+    unseen : tuple of str
+        Parameters of the load that the robot file takes as zero.
+    unidentifiable : tuple of str
+        Those that the recordings leave open.
+    changes : tuple of Change
+        Of two runs that each identify the robot, as is all that follows.
+    chi_squared, degrees_of_freedom, p_value
+        Of what a rigid load leaves of any changes.
+    imported : bool
+        Whether the loaded run was imported.
+    own : tuple of float
+        Base parameters of the loaded run alone, with the gains that its map states; empty where
+        these are the changes' or where there are none.
+    elements_without, elements_loaded : tuple of ElementRecord
+        What Figs. 5 and 6 are drawn from, in the plans' order; axes count from 1.
+    """
+
+    format: Literal[1] = 1
+    made: str
+    version: str
+    without: RunStamp
+    loaded: Annotated[
+        tuple[RunStamp, ...], BeforeValidator(lambda x: [x] if isinstance(x, dict) else x)
+    ]
+    mass: float | None
+    verdict: tuple[str, ...] = ()
+    rigidity: tuple[AxisMisfit, ...] = ()
+    load: tuple[Quantity, ...]
+    unseen: tuple[str, ...]
+    unidentifiable: tuple[str, ...] = ()
+    changes: tuple[Change, ...] = ()
+    chi_squared: float = 0.0
+    degrees_of_freedom: int = 0
+    p_value: float = 1.0
+    imported: bool = False
+    own: tuple[float, ...] = ()
+    gains: tuple[GainRecord, ...] = ()
+    elements_without: tuple[ElementRecord, ...] = ()
+    elements_loaded: tuple[ElementRecord, ...] = ()
+
+    def stale(self, folder: Run, p: Array) -> str:
+        """Why it does not belong to these runs as they are now; empty if it does.
+
+        Parameters
+        ----------
+        p : ndarray, shape (n_base,)
+            Base parameters that the loaded run has now.
+        """
+        return (
+            self.loaded[-1].change(folder)
+            or self.without.change_beside(folder)
+            or same_parameters(self.own or [each.loaded for each in self.changes], p)
+        )
+
+
+def write_load(
+    path: Path,
+    without: Run,
+    loaded: Sequence[Run],
+    found: FoundLoad,
+    verdict: Sequence[str],
+) -> LoadFile:
+    """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""
+    load, before, after, own = found.load, found.before, found.after, found.own
+    stamps = [
+        RunStamp.of(run).model_copy(update={"folder": os.path.relpath(run.path, path)})
+        for run in (without, *loaded)
+    ]
+    kept = LoadFile(
+        made=now(),
+        version=version("canopen-robot-identification"),
+        without=stamps[0],
+        loaded=tuple(stamps[1:]),
+        mass=load.stated_mass,
+        verdict=tuple(verdict),
+        rigidity=load.misfit,
+        load=tuple(load.quantities()),
+        unseen=load.unseen,
+        unidentifiable=load.unidentifiable,
+        chi_squared=load.rigid.square,
+        degrees_of_freedom=load.rigid.directions,
+        p_value=load.rigid.p_value,
+        imported=loaded[-1].imported,
+        changes=_changes(without.robot, load, before, after) if before and after else (),
+        own=() if own is None or own is after else tuple(own.p.tolist()),
+        gains=_gains(found.by_mass, found.assumed) if found.by_mass else (),
+        elements_without=_elements(before),
+        elements_loaded=_elements(after),
+    )
+    text = yaml.safe_dump(
+        kept.model_dump(mode="json"), sort_keys=False, width=100, allow_unicode=True
+    )
+    write_file(path / NAME, text.encode())
+    return kept
+
+
+def read_load(folder: Run) -> LoadFile | None:
+    """Read what was found of a load in a run, if anything was.
+
+    Raises
+    ------
+    FileError
+        A damaged file.
+    """
+    paths = (folder.path / name for name in (NAME, EARLIER))
+    return next((load_yaml(path, LoadFile) for path in paths if path.exists()), None)
+
+
+def _changes(robot: Robot, load: Load, before: Estimate, after: Estimate) -> tuple[Change, ...]:
+    """The changes between two estimates; what drives do to both alike cancels."""
+    base, shares = base_parameters(robot), link_share(robot, robot.n_joints - 1)
+    expected = load_columns(robot).K @ load.phi
+    drives = after.drive_effect - before.drive_effect
+    variance = np.diag(before.covariance + after.covariance) + (drives**2).sum(axis=1)
+    return tuple(
+        Change(
+            name=name,
+            unit=base.units[k],
+            without=float(before.p[k]),
+            loaded=float(after.p[k]),
+            change=float(after.p[k] - before.p[k]),
+            standard_error=float(np.sqrt(variance[k])),
+            expected=float(expected[k]),
+            share=shares[k],
+        )
+        for k, name in enumerate(base.names)
+    )
+
+
+def _gains(found: Load, assumed: Array) -> tuple[GainRecord, ...]:
+    gain, relative, unknown = found.gains, found.gain_errors, np.isnan(assumed)
+    constant = gain * np.where(unknown, 1.0, assumed)
+    error = np.where(unknown, np.nan, 1.0 / gain - 1.0)
+    of_error = np.where(unknown, relative, relative / gain)
+    return tuple(
+        GainRecord(
+            axis=k + 1,
+            assumed=_finite(each),
+            told=bool(relative[k] < UNIDENTIFIABLE),
+            corrected=_finite(constant[k]),
+            standard_error=_finite(constant[k] * relative[k]),
+            error=_finite(error[k]),
+            error_standard_error=_finite(of_error[k]),
+        )
+        for k, each in enumerate(assumed)
+    )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _elements(estimate: Estimate | None) -> tuple[ElementRecord, ...]:
+    return tuple(
+        ElementRecord(
+            id=value.id,
+            kind=value.kind,
+            axis=value.axis + 1,
+            value=value.value,
+            standard_error=_finite(value.standard_error),
+            model=value.model,
+        )
+        for value in (estimate.local if estimate else ())
+        if value.kind in DRAWN
+    )
