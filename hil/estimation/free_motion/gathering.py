@@ -15,8 +15,8 @@ from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choice
 from hil.estimation.free_motion.drift import Drift, find_drift
-from hil.estimation.free_motion.lag import with_lag
 from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import first_scaling, open_gains, refined
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import survey
@@ -136,9 +136,9 @@ def gather(
     motions = FreeMotions(recorded)
     found = survey(motions)
     processing, reasons = processing_of(found)
-    chosen, lag_error = variant.terms == "chosen", np.zeros(robot.n_joints)
-    if chosen and {"lag", "presliding"} & set(options.nuisance):
-        processing, lag_error = with_lag(robot, found, processing, options.nuisance)
+    chosen = variant.terms == "chosen"
+    nuisances = find_nuisances(robot, found, processing, options.nuisance if chosen else ())
+    processing = nuisances.processing
     stretches = [filtered_motion(each, processing) for each in found.stretches]
     divided = division(processing, found.duration, stretches)
     first, unknown = _first_estimate(robot, found, stretches, open_scale=open_scale)
@@ -153,15 +153,27 @@ def gather(
     products = scaling.applied(condensed)
     laws = TRIED if options.friction == "auto" else (options.friction,)
     choice = (
-        choose(products, laws) if chosen else without_choice(products, weighted=variant.weighted)
+        choose(products, laws, nuisances.plain)
+        if chosen
+        else without_choice(products, weighted=variant.weighted)
     )
     scaling = refined(condensed, scaling, choice)
     drift = Drift.none(robot.n_joints)
     if chosen and not unknown and "drift" in options.nuisance:
         drift = find_drift(products, choice, found.duration)
-        choice = choose(drift.applied(products), laws) if any(drift.spans) else choice
+        if any(drift.spans):
+            choice = choose(drift.applied(products), laws, nuisances.plain)
     return Gathered(
-        found, stretches, processing, lag_error, reasons, first, condensed, scaling, choice, drift
+        found=found,
+        stretches=stretches,
+        processing=processing,
+        lag_error=nuisances.lag_error,
+        reasons=reasons,
+        first=first,
+        recorded=condensed,
+        scaling=scaling,
+        choice=choice,
+        drift=drift,
     )
 
 
