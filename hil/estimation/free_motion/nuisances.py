@@ -40,7 +40,7 @@ from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.options import NUISANCES
 from hil.estimation.signals import interpolation
-from hil.friction.terms import BENT, COLUMNS
+from hil.friction.terms import BENT, CLASSICAL, COLUMNS, TERMS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.choice import FOLDS, HeldOut, simplest
 from hil.least_squares.normal_equations import successive
@@ -260,10 +260,16 @@ class _Search:
         found = self._converged(state.with_late(axis))
         return found if abs(found.lag[axis]) < self._most else None
 
-    def with_distance(self, state: _State, axis: int) -> _State:
-        """State with the presliding distance of one axis that fits best."""
+    def with_distance(self, state: _State, axis: int) -> _State | None:
+        """State with the presliding distance of one axis that fits best.
+
+        None where the usual law leaves no less of the axis with it: another law than this may be
+        chosen in the end, or none.
+        """
         tried = [state.over(axis, k + 1) for k in range(len(DISTANCES))]
-        return min(tried, key=self._left)
+        best = min(tried, key=lambda other: float(self._weights @ self._left(other)))
+        with_it, without = (self._left(each, CLASSICAL)[axis] for each in (best, state))
+        return best if with_it < without else None
 
     def _converged(self, state: _State) -> _State:
         """State with lags by Gauss and Newton's method."""
@@ -275,10 +281,10 @@ class _Search:
                 break
         return state
 
-    def _left(self, state: _State) -> float:
-        """Weighted squares that a state leaves of all samples."""
-        system = self._regression(self._total, state).normal
-        return float(system.error(system.solution()).sum())
+    def _left(self, state: _State, terms: tuple[str, ...] = TERMS) -> Array:
+        """Squares that a state leaves of each axis, of all samples, with some terms of friction."""
+        found = self._regression(self._total, state, terms)
+        return np.asarray(found.blocks.squares_left(found.solution)[0])
 
     def _held_out(self, state: _State) -> Array:
         """Squared errors on blocks that were held out, lags fitted without them."""
@@ -302,13 +308,12 @@ class _Search:
         blocks = self._blocks_at(self._total, state)
         return Regression.weighed(blocks, self._kept(blocks, state))
 
-    def _regression(self, of: Blocks, state: _State) -> Regression:
+    def _regression(self, of: Blocks, state: _State, terms: tuple[str, ...] = TERMS) -> Regression:
         blocks = self._blocks_at(of, state)
-        return Regression(blocks, self._weights, self._kept(blocks, state))
+        return Regression(blocks, self._weights, self._kept(blocks, state, terms))
 
-    def _kept(self, blocks: Blocks, state: _State) -> Indices:
+    def _kept(self, blocks: Blocks, state: _State, terms: tuple[str, ...] = TERMS) -> Indices:
         """Unknowns of a state: its lags, how friction bends where it turns over a distance."""
-        terms = COLUMNS[:-1]
         return blocks.layout.kept(
             [
                 (*terms, *([BENT] if distance else []), *([_LAG] if late else []))
