@@ -50,9 +50,6 @@ TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
 MATERIAL = 0.05
 """Growth of a residual (rms) that nothing is worth, no dead zone and no positive mass matrix: by so
 much the default may leave more than weighted least squares."""
-ON_AN_AXIS = 0.2
-"""Growth of one axis's residual (rms) beside presliding, `MATERIAL` being that of all axes: by so
-much the default may leave more on an axis (`benchmarks/real_machines.py`)."""
 SHARE = 0.6
 """Share of the spread of alternatives that counts: over twins of seven robots, twelve seeds each,
 errors are 0.6 (seven axes) to 1.2 times (portal) as large as is stated then."""
@@ -130,16 +127,15 @@ def choose(
         Laws, the simplest first.
     plain_left : ndarray, shape (n_joints,), optional
         Mean square of what weighted least squares leaves without presliding, where there is some.
-        Then there is a dead zone, unless it leaves more than that, by more than `MATERIAL` overall
-        or `ON_AN_AXIS` on some axis: a model of friction after a reversal lacks something, which
-        looks like inertia.
+        Then there is a dead zone, unless it leaves more than that, by more than `MATERIAL` over all
+        axes: a model of friction after a reversal lacks something, which looks like inertia.
     """
     whole, n = products.pieces[0], products.n_joints
     plain = usual(whole)
     scored, least = whole.normal(plain.weights), whole.mean_squares(plain.solution)
-    zone, on_an_axis = dead_zone_of(products, plain.weights), MATERIAL
+    zone = dead_zone_of(products, plain.weights)
     if plain_left is not None:
-        zone, least, on_an_axis = max(zone, 1), np.maximum(least, plain_left), ON_AN_AXIS
+        zone, least = max(zone, 1), np.maximum(least, plain_left)
     for slowest in sorted({zone, 0}, reverse=True):
         fitted = products.pieces[slowest]
         weights = usual(fitted).weights
@@ -159,7 +155,7 @@ def choose(
         kept_laws = kept_by(whole.layout, laws)
         left = whole.mean_squares(total.solution(kept_laws))
         more = left / np.maximum(least, np.finfo(float).tiny)
-        if more.mean() <= (1.0 + MATERIAL) ** 2 and np.all(more <= (1.0 + on_an_axis) ** 2):
+        if (more.max() if plain_left is None else more.mean()) <= (1.0 + MATERIAL) ** 2:
             break
     weights = Regression.weighed(fitted, kept_laws).weights
     return Choice(slowest, tuple(laws), tuple(errors), weights)
