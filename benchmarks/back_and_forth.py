@@ -24,7 +24,7 @@ import numpy as np
 import yaml
 
 from hil.errors import HilError
-from hil.estimation.back_and_forth.recognition import NAME
+from hil.estimation.back_and_forth import NAME
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate
 from hil.ground_truth.true_parameters import true_parameters

@@ -13,7 +13,7 @@ from hil.least_squares.uncertainty import correlation_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.estimation.back_and_forth.half_sums import HalfSums
+    from hil.estimation.back_and_forth.description import HalfSums
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain, LoadFriction

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.errors import UnknownName
-from hil.estimation.back_and_forth.recognition import NAME as BACK_AND_FORTH
-from hil.estimation.back_and_forth.recognition import goes_back_and_forth
+from hil.estimation.back_and_forth import NAME as BACK_AND_FORTH
+from hil.estimation.back_and_forth import goes_back_and_forth
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
@@ -53,8 +53,8 @@ def _joint(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
 def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
     from hil.estimation.back_and_forth_method import fit_back_and_forth  # noqa: PLC0415 - the same
 
-    del options  # friction is found without a law, and gears are rigid
-    return fit_back_and_forth(robot, recorded)
+    # friction is found without a law, and gears are rigid
+    return fit_back_and_forth(robot, recorded, options.covariance)
 
 
 JOINT = "joint"

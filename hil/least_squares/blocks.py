@@ -49,6 +49,9 @@ class Blocks:
         Their names; by default those of axes.
     labels : mapping of str to ndarray of int, shape (n_groups,)
         What each group is of, such as its recording.
+    owners : mapping of str to str
+        Whose own unknowns a channel has, where they are not its own: those of its axis, where
+        half-sums and half-differences of one torque are two channels.
     """
 
     shared: tuple[str, ...]
@@ -57,6 +60,7 @@ class Blocks:
     counts: Array
     channels: tuple[str, ...] = ()
     labels: Mapping[str, Indices] = field(default_factory=dict)
+    owners: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.channels:
@@ -73,7 +77,13 @@ class Blocks:
     @property
     def layout(self) -> Layout:
         """Where the columns' unknowns stand."""
-        return Layout(self.shared, self.own, self.channels)
+        owners = (self.owners.get(name, name) for name in self.channels)
+        return Layout(self.shared, self.own, tuple(dict.fromkeys(owners)))
+
+    def _owner(self, channel: int) -> int:
+        """Whose own unknowns a channel has, among the layout's channels."""
+        name = self.channels[channel]
+        return self.layout.channels.index(self.owners.get(name, name))
 
     @property
     def squares(self) -> Array:
@@ -135,7 +145,8 @@ class Blocks:
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("products", "counts")
         )
-        return Blocks(shared, own, products, counts, channels, labels)
+        owners = {name: of for each in every for name, of in each.owners.items()}
+        return Blocks(shared, own, products, counts, channels, labels, owners)
 
     def expanded(
         self, shared: tuple[str, ...], own: tuple[str, ...], channels: tuple[str, ...]
@@ -148,7 +159,7 @@ class Blocks:
         counts = np.zeros((len(self), len(channels)))
         products[:, of[:, None, None], at[:, None], at] = self.products
         counts[:, of] = self.counts
-        return Blocks(shared, own, products, counts, channels, self.labels)
+        return Blocks(shared, own, products, counts, channels, self.labels, self.owners)
 
     def only(self, shared: Sequence[str], own: Sequence[str]) -> Blocks:
         """Some columns alone, in the order given."""
@@ -234,19 +245,21 @@ class Blocks:
         N, v = np.zeros((len(self), n, n)), np.zeros((len(self), n))
         for channel, weight in enumerate(weights):
             part = Normal.split(weight * self.products[:, channel])
-            own = slice(k + channel * n_own, k + (channel + 1) * n_own)
+            owner = self._owner(channel)
+            own = slice(k + owner * n_own, k + (owner + 1) * n_own)
             N[:, :k, :k] += part.N[:, :k, :k]
-            N[:, :k, own], N[:, own, :k] = part.N[:, :k, k:], part.N[:, k:, :k]
-            N[:, own, own] = part.N[:, k:, k:]
+            N[:, :k, own] += part.N[:, :k, k:]
+            N[:, own, :k] += part.N[:, k:, :k]
+            N[:, own, own] += part.N[:, k:, k:]
             v[:, :k] += part.v[:, :k]
-            v[:, own] = part.v[:, k:]
+            v[:, own] += part.v[:, k:]
         return Normal(N, v, self.products[:, :, 0, 0] @ weights)
 
     def squares_left(self, x: Array) -> Array:
         """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
         left = np.zeros(self.counts.shape)
         for channel in range(self.n_channels):
-            around = np.concatenate([[1.0], -x[self.layout.place(channel)]])
+            around = np.concatenate([[1.0], -x[self.layout.place(self._owner(channel))]])
             left[:, channel] = (self.products[:, channel] @ around) @ around
         return np.maximum(left, 0.0)
 

@@ -1,92 +1,197 @@
-"""Residuals and restrictions of a solution, in the words of `model.yaml`."""
+"""What a solution says, in the words of `model.yaml`: curves of friction, residuals, restrictions.
+
+A half-difference less what of it is rigid bodies' is the friction at the mean of both speeds. Each
+pair gives one value in each class of speed; the mean over pairs and its interval, by Student's t,
+are the curve. Friction that drifts from pair to pair widens the interval, as it should: it is that
+of the mean over these recordings.
+
+Of the half-sums of each bin, mean over the pairs, friction that does not cancel and what differs by
+direction are taken off; what remains is the torque of the rigid bodies, gravity where the axis goes
+at constant speed. Its standard error is that of the scatter between pairs.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import special
 
-from hil.estimation.back_and_forth.halves import FIRST, TORQUE, unknown_places
-from hil.estimation.back_and_forth.result import Combination
-from hil.estimation.back_and_forth.solution import friction_levels
+from hil.estimation.back_and_forth.excitation import NOTICEABLE
+from hil.estimation.back_and_forth.halves import COMMON, known, numbered_pairs
+from hil.estimation.back_and_forth.result import Combination, CurvePoint, FrictionCurve
+from hil.estimation.free_motion.columns import ROTOR
+from hil.estimation.free_motion.description import Residuals, loose_parameters
 from hil.estimation.free_motion.result import LOOSE
+from hil.friction.law import TermValue
+from hil.friction.terms import CLASSICAL
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.uncertainty import leave_one_out
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Indices
+    from hil.estimation.back_and_forth.excitation import Excitation
     from hil.estimation.back_and_forth.halves import Halves
     from hil.estimation.back_and_forth.solution import Solution
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
+CLASSES = 12
+"""Classes of speed, alike in width: of the 8 levels that a recording's friction is interpolated
+between, three fall on two."""
 
-FAINT = 1e-3
-"""Coefficient in a sum, over its largest, below which a parameter is not stated."""
 
+@dataclass(frozen=True, slots=True, eq=False)
+class HalfSums:
+    """Torque of the rigid bodies over the positions of one axis, as one recording shows it.
 
-def residuals(
-    robot: Robot, recordings: Sequence[Halves], solution: Solution
-) -> tuple[Array, tuple[float | None, ...], float]:
-    """Of all samples used: root mean squares, those over the torque's, and that of all axes.
-
-    The first is NaN, the second None, for axes that were not moved.
+    Attributes
+    ----------
+    id : str
+    axis : int
+        From 0.
+    pairs : int
+    q : ndarray, shape (n,)
+        [rad or m].
+    measured, standard_error, model : ndarray, shape (n,)
+        [N m or N]; standard errors are NaN where one pair passed.
     """
-    left, torque, n = (np.zeros(robot.n_joints) for _ in range(3))
-    for each in recordings:
-        around = np.concatenate([
-            [1.0, -1.0],
-            -solution.x[unknown_places(robot, each.axis)],
-            -friction_levels(robot, each, solution),
-        ])  # fmt: skip
-        left[each.axis] += max(float(around @ each.samples @ around), 0.0)
-        torque[each.axis] += float(each.samples[TORQUE, TORQUE])
-        n[each.axis] += each.n_samples
-    moved = n > 0
-    rms = np.where(moved, np.sqrt(left / np.maximum(n, 1.0)), np.nan)
-    shares = np.sqrt(left / np.maximum(torque, 1e-300))
-    relative = tuple(float(r) if m else None for r, m in zip(shares, moved, strict=True))
-    return rms, relative, float(np.sqrt(left.sum() / torque.sum()))
+
+    id: str
+    axis: int
+    pairs: int
+    q: Array
+    measured: Array
+    standard_error: Array
+    model: Array
 
 
-def combinations(robot: Robot, solution: Solution) -> tuple[Combination, ...]:
-    """What parameters stand for that were identified together with others."""
-    names = base_parameters(robot).names
-    return tuple(
-        Combination(name=names[k], stands_for=" ".join([names[k], *map(_term, parts)]))
-        for k in map(int, solution.excitation.kept)
-        if (parts := [(names[j], share) for j, share in _noticeable(solution.excitation.parts(k))])
+def half_sums(halves: Halves, solution: Solution) -> HalfSums:
+    """Half-sums of one recording."""
+    around = solution.around(halves.axis)
+    sums = halves.rows[0] / np.sqrt(halves.pairs.weights)[:, np.newaxis]
+    base = slice(1, len(around) - len(COMMON))
+    model = -sums[:, base] @ around[base]
+    left = sums @ solution.without_levels(halves) @ around
+    number = np.unique(halves.pairs.bin, return_inverse=True)[1]
+    n = np.bincount(number).astype(float)
+    q, modelled, rest, square = (
+        np.bincount(number, x) / n for x in (halves.q[:, halves.axis], model, left, left**2)
+    )
+    error = np.sqrt(np.maximum(square - rest**2, 0.0) / np.where(n > 1, n - 1, np.nan))
+    return HalfSums(halves.id, halves.axis, len(halves.pairs), q, modelled + rest, error, modelled)
+
+
+def friction_curves(recordings: Sequence[Halves], solution: Solution) -> tuple[FrictionCurve, ...]:
+    """Friction of all axes that were moved."""
+    axes = sorted({each.axis for each in recordings})
+    return tuple(_curve([e for e in recordings if e.axis == axis], solution) for axis in axes)
+
+
+def _curve(recordings: Sequence[Halves], solution: Solution) -> FrictionCurve:
+    axis, fit = recordings[0].axis, solution.fit
+    around = solution.around(axis)
+    left = np.concatenate([each.rows[1, :, : len(around)] @ around for each in recordings])
+    weight = np.concatenate([each.pairs.weights for each in recordings])
+    speed = np.concatenate([each.speed for each in recordings])
+    pair = numbered_pairs(recordings)
+    places = [fit.layout.at(name, axis) for name in ("offset", "asymmetric")]
+    constant, per_speed = (TermValue.estimated(fit.x[k], fit.covariance[k, k]) for k in places)
+    return FrictionCurve(
+        axis=axis + 1,
+        points=_points(speed, left / np.sqrt(weight), weight, pair),
+        by_direction=(constant, per_speed),
+        plain=_plain(recordings, around[: -1 - len(COMMON)]),
     )
 
 
-def _noticeable(parts: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
-    largest = max((1.0, *(abs(share) for _, share in parts)))
-    return [(j, share) for j, share in parts if abs(share) > FAINT * largest]
+def _points(speed: Array, friction: Array, weight: Array, pair: Indices) -> tuple[CurvePoint, ...]:
+    width = max(float(np.ptp(speed)) / CLASSES, np.finfo(float).tiny)
+    of_class = np.minimum((speed - speed.min()) // width, CLASSES - 1)
+    return tuple(
+        _point(speed[own], friction[own], weight[own], pair[own])
+        for own in (of_class == k for k in np.unique(of_class))
+    )
 
 
-def _term(part: tuple[str, float]) -> str:
-    name, share = part
+def _point(speed: Array, friction: Array, weight: Array, pair: Indices) -> CurvePoint:
+    number = np.unique(pair, return_inverse=True)[1]
+    means = np.bincount(number, weight * friction) / np.bincount(number, weight)
+    n, half = len(means), None
+    if n > 1:
+        half = float(special.stdtrit(n - 1, 0.975) * means.std(ddof=1) / np.sqrt(n))
+    return CurvePoint(
+        speed=float(np.average(speed, weights=weight)),
+        friction=float(means.mean()),
+        half_width=half,
+        pairs=n,
+    )
+
+
+def _plain(recordings: Sequence[Halves], around: Array) -> dict[str, TermValue]:
+    """Offset, Coulomb's and viscous friction by least squares, pairs left out in turn."""
+    whole, n = np.concatenate([each.whole for each in recordings]), len(around)
+    if len(whole) == 1:
+        return {}
+    found = leave_one_out(whole[:, n:, n:], whole[:, n:, :n] @ around)
+    rows = zip(CLASSICAL, found.x, np.diag(found.covariance), strict=True)
+    return {name: TermValue.estimated(value, variance) for name, value, variance in rows}
+
+
+def samples(robot: Robot, recordings: Sequence[Halves]) -> Blocks:
+    """Inner products of torque and known columns of all samples used, by recording and axis."""
+    columns = known(robot)
+    n = 1 + len(columns)
+    products = np.zeros((len(recordings), robot.n_joints, n, n))
+    counts = np.zeros(products.shape[:2])
+    for k, each in enumerate(recordings):
+        products[k, each.axis], counts[k, each.axis] = each.samples[:n, :n], len(each.pairs.used)
+    return Blocks(columns[: -len(COMMON)], COMMON, products, counts)
+
+
+def residuals(whole: Blocks, recordings: Sequence[Halves], solution: Solution) -> Residuals:
+    """What a solution, and levels of friction, leave of all samples used."""
+    left = np.zeros(whole.n_channels)
+    for each in recordings:
+        around = solution.without_levels(each) @ solution.around(each.axis)
+        left[each.axis] += max(float(around @ each.samples @ around), 0.0)
+    counts = np.maximum(whole.total.counts[0], 1.0)
+    # as it was recorded, with that of known rotors
+    recorded = np.eye(1, whole.products.shape[-1])
+    recorded[0, whole.place(ROTOR)] = 1.0
+    torque = np.sqrt(whole.recast(recorded).squares / counts)
+    return Residuals(np.sqrt(left / counts), torque, np.zeros_like(torque))
+
+
+def combinations(robot: Robot, excited: Excitation) -> tuple[Combination, ...]:
+    """What parameters stand for that were identified together with others."""
+    names = base_parameters(robot).names
+    found = []
+    for k in excited.kept.tolist():
+        shares = excited.combination[k]
+        shown = np.flatnonzero(np.abs(shares) > NOTICEABLE * np.abs(shares).max()).tolist()
+        terms = [_term(names[j], float(shares[j])) for j in shown if j != k]
+        if terms:
+            found.append(Combination(name=names[k], stands_for=" ".join([names[k], *terms])))
+    return tuple(found)
+
+
+def _term(name: str, share: float) -> str:
     sign, size = "-" if share < 0 else "+", abs(share)
     return f"{sign} {name}" if round(size, 3) == 1.0 else f"{sign} {size:.3g} {name}"
 
 
-def remarks(robot: Robot, recordings: Sequence[Halves], solution: Solution) -> tuple[str, ...]:
+def remarks(
+    robot: Robot,
+    recordings: Sequence[Halves],
+    whole: Blocks,
+    solution: Solution,
+    left: Residuals,
+) -> Iterator[str]:
     """What restricts the estimate."""
-    return tuple(
-        remark
-        for each in (
-            _still_axes(robot, recordings),
-            _few_pairs(recordings),
-            _moved_along(recordings),
-            _loose(robot, recordings, solution),
-        )
-        for remark in each
-    )
-
-
-def _still_axes(robot: Robot, recordings: Sequence[Halves]) -> Iterator[str]:
     moved = {each.axis for each in recordings}
     never = [str(axis + 1) for axis in range(robot.n_joints) if axis not in moved]
     if never:
@@ -94,40 +199,20 @@ def _still_axes(robot: Robot, recordings: Sequence[Halves]) -> Iterator[str]:
             f"no strokes of axis {', '.join(never)}: its torque is not used, since static friction"
             " bears an unknown part of it; record strokes of it too"
         )
-
-
-def _few_pairs(recordings: Sequence[Halves]) -> Iterator[str]:
-    single = sum(each.n_pairs == 1 for each in recordings)
+    single = sum(len(each.pairs) == 1 for each in recordings)
     if single:
         yield (
             f"{single} of {len(recordings)} recordings have one pair of strokes: what friction does"
             " between forth and back does not show there; two pairs or more show it"
         )
-
-
-def _moved_along(recordings: Sequence[Halves]) -> Iterator[str]:
-    moved = [each.id for each in recordings if each.also_moving]
-    if moved:
+    also = [each.id for each in recordings if each.also_moving]
+    if also:
         axes = sorted({axis + 1 for each in recordings for axis in each.also_moving})
         yield (
             f"beside the axis that is to move alone, axis {', '.join(map(str, axes))} moved in"
-            f" {', '.join(moved)}; its motion is in the model's columns"
+            f" {', '.join(also)}; its motion is in the model's columns"
         )
-
-
-def _loose(robot: Robot, recordings: Sequence[Halves], solution: Solution) -> Iterator[str]:
-    names = base_parameters(robot).names
-    squares = np.zeros((robot.n_joints, len(names)))
-    torque, n = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
-    for each in recordings:
-        own = np.diag(each.samples)
-        squares[each.axis] += own[FIRST : FIRST + len(names)]
-        torque[each.axis] += own[TORQUE]
-        n[each.axis] += each.n_samples
-    torque[n == 0] = np.inf
-    error = np.sqrt(np.diag(solution.covariance)[: len(names)])
-    worst = (error * np.sqrt(squares / torque[:, np.newaxis])).max(axis=0)
-    loose = [names[k] for k in np.flatnonzero(worst > LOOSE)]
+    loose = loose_parameters(robot, whole, solution.fit, left.torque)
     if loose:
         yield (
             f"{', '.join(loose)}: a standard error is more than {100 * LOOSE:g} % of an axis's"

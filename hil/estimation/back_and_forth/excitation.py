@@ -30,10 +30,7 @@ import numpy as np
 from hil.least_squares.solving import IDENTIFIABLE, SILENT, solved
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
+    from hil.arrays import Array, Indices
 
 SHARE = 0.01
 """Of the torque by which a parameter that is kept is uncertain at most."""
@@ -41,8 +38,8 @@ LARGEST = 10.0
 """Coefficient of another parameter in the sum that a parameter stands for, at most. Those of
 parameters that could be kept themselves are 1 or less, since longer columns come first; UR10e has
 1e5 or nothing else where its axes stand at right angles, and up to 2 elsewhere."""
-_NOTICEABLE = 1e-3
-"""Share of a parameter in a combination below which it is none of its parts."""
+NOTICEABLE = 1e-3
+"""Share of a parameter in a combination below which it is none of its parts: less than is shown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,23 +50,26 @@ class Excitation:
     ----------
     kept : ndarray of int
         Parameters that are identified, by themselves or with others.
+    nuisance : ndarray of int
+        Nuisance that is independent of each other, among all unknowns.
     combination : ndarray, shape (n, n)
         ``combination @ p`` is what is identified of parameters p; rows of those that are not kept
         are zero.
     """
 
     kept: Indices
+    nuisance: Indices
     combination: Array
+
+    @property
+    def unknowns(self) -> Indices:
+        """All that are found: parameters, then nuisance."""
+        return np.concatenate([self.kept, self.nuisance])
 
     @property
     def lost(self) -> Indices:
         """Parameters that are not kept."""
         return np.setdiff1d(np.arange(len(self.combination)), self.kept)
-
-    def parts(self, k: int) -> list[tuple[int, float]]:
-        """Other parameters in the combination that parameter `k` stands for, and their shares."""
-        row = self.combination[k]
-        return [(int(j), float(row[j])) for j in np.flatnonzero(row) if j != k]
 
 
 def excitation(N: Array, n: int, square: float) -> Excitation:
@@ -93,10 +93,10 @@ def excitation(N: Array, n: int, square: float) -> Excitation:
     shares = solved(left[np.ix_(kept, kept)], left[np.ix_(kept, lost)])
     length = np.sqrt(size)
     # a parameter without any effect on the torque is no part of what the others stand for
-    parts = np.abs(shares) * length[kept, np.newaxis] > _NOTICEABLE * length[lost]
+    parts = np.abs(shares) * length[kept, np.newaxis] > NOTICEABLE * length[lost]
     parts &= length[lost] > SILENT * length.max(initial=0.0)
     combination[np.ix_(kept, lost)] = np.where(parts, shares, 0.0)
-    return Excitation(kept, combination)
+    return Excitation(kept, nuisance, combination)
 
 
 def independent(

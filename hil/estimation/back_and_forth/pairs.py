@@ -2,8 +2,9 @@
 
 A pair is a stroke forth and the stroke back that follows it, as the import numbered them. Samples
 near a reversal, where friction is no function of the velocity, are left out. Bins of position hold
-about as many samples each, `SAMPLES` of a stroke at least, so they are narrow where the axis is
-slow and its speed changes from one position to the next.
+about as many samples each, of a stroke those of a period of the low-pass at least, so they are
+narrow where the axis is slow and its speed changes from one position to the next. Where both
+strokes of a pair pass a bin, half the sum and half the difference of their means are a row each.
 """
 
 from __future__ import annotations
@@ -13,70 +14,79 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from hil.errors import NotEnoughData
+from hil.estimation.free_motion.motion import COARSE
+from hil.friction.equation import SLOW
 
+if TYPE_CHECKING:
+    from hil.arrays import Array, Indices, Mask, Numbers
     from hil.estimation.free_motion.motion import Motion
 
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
-
-SLOW = 0.05
-"""Share of the recording's speed below which the axis counts as reversing."""
-SAMPLES = 4
-"""Of a stroke in a bin, about, where strokes are short."""
-BINS = 8, 60
-"""Of the whole way, at least and at most."""
 FEWEST = 4
-"""Bins that both strokes of a pair must pass."""
+"""Bins that both strokes of a pair must pass: two for each unknown that it has of its own, a level
+and a slope of friction."""
+BINS = 2 * FEWEST, 60
+"""Bins of the whole way, at least and at most: of half a turn one in 3 degrees, over which columns
+of links, of degree two in sines and cosines, change by a tenth."""
 UNLIKE = 1.5
-"""Ratio of the speeds forth and back at the same positions from which on a pair is of no use."""
+"""Ratio of the speeds forth and back at the same positions from which on a pair is of no use. At
+1.2 torques were wrong by 0.34 % where they were by 0.08 % at 1 (benchmarks/back_and_forth.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pair:
-    """A stroke forth and one back over the same bins.
+class Pairs:
+    """Pairs of a recording that are of use, and its rows: a pair's bins, pair after pair.
 
     Attributes
     ----------
-    number : int
-        In its recording, from 0.
     forth, back : ndarray of int
-        Filtered samples.
-    bins : ndarray of int
-        Of the recording that both strokes pass.
-    bins_forth, bins_back : ndarray of int
-        The place of each sample's bin among these.
+        Filtered samples of the strokes.
+    rows : tuple of ndarray of int
+        The row of each of these samples, forth and back.
+    pair, bin : ndarray of int, shape (n_rows,)
+        Numbers in the recording, from 0.
+    turning : ndarray, shape (n_pairs,)
+        Where pairs turn round, in filtered samples.
+    useless : tuple of str
+        Pairs that were left out, and why.
     """
 
-    number: int
     forth: Indices
     back: Indices
-    bins: Indices
-    bins_forth: Indices
-    bins_back: Indices
+    rows: tuple[Indices, Indices]
+    pair: Indices
+    bin: Indices
+    turning: Array
+    useless: tuple[str, ...]
 
-    def halves(self, x: Array) -> tuple[Array, Array]:
-        """Half-sums and half-differences of columns at the filtered samples, by bin."""
-        forth = _means(x[self.forth], self.bins_forth, len(self.bins))
-        back = _means(x[self.back], self.bins_back, len(self.bins))
-        return (forth + back) / 2, (forth - back) / 2
+    def __len__(self) -> int:
+        return len(self.turning)
+
+    @property
+    def used(self) -> Indices:
+        """Filtered samples of all strokes."""
+        return np.concatenate([self.forth, self.back])
 
     @property
     def weights(self) -> Array:
-        """Reciprocal variances of either half, for samples of variance 1, shape of `bins`."""
-        forth, back = (
-            np.bincount(bins, minlength=len(self.bins))
-            for bins in (self.bins_forth, self.bins_back)
-        )
+        """Samples that each half is worth, shape (n_rows,): reciprocal variances for unit ones."""
+        forth, back = map(np.bincount, self.rows)
         found: Array = 4.0 / (1.0 / forth + 1.0 / back)
         return found
 
+    def halves(self, x: Array) -> Array:
+        """Half-sums and half-differences, shape (2, n_rows, k), of filtered columns, (n, k)."""
+        sums = np.zeros((2, len(self.pair), x.shape[1]))
+        for k, samples in enumerate((self.forth, self.back)):
+            np.add.at(sums[k], self.rows[k], x[samples])
+        forth, back = (
+            x / np.bincount(rows)[:, np.newaxis] for x, rows in zip(sums, self.rows, strict=True)
+        )
+        return np.stack([forth + back, forth - back]) / 2
 
-def pairs_of(
-    motion: Motion, stroke: NDArray[np.int16], axis: int, unit: str
-) -> tuple[list[Pair], list[str]]:
-    """Pairs of a recording, and why others are of no use.
+
+def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
+    """Pairs of a recording.
 
     Parameters
     ----------
@@ -87,62 +97,76 @@ def pairs_of(
         That moves, from 0.
     unit : str
         Of its positions.
+
+    Raises
+    ------
+    NotEnoughData
+        No pair is of use.
     """
     q, qd = (x[:: motion.rates.coarse][: len(motion.tau), axis] for x in (motion.q, motion.qd))
-    steady = motion.used & (motion.slowest[:, axis] >= SLOW)
-    strokes = [
-        np.flatnonzero(steady & (stroke == number) & (qd > 0 if number % 2 == 0 else qd < 0))
-        for number in range(int(stroke.max(initial=-1)) + 1)
-    ]
-    edges = _edges(q, strokes)
-    found, useless = [], []
-    for number, (forth, back) in enumerate(zip(strokes[::2], strokes[1::2], strict=False)):
-        reason = _reason(q, qd, forth, back, edges, unit)
+    number, returns = np.divmod(stroke, 2)
+    steady = motion.used & (motion.slowest[:, axis] >= SLOW) & (stroke >= 0)
+    steady &= np.sign(qd) == np.where(returns, -1, 1)
+    bins = _bins(q, stroke, steady)
+    # a row for each bin that both strokes of a pair pass
+    key = number.astype(np.intp) * BINS[1] + bins
+    useless, used = [], steady.copy()
+    for pair in range((int(stroke.max(initial=-1)) + 1) // 2):
+        own = steady & (number == pair)
+        reason = _reason(q, qd, own & (returns == 0), own & (returns == 1), bins, unit)
         if reason:
-            useless.append(f"pair {number + 1}: {reason}")
-        else:
-            found.append(_pair(number, q, forth, back, edges))
-    return found, useless
+            useless.append(f"pair {pair + 1}: {reason}")
+            used &= ~own
+    forth, back = (np.flatnonzero(used & (returns == k)) for k in (0, 1))
+    rows = np.intersect1d(key[forth], key[back])
+    forth, back = (each[np.isin(key[each], rows)] for each in (forth, back))
+    if not useless and not len(rows):
+        raise NotEnoughData(
+            "no stroke forth has one back after it; record at least one pair, or write kind: free"
+        )
+    if not len(rows):
+        more = len(useless) - 1
+        also = f" (and {more} more pair{'s' if more > 1 else ''})" if more else ""
+        raise NotEnoughData(f"{useless[0]}{also}")
+    ends, begins = forth[::-1], back
+    last, first = (np.unique(number[each], return_index=True)[1] for each in (ends, begins))
+    return Pairs(
+        forth=forth,
+        back=back,
+        rows=(np.searchsorted(rows, key[forth]), np.searchsorted(rows, key[back])),
+        pair=rows // BINS[1],
+        bin=rows % BINS[1],
+        turning=(ends[last] + begins[first]) / 2,
+        useless=tuple(useless),
+    )
 
 
-def _edges(q: Array, strokes: list[Indices]) -> Array:
-    """Bounds of the bins of a recording's positions."""
-    lengths = [len(each) for each in strokes if len(each)]
-    if not lengths:
-        return np.zeros(2)
-    every = q[np.concatenate(strokes)]
-    n = int(np.clip(np.median(lengths) // SAMPLES, *BINS))
-    return np.unique(np.quantile(every, np.linspace(0.0, 1.0, n + 1)))
-
-
-def _bins(q: Array, edges: Array) -> Indices:
+def _bins(q: Array, stroke: Numbers, steady: Mask) -> Indices:
+    """Bin of the recording's positions of each filtered sample."""
+    lengths = np.bincount(stroke[steady])
+    if not steady.any():
+        return np.zeros(len(q), dtype=np.intp)
+    n = int(np.clip(np.median(lengths[lengths > 0]) // COARSE, *BINS))
+    edges = np.unique(np.quantile(q[steady], np.linspace(0.0, 1.0, n + 1)))
     return np.clip(np.searchsorted(edges, q, side="right") - 1, 0, len(edges) - 2)
 
 
-def _common(q: Array, forth: Indices, back: Indices, edges: Array) -> Indices:
-    """Bins that both strokes pass."""
-    return np.intersect1d(_bins(q[forth], edges), _bins(q[back], edges))
-
-
-def _reason(q: Array, qd: Array, forth: Indices, back: Indices, edges: Array, unit: str) -> str:
+def _reason(q: Array, qd: Array, forth: Mask, back: Mask, bins: Indices, unit: str) -> str:
     """Why a pair is of no use; empty where it is."""
-    if not (len(forth) and len(back)):
+    if not (forth.any() and back.any()):
         return (
             "a stroke is too short for the low-pass; record longer strokes, or state a higher"
             " cut_off in the map"
         )
-    common = _common(q, forth, back, edges)
+    common = np.intersect1d(bins[forth], bins[back])
     if len(common) < FEWEST:
-        ways = (f"{q[each].min():.3g} to {q[each].max():.3g} {unit}" for each in (forth, back))
-        there, again = ways
+        there, again = (f"{x.min():.3g} to {x.max():.3g} {unit}" for x in (q[forth], q[back]))
         return (
             f"forth it passes {there}, back {again}, which is {len(common)} bins of position in"
             f" common where {FEWEST} are needed; let both strokes go over the same way"
         )
-    speeds = [
-        float(np.mean(np.abs(qd[each][np.isin(_bins(q[each], edges), common)])))
-        for each in (forth, back)
-    ]
+    both = np.isin(bins, common)
+    speeds = [float(np.mean(np.abs(qd[each & both]))) for each in (forth, back)]
     if max(speeds) > UNLIKE * min(speeds):
         return (
             f"forth it goes at {speeds[0]:.3g} {unit}/s, back at {speeds[1]:.3g} {unit}/s, a ratio"
@@ -150,16 +174,3 @@ def _reason(q: Array, qd: Array, forth: Indices, back: Indices, edges: Array, un
             " at one speed, or write kind: free"
         )
     return ""
-
-
-def _pair(number: int, q: Array, forth: Indices, back: Indices, edges: Array) -> Pair:
-    common = _common(q, forth, back, edges)
-    kept = [each[np.isin(_bins(q[each], edges), common)] for each in (forth, back)]
-    places = [np.searchsorted(common, _bins(q[each], edges)) for each in kept]
-    return Pair(number, kept[0], kept[1], common, places[0], places[1])
-
-
-def _means(x: Array, bins: Indices, n: int) -> Array:
-    sums = np.zeros((n, x.shape[1]))
-    np.add.at(sums, bins, x)
-    return np.asarray(sums / np.bincount(bins, minlength=n)[:, np.newaxis])

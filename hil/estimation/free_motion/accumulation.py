@@ -141,7 +141,7 @@ def division(processing: Processing, duration: float, stretches: Sequence[Motion
     states = np.vstack([_states(motion)[motion.used] for motion in stretches])
     if not len(states):
         raise _too_short(processing)
-    scale = np.maximum(states.std(axis=0), 1e-9)
+    scale = _scale(states)
     return Division(piece, _middles(states / scale), scale)
 
 
@@ -169,8 +169,14 @@ def _nearest(middles: Array, states: Array) -> Indices:
 
 
 def cells_of(states: Array) -> Indices:
-    """Cell of each of some states, shape (n, k), in units in which they vary alike."""
-    return _nearest(_middles(states), states)
+    """Cell of each of some states, shape (n, k), each scaled by how much it varies."""
+    scaled = states / _scale(states)
+    return _nearest(_middles(scaled), scaled)
+
+
+def _scale(states: Array) -> Array:
+    """Standard deviations, above what rounding leaves of states that stay the same."""
+    return np.maximum(states.std(axis=0), 1e-9)
 
 
 def recorded_products(

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import Solution
     from hil.estimation.free_motion.survey import Survey
+    from hil.least_squares.blocks import Blocks
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
 
@@ -204,24 +205,32 @@ def remarks(
             "least squares alone had a mass matrix that is not positive definite; parameters were"
             f" moved by at most {solution.moved:.2g} standard errors to mend that"
         )
-    return (*said, *_loose(robot, products, solution.fit, torque))
+    names = loose_parameters(robot, products.pieces[0], solution.fit, torque)
+    if names:
+        said.append(
+            f"{', '.join(names)}: a standard error is more than {100 * LOOSE:g} % of an axis's"
+            " torque; the motion excites them little"
+        )
+    return tuple(said)
 
 
-def _loose(robot: Robot, products: Products, fit: Fit, torque: Array) -> list[str]:
-    """Parameters whose standard error is a noticeable share of an axis's torque."""
-    base, whole = base_parameters(robot), products.pieces[0].total
+def loose_parameters(robot: Robot, blocks: Blocks, fit: Fit, torque: Array) -> list[str]:
+    """Names of base parameters whose standard error is a noticeable share of an axis's torque.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        All samples, axis by axis.
+    torque : ndarray, shape (n_joints,)
+        Root mean square of each axis's [N m or N].
+    """
+    base, whole = base_parameters(robot), blocks.total
     counts = np.maximum(whole.counts[0], 1.0)[:, np.newaxis]
     squares = np.einsum("jkk->jk", whole.products[0])[:, whole.place(*base.names)] / counts
     error = np.sqrt(np.diag(fit.covariance)[: len(base)] * squares)
     least = np.sqrt(np.finfo(float).tiny)
     worst = (error / np.maximum(torque, least)[:, np.newaxis]).max(axis=0)
-    names = [base.names[k] for k in np.flatnonzero(worst > LOOSE)]
-    if not names:
-        return []
-    return [
-        f"{', '.join(names)}: a standard error is more than {100 * LOOSE:g} % of an axis's torque;"
-        " the motion excites them little"
-    ]
+    return [base.names[k] for k in np.flatnonzero(worst > LOOSE)]
 
 
 def driving_axes(fit: Fit) -> tuple[int, ...]:

@@ -113,7 +113,7 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         duration += _duration(recording)
         n_samples += recording.n_samples
         stretches.add(recording)
-        speeds.append(_speed(recording))
+        speeds.append(greatest_speed(recording))
         extents.append(extent(recording.q, recording.period))
         stated += [] if motion.cut_off is None else [motion.cut_off]
     if not speeds:
@@ -157,9 +157,9 @@ def _duration(recording: Recording) -> float:
     return recording.period * recording.n_samples
 
 
-def _speed(recording: Recording) -> Array:
-    """Mean speed over `SPAN` that few such times exceed."""
-    every = min(max(1, round(SPAN / recording.period)), recording.n_samples // 10)
+def greatest_speed(recording: Recording) -> Array:
+    """Mean speed of each axis over `SPAN` that few such times exceed [rad/s or m/s]."""
+    every = max(1, min(round(SPAN / recording.period), recording.n_samples // 10))
     moved = np.abs(np.diff(recording.q[::every], axis=0)) / (every * recording.period)
     return np.asarray(np.quantile(moved, OFTEN, axis=0))
 

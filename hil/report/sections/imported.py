@@ -22,7 +22,7 @@ from hil.results.tables.friction import campaign_friction
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.estimation.back_and_forth.half_sums import HalfSums
+    from hil.estimation.back_and_forth.description import HalfSums
     from hil.estimation.back_and_forth.result import FrictionCurve
     from hil.model.robot import Robot
     from hil.report.charts.chart import Item
@@ -48,7 +48,7 @@ def free_motions(run: ForeignRun) -> Section:
         {
             "parameters": tables.parameters(model),
             "laws": free_motion.friction(model),
-            "left": free_motion.left_by_free_motions(model),
+            "left": free_motion.left_by_fit(model),
             "statements": () if model.friction is None else free_motion.statements(model.friction),
             "lengths": run.robot.file.lengths,
         },
@@ -60,7 +60,7 @@ def free_motions(run: ForeignRun) -> Section:
 def back_and_forth(run: ForeignRun) -> Section | None:
     """Tables and what was chosen, half-sums beside the model, half-differences as curves."""
     model = run.model
-    if model.back_and_forth is None:
+    if (fit := model.back_and_forth) is None:
         return None
     plots = (
         Plot(
@@ -74,7 +74,7 @@ def back_and_forth(run: ForeignRun) -> Section | None:
         ),
         Plot(
             "friction-curves",
-            partial(friction_curves, model.back_and_forth.curves, run.robot),
+            partial(friction_curves, fit.curves, run.robot),
             "Friction of each axis over its speed with intervals of 95 %.",
             "Half the difference of the torques, less the rigid bodies' part of it: friction over"
             " the speed, means over the pairs with intervals of 95 %. Dashed: Coulomb and viscous"
@@ -86,11 +86,11 @@ def back_and_forth(run: ForeignRun) -> Section | None:
         "back_and_forth.html",
         {
             "parameters": tables.parameters(model),
-            "curves": strokes.curves(model),
-            "plain": strokes.plain(model),
+            "curves": strokes.curves(fit),
+            "plain": strokes.plain(fit, run.robot),
             "law": campaign_friction(model),
-            "left": strokes.left_by_strokes(model),
-            "statements": strokes.statements(model.back_and_forth),
+            "left": free_motion.left_by_fit(model),
+            "statements": tuple(strokes.statements(fit)),
             "lengths": run.robot.file.lengths,
         },
         plots,

@@ -98,11 +98,12 @@ def _coupled(fit: FreeMotionFit, k: int) -> Row:
     )
 
 
-def left_by_free_motions(model: IdentifiedRobot) -> Table:
-    """Residuals of all samples at every speed, axis by axis and of all axes together."""
-    fit = model.friction
+def left_by_fit(model: IdentifiedRobot) -> Table:
+    """Residuals of imports, axis by axis and of all axes together."""
+    fit = model.friction or model.back_and_forth
     if fit is None:
         return Table("", (), ())
+    samples = "all samples" if model.friction else "strokes away from their reversals"
     rows = [
         (
             str(axis + 1),
@@ -110,11 +111,12 @@ def left_by_free_motions(model: IdentifiedRobot) -> Table:
             "" if share is None else significant(100 * share, 3),
         )
         for axis, share in enumerate(fit.relative_residual)
+        if np.isfinite(model.residual[axis])
     ]
-    together = significant(float(np.sqrt(np.sum(model.residual**2))), 3)
+    together = significant(float(np.sqrt(np.nansum(model.residual**2))), 3)
     rows.append(("all", together, significant(100 * fit.overall_residual, 3)))
     return Table(
-        title="Torque left by the fit, all samples",
+        title=f"Torque left by the fit, {samples}",
         columns=(Column("axis"), *figures("rms, N m or N", "% of the torque")),
         parts=(Part(tuple(rows)),),
         explanation="Root mean square of the residual after the low-pass, and over the torque's.",

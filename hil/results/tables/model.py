@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hil.friction.ripple import ripple_left_out
 from hil.results.tables import back_and_forth
-from hil.results.tables.free_motion import friction, left_by_free_motions, statements
+from hil.results.tables.free_motion import friction, left_by_fit, statements
 from hil.results.tables.friction import campaign_friction
 from hil.results.tables.parameters import parameters
 from hil.results.tables.summary import Summary
@@ -21,10 +21,11 @@ def summary(model: IdentifiedRobot) -> Summary:
     """Parameters with their uncertainty, residuals and what could not be used."""
     remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
     if model.friction is not None:
-        tables = parameters(model), friction(model), left_by_free_motions(model)
+        tables = parameters(model), friction(model), left_by_fit(model)
         return Summary(tables, (*statements(model.friction), *remarks))
     if (strokes := model.back_and_forth) is not None:
-        found = back_and_forth.tables(model)
+        curves, plain = back_and_forth.curves(strokes), back_and_forth.plain(strokes, model.robot)
+        found = parameters(model), curves, plain, left_by_fit(model)
         return Summary(found, (*back_and_forth.statements(strokes), *remarks))
     if lack := lacking(model):
         remarks = (*remarks, lack)

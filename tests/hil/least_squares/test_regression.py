@@ -104,6 +104,21 @@ def test_an_axis_recorded_in_two_ways_is_two_channels(rng: np.random.Generator) 
     np.testing.assert_allclose(coulomb, [1.0, 3.0, 2.0, 4.0], atol=0.3)
 
 
+def test_two_channels_of_one_axis_share_its_own_unknowns(rng: np.random.Generator) -> None:
+    W, y = samples(rng, 40)
+    again = y + 3.0 * rng.normal(size=y.shape)
+    names = {"axis 1 again": "axis 1", "axis 2 again": "axis 2"}
+    other = replace(blocks(W, again), channels=tuple(names), owners=names)
+    joined = blocks(W, y).joined(other)
+    assert joined.layout == blocks(W, y).layout
+    found = Regression.weighed(joined)
+    both = np.concatenate([W, W], axis=2), np.concatenate([y, again], axis=2)
+    weights = np.repeat(found.weights.reshape(2, 2).T, 30, axis=1)[np.newaxis]
+    rows = np.sqrt(weights)[..., np.newaxis] * both[0]
+    expected = stacked(rows, np.sqrt(weights) * both[1], np.ones(2))
+    np.testing.assert_allclose(found.solution, expected, rtol=1e-9)
+
+
 def test_coefficients_of_a_group_alone_are_eliminated(rng: np.random.Generator) -> None:
     W, y = samples(rng, 5, noise=0.0)
     drifting = rng.normal(size=5)

@@ -11,7 +11,7 @@ import pytest
 from free_run import TRUTH, arm, recorded, write_free_run
 from stroke_run import campaign, strokes
 
-from hil.estimation.back_and_forth.recognition import NAME
+from hil.estimation.back_and_forth import NAME
 from hil.model.robot import parse_robot
 from hil.report.page import report
 from hil.results.identification import identify

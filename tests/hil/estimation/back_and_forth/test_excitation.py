@@ -1,4 +1,4 @@
-"""Which unknowns normal equations determine, what they stand for, and the greater covariance."""
+"""Which unknowns normal equations determine, and what they stand for."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.estimation.back_and_forth.excitation import excitation
-from hil.estimation.back_and_forth.uncertainty import greater
 
 MANY = 1e12
 """Sum of squares of torques beside which noise is nothing."""
@@ -78,19 +77,3 @@ def test_what_noise_would_decide_is_not_kept() -> None:
     W[:, 3] = W[:, 1] * (1.0 + 1e-3 * np.linspace(-1.0, 1.0, 50))
     assert len(excitation(W.T @ W, 4, MANY).kept) == 4
     assert len(excitation(W.T @ W, 4, 1e8).kept) == 3
-
-
-@given(st.integers(0, 1000))
-def test_the_greater_covariance_is_at_least_either(seed: int) -> None:
-    A, B = (W.T @ W for W in (columns(seed, 4), columns(seed + 1, 4)))
-    found = greater(A, B)
-    size = np.sqrt(np.diag(A + B))
-    for each in (A, B):
-        left = (found - each) / np.outer(size, size)
-        assert np.linalg.eigvalsh(left).min() > -1e-9
-
-
-def test_of_two_equal_covariances_it_is_either() -> None:
-    W = columns(3, 4)
-    A = W.T @ W
-    np.testing.assert_allclose(greater(A, A), A, rtol=1e-9)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stroke_run import campaign, curved, strokes
 
-from hil.estimation.back_and_forth.recognition import NAME
+from hil.estimation.back_and_forth import NAME
 from hil.estimation.identify import default_method, estimate
 from hil.model.dynamics import inverse_dynamics
 

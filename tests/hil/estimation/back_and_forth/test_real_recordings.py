@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from real_recordings import EMPS, at_hand
 
-from hil.estimation.back_and_forth.recognition import NAME
+from hil.estimation.back_and_forth import NAME
 from hil.imports.importing import import_recordings
 from hil.results.identification import identify, method_for
 
