@@ -21,6 +21,7 @@ from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.back_and_forth.solution import solve
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.intervals import MANY
+from hil.estimation.options import DEFAULTS
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ OTHER = "no axis that moves back and forth by itself; this method takes no other
 def fit_back_and_forth(
     robot: Robot,
     recorded: Iterable[tuple[RecordedMotion, Recording]],
-    covariance: Covariance = "jackknife",
+    covariance: Covariance = DEFAULTS.covariance,
 ) -> Estimate:
     """Identify base parameters, and read friction off, without a law of friction.
 

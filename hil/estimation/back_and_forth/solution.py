@@ -5,9 +5,9 @@ terms for unknowns of both: friction that is no function of the speed, such as o
 the load, spoils the latter alone. Rows are weighted by the number of their samples, channels by
 their residual variance. Levels of friction of each recording are eliminated with these weights.
 
-Friction that wanders and noise differ from one pair of strokes to the next; pairs are left out in
-turn. What the model lacks repeats with the strokes, but differs from one part of the space of
-states to the next: cells of it (`hil.least_squares.regression`).
+Friction that wanders and noise differ from one pair of strokes to the next: pairs are groups. What
+the model lacks repeats with the strokes, but differs from one part of the space of states to the
+next: cells of it add their scatter (`hil.least_squares.regression`).
 """
 
 from __future__ import annotations
@@ -72,9 +72,7 @@ class Solution:
         return halves.without_levels(self.weights[channels(halves)], n)
 
 
-def solve(
-    robot: Robot, recordings: Sequence[Halves], covariance: Covariance = "jackknife"
-) -> Solution:
+def solve(robot: Robot, recordings: Sequence[Halves], covariance: Covariance) -> Solution:
     """Solve for all unknowns that the recordings excite."""
     by_pair = numbered_pairs(recordings)
     together = np.zeros_like(by_pair)
@@ -149,5 +147,5 @@ def _effect(regression: Regression) -> Array:
         side = total.normal(own)
         rotor = side.information[kept, layout.at(ROTOR)]
         sides = np.column_stack([side.vector[kept] + rotor, -rotor])
-        effect[np.ix_(kept, [axis, n_joints + axis])] = solved(N, sides)
+        effect[kept[:, np.newaxis], [axis, n_joints + axis]] = solved(N, sides)
     return effect

@@ -176,7 +176,8 @@ def cells_of(states: Array) -> Indices:
 
 def _scale(states: Array) -> Array:
     """Standard deviations, above what rounding leaves of states that stay the same."""
-    return np.maximum(states.std(axis=0), 1e-9)
+    found: Array = np.maximum(states.std(axis=0), 1e-9)
+    return found
 
 
 def recorded_products(
