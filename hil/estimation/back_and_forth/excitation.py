@@ -13,7 +13,7 @@ p30 + 1.8e7 p35, p35 is the one that shows. Where p35 itself is not to be kept, 
 since it would stand for p35 all the same: for no more than `LARGEST` of another parameter.
 
 A column that is nearly such a combination is one too, where noise alone would make its parameter's
-torque, over the recorded motion, uncertain by more than the share `SHARE` of the torque: with rows
+torque, over the recorded motion, uncertain by more than the share `LOOSE` of the torque: with rows
 of unit residual variance, of which it leaves the share r of its square length, that torque's sum of
 squares is uncertain by 1 / r.
 
@@ -27,13 +27,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.result import LOOSE
 from hil.least_squares.solving import IDENTIFIABLE, SILENT, solved
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Indices
 
-SHARE = 0.01
-"""Of the torque by which a parameter that is kept is uncertain at most."""
 LARGEST = 10.0
 """Coefficient of another parameter in the sum that a parameter stands for, at most. Those of
 parameters that could be kept themselves are 1 or less, since longer columns come first; UR10e has
@@ -86,7 +85,7 @@ def excitation(N: Array, n: int, square: float) -> Excitation:
     nuisance = n + independent(N[n:, n:], size[n:])
     within = N[:n, nuisance] @ solved(N[np.ix_(nuisance, nuisance)], N[nuisance, :n])
     left = N[:n, :n] - within
-    kept = independent(left, size[:n], max(IDENTIFIABLE, 1.0 / (SHARE**2 * square)), LARGEST)
+    kept = independent(left, size[:n], max(IDENTIFIABLE, 1.0 / (LOOSE**2 * square)), LARGEST)
     lost = np.setdiff1d(np.arange(n), kept)
     combination = np.zeros((n, n))
     combination[kept, kept] = 1.0
