@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns, usable
+from hil.friction.equation import COMMON, FEWEST, LOAD
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
 from hil.least_squares.thinned import smoothed_at
@@ -181,7 +181,7 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
     found: list[list[Stacked]] = [[] for _ in periods]
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
     for axis in measurement.moved:
-        used = s.valid & usable(robot, s, axis)
+        used = s.usable(robot, axis)
         torques = np.column_stack([s.tau[:, axis] - motors[:, axis], motors[:, axis]])
         for place, mine in enumerate(stack_axis(robot, s, axis, torques, used, periods)):
             if mine is not None:
@@ -214,7 +214,7 @@ def stack_axis(
     if used.sum() < FEWEST:
         yield from (None for _ in periods)
         return
-    rows, common, friction = term_columns(robot, s, axis)
+    rows, common, friction = s.columns(robot, axis)
     k, n_base = torques.shape[1], rows.shape[1]
     X = np.s_[:, k : k + n_base + common.shape[1]]
     F = np.s_[:, k + n_base + common.shape[1] :]
