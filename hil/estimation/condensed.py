@@ -28,7 +28,7 @@ import numpy as np
 from hil.friction.equation import COMMON, FEWEST, LOAD
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
-from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.thinned import window_means
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
@@ -215,18 +215,17 @@ def stack_axis(
         yield from (None for _ in periods)
         return
     rows, common, friction = s.columns(robot, axis)
-    k, n_base = torques.shape[1], rows.shape[1]
-    X = np.s_[:, k : k + n_base + common.shape[1]]
-    F = np.s_[:, k + n_base + common.shape[1] :]
-    columns = np.column_stack([torques, rows, common, friction])
     for period in periods:
         index = np.flatnonzero(used & period)[::each]
-        own = smoothed_at(index, columns, s.period, passes)
-        if len(own) * each < FEWEST:
+        if len(index) * each < FEWEST:
             yield None
             continue
-        time = float(s.time[index].mean())
-        yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index, time)
+        means, time = (
+            window_means(index, len(s.time), s.period, passes),
+            float(s.time[index].mean()),
+        )
+        y, A, G, F = (np.asarray(means @ x) for x in (torques, rows, common, friction))
+        yield Stacked(axis, A.shape[1], y, np.hstack([A, G]), F, each, index, time)
 
 
 def groups(s: Signals) -> Iterator[Mask]:
