@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.friction.equation import COMMON, FEWEST, LOAD
+from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
 from hil.least_squares.thinned import window_means
@@ -214,7 +214,7 @@ def stack_axis(
     if used.sum() < FEWEST:
         yield from (None for _ in periods)
         return
-    rows, common, friction = s.columns(robot, axis)
+    rows, common, friction = term_columns(robot, s, axis)
     for period in periods:
         index = np.flatnonzero(used & period)[::each]
         if len(index) * each < FEWEST:

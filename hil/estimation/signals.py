@@ -32,7 +32,7 @@ import numpy as np
 from scipy import fft
 
 from hil.errors import NotEnoughData
-from hil.friction.equation import moving, term_columns, usable
+from hil.friction.equation import moving, usable
 from hil.least_squares.differences import FIRST, SECOND
 from hil.least_squares.window import correlated, half_window, smooth, widened
 from hil.runs.recording import under_way
@@ -56,8 +56,6 @@ ORDER = 4
 """Of the filter that runs forth and back."""
 RINGING = 0.5
 """After which the filter's response is below rounding [s]."""
-LONGEST_KEPT = 20_000
-"""Samples of a recording whose columns are kept: any stroke's, some 10 MB."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,12 +124,6 @@ class Signals:
     def usable(self, robot: Robot, axis: int) -> Mask:
         """Those of them away from corners of the motion too, shape (n,)."""
         return self.valid & self.once((usable, robot, axis), lambda: usable(robot, self, axis))
-
-    def columns(self, robot: Robot, axis: int) -> tuple[Array, Array, Array]:
-        """Columns of an axis's base parameters, common terms and friction (`term_columns`)."""
-        if len(self.time) > LONGEST_KEPT:
-            return term_columns(robot, self, axis)
-        return self.once((term_columns, robot, axis), lambda: term_columns(robot, self, axis))
 
     def filtered(self, x: Array) -> Array:
         """Butterworth low-pass along the first axis."""
