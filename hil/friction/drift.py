@@ -177,17 +177,17 @@ class _Course:
         constants = np.broadcast_to(self._constants.T, (len(pairs), *self._constants.T.shape))
         X = np.concatenate([constants, pairs], axis=1)
         left = log_levels - (solved_each(X @ X.swapaxes(1, 2), X @ log_levels)[:, np.newaxis] @ X)
-        return np.array(list(product(*grid)))[int(np.argmin(np.sum(left**2, axis=(1, 2))))]
+        return np.asarray(list(product(*grid))[int(np.argmin(np.sum(left**2, axis=(1, 2))))])
 
     def _warmth(self, tau: float) -> Array:
         left = np.exp(-np.diff(self._ends) / tau)
-        return np.interp(self._time, self._ends, relaxed(0.0, self._speed, left))
+        return np.asarray(np.interp(self._time, self._ends, relaxed(0.0, self._speed, left)))
 
     def _settled(self, settling: float, stirring: float) -> Array:
         resting = self._speed < AT_REST
         rate = np.where(resting, 1.0 / settling, self._speed / REFERENCE / stirring)
         left = np.exp(-np.diff(self._ends) * rate)
-        return np.interp(self._time, self._ends, relaxed(1.0, resting, left))
+        return np.asarray(np.interp(self._time, self._ends, relaxed(1.0, resting, left)))
 
     def changes(self, taus: Array, step: float = 1e-3) -> list[Array]:
         """Change of warmth and settled share with each of `taus`, each of shape (n, 2)."""
