@@ -24,7 +24,7 @@ from hil.estimation.drive_train import compliance_units
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.friction.equation import ASYMMETRIC, usable
+from hil.friction.equation import ASYMMETRIC
 from hil.least_squares.differences import SECOND
 from hil.least_squares.window import HALF_WIDTH, weights
 from hil.model.dynamics import mass_matrix
@@ -235,7 +235,7 @@ def _encoder_noise(robot: Robot, raw: Prepared, p: Array) -> Array:
         differences = np.diff(s.q, _ORDER, axis=0)
         noise = np.zeros(robot.n_joints)
         for joint in m.moved:
-            steady = (s.valid & usable(robot, s, joint))[_ORDER // 2 : -_ORDER // 2]
+            steady = s.usable(robot, joint)[_ORDER // 2 : -_ORDER // 2]
             if steady.any():
                 noise[joint] = (
                     np.mean(differences[steady, joint] ** 2) * gain / comb(2 * _ORDER, _ORDER)

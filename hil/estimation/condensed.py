@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns, usable
+from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
-from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.thinned import window_means
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
@@ -181,7 +181,7 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
     found: list[list[Stacked]] = [[] for _ in periods]
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
     for axis in measurement.moved:
-        used = s.valid & usable(robot, s, axis)
+        used = s.usable(robot, axis)
         torques = np.column_stack([s.tau[:, axis] - motors[:, axis], motors[:, axis]])
         for place, mine in enumerate(stack_axis(robot, s, axis, torques, used, periods)):
             if mine is not None:
@@ -215,18 +215,17 @@ def stack_axis(
         yield from (None for _ in periods)
         return
     rows, common, friction = term_columns(robot, s, axis)
-    k, n_base = torques.shape[1], rows.shape[1]
-    X = np.s_[:, k : k + n_base + common.shape[1]]
-    F = np.s_[:, k + n_base + common.shape[1] :]
-    columns = np.column_stack([torques, rows, common, friction])
     for period in periods:
         index = np.flatnonzero(used & period)[::each]
-        own = smoothed_at(index, columns, s.period, passes)
-        if len(own) * each < FEWEST:
+        if len(index) * each < FEWEST:
             yield None
             continue
-        time = float(s.time[index].mean())
-        yield Stacked(axis, n_base, own[:, :k], own[X], own[F], each, index, time)
+        means, time = (
+            window_means(index, len(s.time), s.period, passes),
+            float(s.time[index].mean()),
+        )
+        y, A, G, F = (np.asarray(means @ x) for x in (torques, rows, common, friction))
+        yield Stacked(axis, A.shape[1], y, np.hstack([A, G]), F, each, index, time)
 
 
 def groups(s: Signals) -> Iterator[Mask]:

@@ -22,7 +22,6 @@ from hil.estimation.condensed import groups, stack_axis
 from hil.estimation.drive_train import directly_driven
 from hil.estimation.drive_train_likelihood import EARLIEST, LATEST, STEP, Likelihood
 from hil.estimation.signals import derivatives, interpolation
-from hil.friction.equation import moving
 from hil.least_squares.window import half_window, widened
 from hil.model.dynamics import inverse_dynamics, mass_matrix
 from hil.model.motors import motor_inertia, motor_torque
@@ -99,7 +98,7 @@ def _stacked(
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)
     motors, periods = motor_torque(robot, s.q, s.qd, s.qdd), list(groups(s))
     for axis in m.read:
-        spoilt = ~(s.valid & moving(robot, s, axis))
+        spoilt = ~s.moving(robot, axis)
         clear = ~widened(spoilt, reach, beyond=True)
         padded = np.pad(s.tau[:, axis], reach, mode="edge")
         torques = [padded[reach + k : reach + k + len(s.tau)] for k in shifts]

@@ -178,14 +178,20 @@ def _filtered(
     gravity : ndarray, shape (n, n_base)
         Rows of the gravity torque, not filtered.
     """
-    gravity = _unit_rows(robot, s.q, axis)
-    shown = [0, 1, *(2 + c for c in base_parameters(robot).groups[GRAVITY])]
-    motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-    sides = np.column_stack([s.tau[:, axis], motor, gravity])
-    others = np.empty((len(sides), 0)) if columns is None else columns
-    found = s.filtered(np.column_stack([s.qd[:, axis], sides[:, shown], others]))
-    k = 1 + len(shown)
-    sides[:, shown] = found[:, 1:k]
+    shown = list(base_parameters(robot).groups[GRAVITY])
+
+    def of_motion() -> tuple[Array, Array]:
+        gravity = _unit_rows(robot, s.q, axis)
+        motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
+        others = np.empty((len(gravity), 0)) if columns is None else columns
+        given = np.column_stack([s.qd[:, axis], motor, gravity[:, shown], others])
+        return gravity, s.filtered(given)
+
+    # the columns of a measurement are always the same
+    gravity, found = s.once((_filtered, robot, axis), of_motion)
+    k = 2 + len(shown)
+    sides = np.column_stack([s.filtered(s.tau[:, axis]), found[:, 1], gravity])
+    sides[:, [2 + c for c in shown]] = found[:, 2:k]
     return sides, found[:, 0], found[:, k:], gravity
 
 

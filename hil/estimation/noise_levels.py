@@ -24,7 +24,7 @@ import numpy as np
 from scipy import optimize
 
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.friction.equation import FEWEST, place, usable
+from hil.friction.equation import FEWEST, place
 from hil.least_squares.solving import inverse_root, solved
 from hil.least_squares.window import noise_gain
 from hil.model.base_parameters import base_parameters
@@ -99,7 +99,7 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
 
 def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
     """Whether the estimator uses `measurement` at all."""
-    used = (s.valid & usable(robot, s, axis) for axis in measurement.moved)
+    used = (s.usable(robot, axis) for axis in measurement.moved)
     return any(each.sum() >= FEWEST for each in used)
 
 

@@ -24,24 +24,31 @@ rest, and samples closer to an end or to a missing sample than the filters reach
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import fft
 
 from hil.errors import NotEnoughData
+from hil.friction.equation import moving, usable
 from hil.least_squares.differences import FIRST, SECOND
 from hil.least_squares.window import correlated, half_window, smooth, widened
 from hil.runs.recording import under_way
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable
+
     from numpy.typing import NDArray
 
+    from hil.model.robot import Robot
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
+
+Kept = TypeVar("Kept")
 
 CUTOFF = 30.0
 """Of the low-pass [Hz]."""
@@ -71,6 +78,8 @@ class Signals:
         Angle by which each gear gives way [rad]; None where all are rigid.
     group : ndarray, shape (n,), optional
         As in the recording.
+    kept : dict
+        What was computed from the motion alone (`once`).
     """
 
     period: float
@@ -84,6 +93,7 @@ class Signals:
     valid: Mask
     twist: Array | None = None
     group: NDArray[np.int16] | None = None
+    kept: dict[Hashable, tuple[tuple[Any, ...], object]] = field(default_factory=dict, repr=False)
 
     @property
     def under_way(self) -> Mask:
@@ -97,6 +107,23 @@ class Signals:
             return self.q, self.qd, self.qdd
         qd, qdd = derivatives(self.twist, self.period)
         return self.q - self.twist, self.qd - qd, self.qdd - qdd
+
+    def once(self, key: Hashable, made: Callable[[], Kept]) -> Kept:
+        """What follows from the motion alone: of one `key` made once, for any torque."""
+        motion = self.q, self.qd, self.qdd, self.twist
+        of, value = self.kept.get(key, ((), None))
+        if len(of) != len(motion) or any(a is not b for a, b in zip(of, motion, strict=True)):
+            value = made()
+            self.kept[key] = motion, value
+        return cast("Kept", value)
+
+    def moving(self, robot: Robot, axis: int) -> Mask:
+        """Valid samples of an axis away from reversals, shape (n,)."""
+        return self.valid & self.once((moving, robot, axis), lambda: moving(robot, self, axis))
+
+    def usable(self, robot: Robot, axis: int) -> Mask:
+        """Those of them away from corners of the motion too, shape (n,)."""
+        return self.valid & self.once((usable, robot, axis), lambda: usable(robot, self, axis))
 
     def filtered(self, x: Array) -> Array:
         """Butterworth low-pass along the first axis."""
@@ -134,8 +161,11 @@ class Signals:
         return ~widened(excluded, _reach(self.period))
 
 
+_KEPT: WeakKeyDictionary[Recording, Signals] = WeakKeyDictionary()
+
+
 def signals(recording: Recording) -> Signals:
-    """Put a recording on an even grid and differentiate it.
+    """Put a recording on an even grid and differentiate it, once for as long as it is held.
 
     Parameters
     ----------
@@ -147,6 +177,12 @@ def signals(recording: Recording) -> Signals:
     NotEnoughData
         All samples are missing.
     """
+    if recording not in _KEPT:
+        _KEPT[recording] = _signals(recording)
+    return _KEPT[recording]
+
+
+def _signals(recording: Recording) -> Signals:
     period = float(np.median(np.diff(recording.time)))
     index = np.rint((recording.time - recording.time[0]) / period).astype(int)
     n = int(index[-1]) + 1

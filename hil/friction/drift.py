@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.friction.warmth import REFERENCE, relaxed
-from hil.least_squares.solving import fitted
+from hil.least_squares.solving import fitted, solved_each
 from hil.least_squares.uncertainty import UNCERTAIN, classical
 
 if TYPE_CHECKING:
@@ -127,8 +127,8 @@ def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
         X = course.columns(taus)
         return np.asarray(log_levels - X @ fitted(X, log_levels))
 
-    grid = (np.linspace(a, b, n + 2)[1:-1] for a, b, n in zip(low, high, GRID, strict=True))
-    start = min(map(np.array, product(*grid)), key=lambda taus: float(np.sum(left(taus) ** 2)))
+    grid = [np.linspace(a, b, n + 2)[1:-1] for a, b, n in zip(low, high, GRID, strict=True)]
+    start = course.best(grid, log_levels)
     from scipy.optimize import least_squares  # noqa: PLC0415 - takes long to load
 
     taus = np.asarray(least_squares(left, start, bounds=(low, high)).x)
@@ -165,13 +165,29 @@ class _Course:
     def columns(self, taus: Array) -> Array:
         """Constants of the groups, warmth and settled share, for logarithms of time constants."""
         warm_up, settling, stirring = np.exp(taus)
-        spans, x = np.diff(self._ends), self._speed
-        resting = x < AT_REST
-        rate = np.where(resting, 1.0 / settling, x / REFERENCE / stirring)
-        warmth = relaxed(0.0, x, np.exp(-spans / warm_up))
-        settled = relaxed(1.0, resting, np.exp(-spans * rate))
-        states = [np.interp(self._time, self._ends, s) for s in (warmth, settled)]
+        states = self._warmth(warm_up), self._settled(settling, stirring)
         return np.column_stack([self._constants, *states])
+
+    def best(self, grid: Sequence[Array], log_levels: Array) -> Array:
+        """Logarithms of time constants of a grid that leave least of the levels."""
+        warm_up, settling, stirring = (np.exp(each) for each in grid)
+        warmth = [self._warmth(tau) for tau in warm_up]
+        settled = [self._settled(*taus) for taus in product(settling, stirring)]
+        pairs = np.array(list(product(warmth, settled)))
+        constants = np.broadcast_to(self._constants.T, (len(pairs), *self._constants.T.shape))
+        X = np.concatenate([constants, pairs], axis=1)
+        left = log_levels - (solved_each(X @ X.swapaxes(1, 2), X @ log_levels)[:, np.newaxis] @ X)
+        return np.asarray(list(product(*grid))[int(np.argmin(np.sum(left**2, axis=(1, 2))))])
+
+    def _warmth(self, tau: float) -> Array:
+        left = np.exp(-np.diff(self._ends) / tau)
+        return np.asarray(np.interp(self._time, self._ends, relaxed(0.0, self._speed, left)))
+
+    def _settled(self, settling: float, stirring: float) -> Array:
+        resting = self._speed < AT_REST
+        rate = np.where(resting, 1.0 / settling, self._speed / REFERENCE / stirring)
+        left = np.exp(-np.diff(self._ends) * rate)
+        return np.asarray(np.interp(self._time, self._ends, relaxed(1.0, resting, left)))
 
     def changes(self, taus: Array, step: float = 1e-3) -> list[Array]:
         """Change of warmth and settled share with each of `taus`, each of shape (n, 2)."""

@@ -30,6 +30,7 @@ None of this needs a torque. So it is the same for a motion that was measured
 
 from __future__ import annotations
 
+from math import isnan
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -132,7 +133,8 @@ def own_friction(motion: Motion, v: Array) -> Array:
 
 def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:
     """Speed limit of an axis; where that is unknown, its greatest speed in the motion."""
-    return limit_or_reached(robot.velocity_limit[axis], motion.smoothed(motion.qd[:, axis]))
+    limit = float(robot.velocity_limit[axis])
+    return limit_or_reached(limit, motion.smoothed(motion.qd[:, axis])) if isnan(limit) else limit
 
 
 def limit_or_reached(limit: float, x: Array) -> float:
@@ -143,17 +145,21 @@ def limit_or_reached(limit: float, x: Array) -> float:
 
 def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
     """Samples of an axis away from reversals, shape (n,)."""
-    v = np.abs(motion.smoothed(motion.qd[:, axis]))
-    slow = v < SLOW * speed_scale(robot, motion, axis)
-    return motion.away_from(slow)
+    least, qd = SLOW * speed_scale(robot, motion, axis), motion.qd[:, axis]
+    if np.abs(qd).max() < least:
+        return np.zeros(len(qd), dtype=bool)
+    return motion.away_from(np.abs(motion.smoothed(qd)) < least)
 
 
 def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
     """Samples of an axis in steady motion, away from reversals and corners, shape (n,)."""
+    away = moving(robot, motion, axis)
+    if not away.any():
+        return away
     acceleration = motion.smoothed(motion.qdd[:, axis])
     jerk = np.abs(np.gradient(acceleration, motion.period))
     steady: Mask = jerk < JERK * limit_or_reached(robot.acceleration_limit[axis], acceleration)
-    return moving(robot, motion, axis) & steady
+    return away & steady
 
 
 def place(robot: Robot, axis: int) -> NDArray[np.intp]:

@@ -12,6 +12,7 @@ this ripple becomes part of the base parameters, which no measurement can preven
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,9 +44,11 @@ def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
 def multiples(angle: NDArray[np.float64], orders: range) -> NDArray[np.complex128]:
     """exp(j n angle) of successive orders n, shape (n_orders, n): cosines and sines."""
     once = np.exp(1j * angle)
-    factors = np.tile(once, (len(orders), 1))
-    factors[0] = once ** orders[0]
-    return np.cumprod(factors, axis=0)
+    found = np.empty((len(orders), len(angle)), dtype=complex)
+    found[0] = once ** orders[0]
+    for lower, higher in pairwise(found):
+        np.multiply(lower, once, out=higher)
+    return found
 
 
 def orders_left_out(robot: Robot) -> dict[int, tuple[int, ...]]:

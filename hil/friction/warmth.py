@@ -44,6 +44,7 @@ from checked_files.yaml_file import FileModel
 from hil.friction.terms import DIRECTED
 from hil.least_squares.choice import FOLDS, folds, simplest
 from hil.least_squares.regression import Regression
+from hil.least_squares.solving import solved_each
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -168,7 +169,7 @@ def warmth_at(
 def relaxed(start: float, goals: Array | Mask, left: Array) -> list[float]:
     """A state that goes from `start` to one goal after the other, shape (1 + n_goals,).
 
-    Of its distance from each goal the share `left` remains.
+    Of its distance from each goal the share `left` remains, shape (n_goals,).
     """
     steps = zip(left.tolist(), ((1.0 - left) * goals).tolist(), strict=True)
     return list(accumulate(steps, lambda state, step: step[0] * state + step[1], initial=start))
@@ -274,11 +275,34 @@ def _errors(levels: Blocks, values: Array, factors: Array) -> Array:
 
 
 def _best(levels: Blocks, courses: dict[tuple[float, float], Array]) -> tuple[float, float]:
-    def left(taus: tuple[float, float]) -> float:
-        fit = _fitted(levels, courses[taus], 2)
-        return float(_errors(levels, fit.values, fit.factors(courses[taus])).sum())
+    """Time constants that leave least after two steps of `_fitted`, all of them at once.
 
-    return min(courses, key=left)
+    Its equations are sums over measurements of their products times powers of warmth.
+    """
+    course, products = np.array(list(courses.values())), levels.products[:, 0]
+    away = course - course.mean(axis=1, keepdims=True)
+    plain, once, twice = (np.tensordot(away**power, products, 1) for power in range(3))
+    directed = np.concatenate([[0.0], np.isin(levels.own, DIRECTED)])
+    either = directed[:, np.newaxis] + directed
+    values, slope = solved_each(plain[:, 1:, 1:], plain[:, 1:, 0]), np.zeros((len(course), 1, 1))
+
+    def scaled() -> Array:
+        return np.asarray(plain + slope * either * once + slope**2 * (either == 2) * twice)
+
+    m = len(values[0])
+    for _ in range(2):
+        level = directed[1:] * values
+        change = (once + slope * directed[:, np.newaxis] * twice)[:, :, 1:] @ level[..., np.newaxis]
+        N = np.empty((len(course), m + 1, m + 1))
+        system = scaled()
+        N[:, :m, :m] = system[:, 1:, 1:]
+        N[:, :m, m] = N[:, m, :m] = change[:, 1:, 0]
+        N[:, m, m] = np.einsum("ki,kij,kj->k", level, twice[:, 1:, 1:], level)
+        x = solved_each(N, np.column_stack([system[:, 1:, 0], change[:, 0, 0]]))
+        values, slope = x[:, :m], slope + x[:, m:, np.newaxis]
+    around = np.column_stack([np.ones(len(course)), -values])
+    left = np.einsum("ki,kij,kj->k", around, scaled(), around)
+    return list(courses)[int(np.argmin(left))]
 
 
 def _held_out(levels: Blocks, courses: dict[tuple[float, float], Array]) -> Array:

@@ -68,6 +68,14 @@ def solved(N: Array, side: Array) -> Array:
     return solution
 
 
+def solved_each(N: Array, sides: Array) -> Array:
+    """The same of a stack of equations, shapes (k, n, n) and (k, n)."""
+    scale = _to_unit(np.diagonal(N, axis1=1, axis2=2))
+    scaled = N * scale[:, :, np.newaxis] * scale[:, np.newaxis] + RIDGE * np.eye(N.shape[-1])
+    solutions: Array = np.linalg.solve(scaled, (sides * scale)[..., np.newaxis])[..., 0] * scale
+    return solutions
+
+
 def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
     """B of ``B'N B = 1`` and ``B B' = N^+``, shape (n, number of determined directions).
 
@@ -233,7 +241,7 @@ def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array,
 
 def _to_unit(squares: Array) -> Array:
     """Reciprocal lengths of columns, from their squares; zero for those that are silent."""
-    heard = squares > SILENT**2 * squares.max(initial=0.0)
+    heard = squares > SILENT**2 * squares.max(axis=-1, initial=0.0, keepdims=True)
     scale: Array = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
     return scale
 

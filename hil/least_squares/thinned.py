@@ -38,11 +38,18 @@ def smoothed_at(
     -------
     means : ndarray, shape (n, k)
     """
+    flat = np.ascontiguousarray(x).view(np.float64)  # of complex columns, two for each
+    return np.asarray(window_means(index, len(x), period, passes) @ flat).view(x.dtype)
+
+
+def window_means(
+    index: NDArray[np.intp], n_samples: int, period: float, passes: int = 1
+) -> sparse.csr_array:
+    """The matrix of `smoothed_at`, shape (n, n_samples)."""
     window = reduce(np.convolve, [weights(period)] * passes)
     first = index[:, np.newaxis] - len(window) // 2
     places = (first + np.arange(len(window))).ravel()
     rows = len(window) * np.arange(len(index) + 1)
-    matrix = sparse.csr_array(
-        (np.tile(window, len(index)), places, rows), shape=(len(index), len(x))
+    return sparse.csr_array(
+        (np.tile(window, len(index)), places, rows), shape=(len(index), n_samples)
     )
-    return np.asarray(matrix @ x)

@@ -9,6 +9,7 @@ robot file that it was made for by digest, so that it never moves another robot.
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import yaml
@@ -101,7 +102,7 @@ class Plan(FileModel):
     @property
     def digest(self) -> str:
         """Fingerprint of the content: comments and layout of the file do not matter."""
-        return hashlib.sha256(dump_plan(self).encode()).hexdigest()
+        return _digest(self)
 
 
 def as_plan(
@@ -199,6 +200,11 @@ def repeated(plan: Plan, rounds: int) -> Plan:
             f" {LONGEST_NAME} may be; give it a shorter id"
         )
     return plan.model_copy(update={"measurements": tuple(measurements)})
+
+
+@lru_cache(maxsize=8)
+def _digest(plan: Plan) -> str:
+    return hashlib.sha256(dump_plan(plan).encode()).hexdigest()
 
 
 def dump_plan(plan: Plan) -> str:

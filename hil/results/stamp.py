@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileModel
-from hil.runs.atomic_file import file_errors
 from hil.runs.run import Run, digest_of_file
 
 if TYPE_CHECKING:
@@ -79,10 +78,8 @@ class RunStamp(FileModel):
 def _recordings(folder: Run) -> str:
     digest = hashlib.sha256()
     for measurement in folder.plan.measurements:
-        path = folder.recording_path(measurement)
-        if path.exists():
-            with file_errors(path, "read"):
-                digest.update(hashlib.sha256(path.read_bytes()).digest())
+        if found := digest_of_file(folder.recording_path(measurement)):
+            digest.update(bytes.fromhex(found))
     return digest.hexdigest()
 
 

@@ -39,7 +39,7 @@ UNITS = {
 """Of each array of a recording."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Recording:
     """All samples of one measurement.
 

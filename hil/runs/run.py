@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from copy import copy
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -236,7 +237,17 @@ class Run:
 def digest_of_file(path: Path) -> str | None:
     """SHA-256 of a file, in hexadecimal; None where there is none."""
     with file_errors(path, "read"):
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.exists() else None
+        if not path.exists():
+            return None
+        state = path.stat()
+        return _digest(path, state.st_ino, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=4096)
+def _digest(path: Path, *state: int) -> str:
+    """SHA-256 of a file as it is in a `state`: what is replaced in one piece has another one."""
+    del state
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _changed(path: Path) -> FileError:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.condensed import groups
-from hil.friction.equation import own_friction, speed_scale, usable
+from hil.friction.equation import own_friction, speed_scale
 from hil.least_squares.solving import orthonormal, projected_out
 from hil.least_squares.thinned import smoothed_at
 from hil.least_squares.window import APART
@@ -40,6 +40,8 @@ MOST = 6000
 """Samples of all channels together, about."""
 FEWEST = 24
 """Samples of a part below which it is left out."""
+MOST_PARTS = MOST // FEWEST
+"""Parts, evenly in time: more of them would hold more samples than that."""
 LONGEST = 3.0
 """Of a part of a motion that is no strokes [s]."""
 _SAME = 1e-6
@@ -115,18 +117,28 @@ def channels(
     prepared : sequence of (ParameterMotion, Signals)
         As `hil.estimation.two_step_methods.prepare` makes them.
     """
-    found = {
-        axis: [(s, list(_parts(robot, s, axis))) for _, s in prepared]
+    found = [
+        (axis, s, index)
         for axis in range(robot.n_joints)
-    }
-    total = sum(len(index) for given in found.values() for _, parts in given for index in parts)
-    every = max(1, total // MOST)
-    each = [_channel(robot, axis, given, every) for axis, given in found.items()]
-    return tuple(channel for channel in each if channel is not None)
+        for _, s in prepared
+        for index in _parts(robot, s, axis)
+        if len(index) >= FEWEST
+    ]
+    if len(found) > MOST_PARTS:
+        taken = np.linspace(0, len(found) - 1, MOST_PARTS).round().astype(int)
+        found = [found[k] for k in taken]
+    every = max(1, sum(len(index) for *_, index in found) // MOST)
+    given: dict[int, list[tuple[Signals, list[Indices]]]] = {}
+    for axis, s, whole in found:
+        own = given.setdefault(axis, [])
+        if not own or own[-1][0] is not s:
+            own.append((s, []))
+        own[-1][1].append(whole[:: max(1, min(every, len(whole) // FEWEST))])
+    return tuple(_channel(robot, axis, own) for axis, own in given.items())
 
 
 def _parts(robot: Robot, s: Signals, axis: int) -> Iterator[Indices]:
-    used = s.valid & usable(robot, s, axis)
+    used = s.usable(robot, axis)
     apart = max(1, round(APART / s.period))
     for group in groups(s):
         index = np.flatnonzero(used & group)[::apart]
@@ -139,14 +151,10 @@ def _parts(robot: Robot, s: Signals, axis: int) -> Iterator[Indices]:
 
 
 def _channel(
-    robot: Robot, axis: int, given: Sequence[tuple[Signals, Sequence[Indices]]], every: int
-) -> Channel | None:
+    robot: Robot, axis: int, given: Sequence[tuple[Signals, Sequence[Indices]]]
+) -> Channel:
     rows, parts, first = [], [], 0
-    for s, wholes in given:
-        thinned = [whole[:: max(1, min(every, len(whole) // FEWEST))] for whole in wholes]
-        indices = [index for index in thinned if len(index) >= FEWEST]
-        if not indices:
-            continue
+    for s, indices in given:
         together = np.concatenate(indices)
         rows.append(_smoothed(s, axis, together))
         shapes = own_friction(s, s.qd[:, axis] / speed_scale(robot, s, axis))
@@ -157,8 +165,6 @@ def _channel(
             time = float(s.time[index].mean())
             parts.append(Part(slice(first, first + len(index)), time, basis))
             first += len(index)
-    if not rows:
-        return None
     n, columns = robot.n_joints, np.concatenate(rows)
     q, qd, qdd = (columns[:, k * n : (k + 1) * n] for k in range(3))
     return Channel(axis, q, qd, qdd, columns[:, -2], columns[:, -1], tuple(parts))

@@ -76,6 +76,7 @@ class Campaign:
         least = [FINEST * limit_or_reached(limits[c.axis], c.tau) for c in channels]
         self.pure_error = np.maximum(found, least)
         """Standard deviation by channel, shape (n_channels,) [N m]."""
+        self._blocks = [self._block(k, stated) for k in range(len(channels))]
 
     @cached_property
     def parts(self) -> tuple[slice, ...]:
@@ -104,7 +105,13 @@ class Campaign:
 
     def explain(self, reading: Reading) -> Explanation:
         """Fit base parameters under a reading."""
-        blocks = [self._block(k, reading) for k in range(len(self.channels))]
+        same, channels = reading.moves_as(self._stated), self.channels
+        blocks = [
+            self._blocks[k]
+            if same and reading.reads_as(self._stated, channel)
+            else self._block(k, reading)
+            for k, channel in enumerate(channels)
+        ]
         p = _fitted(blocks)
         left = [block[:, 0] - block[:, 1:] @ p for block in blocks]
         degrees = [max(channel.degrees, 1) for channel in self.channels]

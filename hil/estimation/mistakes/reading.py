@@ -145,6 +145,16 @@ class Reading:
         )
         return all(map(is_, mine, theirs))
 
+    def reads_as(self, other: Reading, channel: Channel) -> bool:
+        """Whether both say the same of a channel of one and the same motion."""
+        joint = self.joint(channel.axis)
+        concerned = (
+            any(each is not None and each.axis == joint for each in (one.drift, one.added))
+            for one in (self, other)
+        )
+        mine, theirs = (each.sign_tau[joint] * each.gain[joint] for each in (self, other))
+        return bool(mine == theirs) and not any(concerned)
+
     def columns(self, channel: Channel, known: Array | None = None) -> tuple[Array, Array]:
         """Torque that is read per unit of each base parameter, and of motor and what is added.
 
