@@ -60,7 +60,8 @@ PANELS = {
     },
     "Results": {
         "identify": _Command(
-            "results", "Estimate base parameters from a run; exit status 3 where that failed."
+            "results",
+            "Estimate base parameters from runs of any kind; exit status 3 where that failed.",
         ),
         "validate": _Command(
             "validating",

@@ -32,7 +32,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import optimize, special
 
 from hil.least_squares.solving import inverse, inverse_root, solved, undetermined
 
@@ -247,6 +246,8 @@ def moderated(covariance: Array, white: Array, degrees: Array) -> Moderated:
     degrees : ndarray, shape (n,)
         Of `covariance`.
     """
+    from scipy import special  # noqa: PLC0415 - plans use this file, and start without SciPy
+
     variance, expected = np.diag(covariance), np.diag(white)
     known = (variance > 0) & (expected > 0)
     if known.sum() < FEWEST_RATIOS:
@@ -264,6 +265,8 @@ def moderated(covariance: Array, white: Array, degrees: Array) -> Moderated:
 
 def _half_degrees(excess: float) -> float:
     """Half the degrees of freedom whose trigamma function is `excess`, at most `MANY`."""
+    from scipy import optimize, special  # noqa: PLC0415 - the same
+
     if excess <= special.polygamma(1, MANY):
         return MANY
     return float(optimize.brentq(lambda x: special.polygamma(1, x) - excess, 1e-3, MANY))
