@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError, Mismatch
-from hil.estimation.identify import METHODS
+from hil.estimation.identify import JOINT, METHODS
 from hil.planning.measurement import Friction, recorded_as
 from hil.results.kept_findings import keep, kept
 from hil.results.model_file import NAME, read_model_file
 from hil.runs.pooling import recorded
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from hil.results.model import Model
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
-    from hil.runs.run import Run
 
     Recordings = tuple[tuple[RecordedMotion, Recording], ...]
 
@@ -123,13 +123,22 @@ def identified(run: ReportedRun) -> IdentifiedRun | ForeignRun:
         from hil.results.findings import findings  # noqa: PLC0415
         from hil.results.identification import identified as identify  # noqa: PLC0415
 
-        made = identify(run.source, method, recorded=run.recordings)
+        others = _together(run.source) if method == JOINT else ()
+        made = identify(run.source, method, others, None if others else run.recordings)
         if made.estimate.free is not None or made.estimate.back_and_forth is not None:
             own = run.source, run.campaign, run.recordings, run.friction
             return ForeignRun(*own, made.estimate, made.model)
         found = findings(run.source, made, run.campaign, run.recordings)
-        keep(run.source, found)
+        if not others:
+            keep(run.source, found)
     return IdentifiedRun(run.source, run.campaign, run.recordings, run.friction, found)
+
+
+def _together(run: Run) -> tuple[Run, ...]:
+    """Runs of other kinds that a run was identified together with."""
+    return tuple(
+        Run.open(path) for path in read_model_file(run.path / NAME).provenance.together_with
+    )
 
 
 def _method(run: Run) -> str | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import FileError
+from hil.estimation.identify import JOINT
 from hil.least_squares.uncertainty import TWICE
 from hil.model.base_parameters import base_parameters
 from hil.report.charts.chart import MODEL, Chart, Matrix, Panel, Points, Rule
@@ -58,9 +59,10 @@ def _model_note(run: Run) -> str:
     except FileError as error:
         return f"{NAME} cannot be used: {error}"
     if origin.together_with:
+        alone = "as here" if origin.method == JOINT else "here the run stands alone"
         return (
             f"{NAME} was identified from this run together with {', '.join(origin.together_with)};"
-            " here the run stands alone."
+            f" {alone}."
         )
     return f"{NAME} holds the parameters of the same method, with their covariance."
 

@@ -1,0 +1,43 @@
+"""Runs of several kinds on the command line: identified together, and reported so."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from free_run import write_free_run
+from small_run import write_run
+from trajectory_run import recorded, some_trajectory
+
+from hil.planning.free_motion import FreeMotion
+from hil.results.model import Model
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from command_line import Hil
+
+    from hil.model.robot import Robot
+
+
+def test_strokes_and_an_import_are_one_identification(
+    hil: Hil, manutec: Robot, tmp_path: Path
+) -> None:
+    ((trajectory, recording),) = recorded(manutec, some_trajectory(manutec), noise=0.002)
+    duration = float(np.ptp(recording.time))
+    motion = FreeMotion(id="csv", q=trajectory.q, duration=duration, cycles=2, source="made")
+    first, csv = tmp_path / "first", tmp_path / "csv"
+    write_run(first, manutec)
+    write_free_run(csv, manutec, [(motion, recording)])
+
+    status, out, _ = hil("identify", first, csv)
+    assert status == 0
+    assert "joint method" in out
+    model = Model.load(first)
+    assert model.method == "joint"
+    assert model.provenance.together_with == (str(csv),)
+
+    status, _, _ = hil("report", first)
+    assert status == 0
+    page = (first / "report.html").read_text()
+    assert f"together with {csv}; as here" in page
