@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns
+from hil.friction.equation import COMMON, FEWEST, LOAD, N_COMMON, term_columns
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
 from hil.least_squares.thinned import window_means
@@ -89,6 +89,13 @@ class Condensed:
         """The same less some rows and columns of `product`."""
         kept = np.setdiff1d(np.arange(len(self.product)), columns)
         return Condensed(self.axis, self.product[np.ix_(kept, kept)], self.n)
+
+    def without_load(self) -> Condensed:
+        """The same with columns of load-dependent friction that are zero."""
+        product = self.product.copy()
+        load = len(product) - N_COMMON + np.arange(LOAD, N_COMMON)
+        product[load], product[:, load] = 0.0, 0.0
+        return replace(self, product=product)
 
     @property
     def square(self) -> float:

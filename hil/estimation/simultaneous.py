@@ -84,8 +84,7 @@ class SimultaneousFit:
 
     def _take(self, items: Sequence[Sequence[Condensed]], loaded: NDArray[np.bool_]) -> None:
         """Weigh the blocks of condensed measurements, friction of the load on some axes."""
-        self.items = items
-        """The condensed measurements."""
+        self._items = items
         self.blocks = condensed_blocks(self._robot, items)
         """Their inner products, that with the motor's part among the shared columns."""
         self._keep(loaded)
@@ -100,14 +99,25 @@ class SimultaneousFit:
         """What is solved; its unknowns are base parameters and, axis by axis, the common terms."""
 
     @property
+    def items(self) -> list[list[Condensed]]:
+        """The condensed measurements, friction of the load on axes that keep it alone."""
+        return [
+            [each if self.loaded[each.axis] else each.without_load() for each in axes]
+            for axes in self._items
+        ]
+
+    @property
     def n_measurements(self) -> int:
         """How many measurements, or periods of trajectories, there are to leave out."""
         return len(self.blocks)
 
     @property
     def shares(self) -> Normal:
-        """Weighted equations by measurement, over all unknowns."""
-        return self.regression.blocks.normal(self.regression.weights)
+        """Weighted equations by measurement, over all unknowns; zero of those that are not kept."""
+        whole = self.regression.blocks.normal(self.regression.weights)
+        gone = np.setdiff1d(np.arange(whole.v.shape[1]), self.regression.kept)
+        whole.N[:, gone], whole.N[:, :, gone], whole.v[:, gone] = 0.0, 0.0, 0.0
+        return whole
 
     @property
     def weight(self) -> Array:
