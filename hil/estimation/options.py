@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 NUISANCES = ("lag", "compliance", "presliding", "drift")
 """What may lie between torque and rigid bodies beside friction: torques read late, gears that give
 way, friction that turns round over a distance, its level that changes while one measures."""
-COVARIANCES: tuple[Covariance, ...] = ("moderated", "jackknife", "clusters", "CR2", "white")
+COVARIANCES: tuple[Covariance, ...] = ("jackknife", "clusters", "CR2", "white")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Options:
 
     friction: str = "auto"
     nuisance: tuple[str, ...] = NUISANCES
-    covariance: Covariance = "moderated"
+    covariance: Covariance = "CR2"
 
     def __post_init__(self) -> None:
         for name in self.nuisance:

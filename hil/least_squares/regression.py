@@ -15,9 +15,6 @@ clusters
     Huber's sandwich over groups: the same to first order, cheaper where there are many;
 CR2
     scores corrected for the solution's having come to meet them: few groups carry an unknown;
-moderated
-    the same, variances shrunk towards a common multiple of white noise's, each by how little is
-    known of it: where few groups carry an unknown, neither too wide nor too narrow;
 white
     the residuals are white noise: what is foreseen, and for comparison.
 
@@ -51,7 +48,6 @@ from hil.least_squares.uncertainty import (
     effective_degrees,
     jackknife,
     left_out,
-    moderated,
     sandwich,
     scatter,
 )
@@ -64,7 +60,7 @@ if TYPE_CHECKING:
 
 Solver = Callable[["Normal"], "tuple[Normal, Array]"]
 """What weights the equations of groups, and solves them."""
-Covariance = Literal["moderated", "jackknife", "clusters", "CR2", "white"]
+Covariance = Literal["jackknife", "clusters", "CR2", "white"]
 ROUNDS = 20
 """Times that weights and solution are found from each other, at most: the change of the weights
 falls by half an order of magnitude or more each time."""
@@ -206,14 +202,8 @@ class Regression:
             found = jackknife(left_out(normal.N, normal.scores(x)))
         elif covariance == "clusters":
             found = sandwich(inverted, scatter(normal.scores(x), few=True))
-        elif covariance in ("CR2", "moderated"):
+        elif covariance == "CR2":
             found = bias_reduced(normal.N, normal.v).covariance
-            if covariance == "moderated":
-                # what all channels share is what is asked for, and carried by all of them
-                n = int(np.sum(self.kept < len(self.layout.shared)))
-                shared = moderated(found[:n, :n], inverted[:n, :n], degrees[:n])
-                found, degrees = found.copy(), np.append(shared.degrees_of_freedom, degrees[n:])
-                found[:n, :n] = shared.covariance
         else:
             found = inverted
             freedom = self.blocks.counts.sum() - len(self.kept)

@@ -50,10 +50,6 @@ FEWEST = 2.0
 ALMOST_NONE = 1.0
 """Degrees of freedom, at least: a variance that a single measurement carries is evidence of next to
 nothing."""
-FEWEST_RATIOS = 4
-"""Variances from which on their common multiple is found: its scatter takes three at least."""
-MANY = 1e6
-"""Half the degrees of freedom from which on more make no difference."""
 _ALONE = 1e-6
 """Of a direction that one measurement alone determines, what rounding leaves of 1 - H."""
 
@@ -215,61 +211,6 @@ def bias_reduced(shares: Array, sides: Array) -> Solved:
     covariance, white = changes.T @ changes, np.einsum("ij,ij->i", B, B)
     covariance += np.diag(np.maximum(white - np.diag(covariance), 0.0))
     return Solved(x, covariance, degrees_if_white(B @ B.T, shares, ALMOST_NONE))
-
-
-class Moderated(NamedTuple):
-    """Covariance, shape (n, n), and degrees of freedom, shape (n,), of moderated variances."""
-
-    covariance: Array
-    degrees_of_freedom: Array
-
-
-def moderated(covariance: Array, white: Array, degrees: Array) -> Moderated:
-    """Shrink variances from few measurements towards a common multiple of white noise's.
-
-    An unknown that few measurements carry has a variance that is itself hardly known. But what
-    makes errors larger than white noise of the same residual would is much the same for all
-    unknowns of a regression. So their ratios are taken as draws about a common one, an inverse
-    chi-square of d_0 degrees of freedom and scale s_0^2, which the ratios themselves give by the
-    moments of their logarithms; with it, a variance of d degrees becomes the posterior mean
-
-        (d_0 s_0^2 + d s^2) / (d_0 + d)     with d_0 + d degrees of freedom
-
-    (G. K. Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004)
-    article 3, sections 3 to 6). Where ratios scatter no more than their degrees let them, d_0 is
-    infinite and all share one.
-
-    Parameters
-    ----------
-    covariance, white : ndarray, shape (n, n)
-        By measurements, and of white noise of the same residual.
-    degrees : ndarray, shape (n,)
-        Of `covariance`.
-    """
-    from scipy import special  # noqa: PLC0415 - plans use this file, and start without SciPy
-
-    variance, expected = np.diag(covariance), np.diag(white)
-    known = (variance > 0) & (expected > 0)
-    if known.sum() < FEWEST_RATIOS:
-        return Moderated(covariance, degrees)
-    ratio, half = variance[known] / expected[known], degrees[known] / 2
-    level = np.log(ratio) - special.digamma(half) + np.log(half)
-    excess = float(np.var(level, ddof=1)) - float(np.mean(special.polygamma(1, half)))
-    prior = _half_degrees(excess)
-    centre = np.exp(level.mean() + special.digamma(prior) - np.log(prior))
-    scale = np.ones(len(variance))
-    scale[known] = np.sqrt((prior * centre + half * ratio) / ((prior + half) * ratio))
-    more = np.where(known, degrees + 2 * prior, degrees)
-    return Moderated(covariance * np.outer(scale, scale), more)
-
-
-def _half_degrees(excess: float) -> float:
-    """Half the degrees of freedom whose trigamma function is `excess`, at most `MANY`."""
-    from scipy import optimize, special  # noqa: PLC0415 - the same
-
-    if excess <= special.polygamma(1, MANY):
-        return MANY
-    return float(optimize.brentq(lambda x: special.polygamma(1, x) - excess, 1e-3, MANY))
 
 
 def correlation_of(covariance: Array) -> Array:

@@ -94,7 +94,7 @@ def regression(
         ``auto``, or the name of a law for imports.
     nuisance : sequence of str
         What is looked for beside friction, of ``lag``, ``compliance``, ``presliding``, ``drift``.
-    covariance : {"moderated", "jackknife", "clusters", "CR2", "white"}
+    covariance : {"jackknife", "clusters", "CR2", "white"}
         How errors of the measured part are stated.
     method : str, optional
         Recipe, as of ``hil identify --method``; by default the one that the recordings call for.

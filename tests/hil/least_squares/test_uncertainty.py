@@ -17,7 +17,6 @@ from hil.least_squares.uncertainty import (
     effective_degrees,
     jackknife,
     leave_one_out,
-    moderated,
     sandwich,
     scatter,
 )
@@ -157,45 +156,3 @@ def test_the_solution_without_a_measurement_follows_from_its_score() -> None:
     without = solved(shares[1:].sum(axis=0), sides[1:].sum(axis=0))
     first = solved(shares[1:].sum(axis=0), shares[0] @ found.x - sides[0])
     np.testing.assert_allclose(without - found.x, first, rtol=1e-8)
-
-
-class TestModeratedVariances:
-    """Variances from few measurements borrow what is known of the others."""
-
-    def drawn(self, degrees: float, spread: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Variances with chi-square errors about true ones that scatter by `spread`."""
-        rng = np.random.default_rng(seed)
-        true = 4.0 * np.exp(spread * rng.normal(size=400))
-        return true * rng.chisquare(degrees, 400) / degrees, true
-
-    def test_ratios_that_are_all_one_become_one(self) -> None:
-        found, _ = self.drawn(3.0, 0.0)
-        result = moderated(np.diag(found), np.eye(400), np.full(400, 3.0))
-        np.testing.assert_allclose(np.diag(result.covariance), 4.0, rtol=0.15)
-        assert np.all(result.degrees_of_freedom > 30.0)
-
-    def test_ratios_that_differ_keep_most_of_what_they_are(self) -> None:
-        found, _ = self.drawn(200.0, 1.0)
-        result = moderated(np.diag(found), np.eye(400), np.full(400, 200.0))
-        np.testing.assert_allclose(np.diag(result.covariance), found, rtol=0.05, atol=0.2)
-        assert np.all(result.degrees_of_freedom < 210.0)
-
-    def test_they_are_nearer_the_truth_than_either(self) -> None:
-        found, true = self.drawn(4.0, 0.5)
-        result = moderated(np.diag(found), np.eye(400), np.full(400, 4.0))
-        errors = [
-            np.mean(np.log(x / true) ** 2)
-            for x in (np.diag(result.covariance), found, np.full(400, found.mean()))
-        ]
-        assert errors[0] < min(errors[1:])
-
-    def test_correlations_stay(self) -> None:
-        V = np.array([[4.0, 1.0, 0, 0], [1.0, 9.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 2.0]])
-        result = moderated(V, np.eye(4), np.full(4, 3.0)).covariance
-        np.testing.assert_allclose(correlation_of(result), correlation_of(V))
-
-    def test_what_has_no_variance_or_too_few_to_compare_stays(self) -> None:
-        few = np.diag([1.0, 2.0, 3.0])
-        np.testing.assert_array_equal(moderated(few, np.eye(3), np.full(3, 2.0)).covariance, few)
-        some = np.diag([0.0, 1.0, 2.0, 3.0, 4.0])
-        assert moderated(some, np.eye(5), np.full(5, 2.0)).covariance[0, 0] == 0.0
