@@ -8,7 +8,7 @@ over the standard error of white noise (median)::
 
 Kinds are strokes, trajectories, load (4 kg, which the robot file does not know) and drift (strokes,
 friction drifting three times as strongly). The default rule, CR2, is the narrowest that holds on
-all four; strokes, trajectories and load were looked at with seeds 801 to 811, drift with 901 to 907.
+all four; strokes, trajectories and load were looked at with seeds 801 to 811, drift 901 to 907.
 """
 
 from __future__ import annotations
