@@ -96,8 +96,7 @@ def track(
 def _show(output: Path, model: str, delay: float) -> None:
     from hil.report.pictures import write_tracking_plot
     from hil.results.tables.terminal import show
-    from hil.results.tables.tracking import tracking
-    from hil.results.tracking import PASSES, tracked, write_tracking
+    from hil.results.tracking import PASSES, tracked, tracking, write_tracking
     from hil.runs.run import Run
 
     with working("comparing the passes"):

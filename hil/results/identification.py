@@ -17,10 +17,8 @@ from hil.estimation.two_step_methods import prepared_for
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.results.advice import error_budget
 from hil.results.model import Model
-from hil.results.naming import named
 from hil.results.outcome import outcome
-from hil.results.provenance import Provenance
-from hil.results.stamp import digests
+from hil.results.provenance import Provenance, digests, named
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 

@@ -41,8 +41,8 @@ from hil.results.judgement import (
 )
 from hil.results.model import Model
 from hil.results.outcome import OF_DATA
+from hil.results.provenance import RunStamp, recordings_in_common
 from hil.results.rounding import significant
-from hil.results.stamp import RunStamp, recordings_in_common
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now

@@ -21,8 +21,7 @@ from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.results.drive_torque import REVERSAL, drive_torque
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.tables.tracking import notes
-from hil.results.tracking import NAME, PASSES, Tracking
+from hil.results.tracking import NAME, PASSES, Tracking, notes
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 
