@@ -15,22 +15,22 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.model import dynamics
 from hil.results.identified_robot import IdentifiedRobot, checked_level
-from hil.results.model_content import model_content
-from hil.results.model_file import file_of, read_model_file
-from hil.results.samples import samples
+from hil.results.model_file import ModelFile, file_of, read_model_file
+from hil.results.samples import samples, warmth_along, warmth_of
 from hil.results.tables.model import summary
 from hil.results.torque_parts import PARTS, interval_of, torque_of
-from hil.results.warmth import warmth_along, warmth_of
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from hil.arrays import Array
     from hil.results.tables.summary import Summary
 
-    Array = NDArray[np.float64]
+REVERSAL = 0.005
+"""Share of the velocity limit below which friction that drives are fed changes its direction."""
 
 
 class Model(IdentifiedRobot):
@@ -52,30 +52,11 @@ class Model(IdentifiedRobot):
         path = file_of(Path(path))
         if not path.exists():
             raise FileError(f"{path}: not there yet; make it with: hil identify {path.parent}")
-        kept = read_model_file(path)
-        scatter, drives = kept.covariances()
-        return cls(
-            robot=kept.robot(path),
-            values=np.array([parameter.value for parameter in kept.parameters]),
-            scatter_covariance=scatter,
-            drive_covariance=drives,
-            degrees_of_freedom=kept.degrees(),
-            residual=np.array([np.nan if r is None else r for r in kept.residual]),
-            condition=kept.condition,
-            provenance=kept.provenance,
-            error_budget=kept.error_budget,
-            friction=kept.friction,
-            back_and_forth=kept.back_and_forth,
-            outcome=kept.outcome,
-            friction_law=kept.law(),
-            validations=kept.validations,
-            consistent=kept.consistent,
-            torque_effect=None if kept.torque_effect is None else np.array(kept.torque_effect),
-        )
+        return cls(**read_model_file(path).identified(path))
 
     def save(self, path: Path | str) -> None:
         """Write the model as a file, whole or not at all; see `hil.results.model_file`."""
-        write_file(Path(path), model_content(self).text().encode())
+        write_file(Path(path), ModelFile.of(self).text().encode())
 
     def torque(
         self,
@@ -134,6 +115,31 @@ class Model(IdentifiedRobot):
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         return torque_of(self, parts, q, qd, qdd, warmth_of(self, warmth, q))
+
+    def drive_torque(self, q: Array, qd: Array, qdd: Array) -> Array:
+        """Torques that drives are to be fed along a planned motion, shape of `q` [N m or N].
+
+        Those of `torque`, but friction does not jump at a reversal, for a drive that is fed a jump
+        does worse than one that is fed none: between a small speed in one direction and the same in
+        the other it goes over in a straight line, by the velocity that is planned and not by a
+        measured one, which would chatter.
+
+        Parameters
+        ----------
+        q, qd, qdd : ndarray, shape (n, n_joints)
+            Of a planned motion [rad, rad/s, rad/s^2; m for prismatic joints].
+
+        Raises
+        ------
+        NotEnoughData
+            The model has no law of friction.
+        """
+        width = REVERSAL * self.robot.velocity_limit
+        speed = np.maximum(np.abs(qd), width)
+        back, forth = (self.torque(q, side * speed, qdd, ("friction",)) for side in (-1.0, 1.0))
+        share = np.clip(0.5 + qd / (2 * width), 0.0, 1.0)
+        friction: Array = back + share * (forth - back)
+        return self.torque(q, qd, qdd, ("rigid bodies", "motors")) + friction
 
     def warmth(self, time: ArrayLike, qd: ArrayLike, start: ArrayLike = 0.0) -> Array:
         """Warmth of the gears along a motion, from 0 cold to 1 as warm as motion makes them.

@@ -22,12 +22,9 @@ from hil.planning.measurement import FOR_A_LAW
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.friction.law import FrictionLaw
     from hil.results.identified_robot import IdentifiedRobot
-
-    Array = NDArray[np.float64]
 
 PARTS = ("rigid bodies", "motors", "friction")
 """Of the torque that a drive gives; gravity alone is `hil.results.model.Model.gravity`."""
@@ -43,22 +40,15 @@ def torque_of(
 ) -> Array:
     """Sum of the `parts` of the torque, shape of `q` [N m or N]; `warmth` has that shape too.
 
-    Raises
-    ------
-    UnknownName
-        There is no such part.
-    NotEnoughData
-        Friction, of which the model knows nothing.
-
-    Warns
-    -----
-    FrictionUnknown
-        Friction, which the model does not know of some axes; their torque is without it.
+    Errors and warnings as of `hil.results.model.Model.torque`.
     """
-    _refuse_unknown(parts)
+    if unknown := [part for part in parts if part not in PARTS]:
+        raise UnknownName(f"{unknown[0]!r}: parts of the torque are {', '.join(PARTS)}")
     law = known_friction(model) if "friction" in parts else None
-    if law is not None:
-        _warn_of_lacking(model)
+    if law is not None and (lack := lacking(model)):
+        # once a line of the caller's, as Python does by default
+        text = f"torques of {model.robot.name} lack friction: {lack}"
+        warnings.warn(text, FrictionUnknown, stacklevel=3)
     rigid = dynamics.inverse_dynamics(model.robot, model.values, q, qd, qdd)
     total = rigid if "rigid bodies" in parts else np.zeros_like(rigid)
     if "motors" in parts:
@@ -135,16 +125,3 @@ def lacking(model: IdentifiedRobot) -> str:
         " measurements moved: measure it more often (hil plan --refine RUN) and identify both runs"
         " together (hil identify RUN --with MORE)"
     )
-
-
-def _warn_of_lacking(model: IdentifiedRobot) -> None:
-    """Warn once a line of the caller's, as Python does by default."""
-    if lack := lacking(model):
-        text = f"torques of {model.robot.name} lack friction: {lack}"
-        warnings.warn(text, FrictionUnknown, stacklevel=4)
-
-
-def _refuse_unknown(parts: Collection[str]) -> None:
-    unknown = [part for part in parts if part not in PARTS]
-    if unknown:
-        raise UnknownName(f"{unknown[0]!r}: parts of the torque are {', '.join(PARTS)}")
