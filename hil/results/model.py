@@ -7,18 +7,23 @@ to give: of rigid bodies, motors and friction, together or by parts.
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.errors import FrictionUnknown, UnknownName
+from hil.estimation.intervals import combined_degrees, half_width
+from hil.friction.law import friction_torque, friction_variance
 from hil.model import dynamics
+from hil.model.motors import motor_torque
 from hil.results.identified_robot import IdentifiedRobot, checked_level
 from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.samples import samples, warmth_along, warmth_of
 from hil.results.tables.model import summary
-from hil.results.torque_parts import PARTS, interval_of, torque_of
+from hil.results.torque_parts import PARTS, known_friction, lacking
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -114,7 +119,25 @@ class Model(IdentifiedRobot):
             Friction is unknown of some axes (`axes_without_friction`), whose torque is without it.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        return torque_of(self, parts, q, qd, qdd, warmth_of(self, warmth, q))
+        return self._torque(parts, q, qd, qdd, warmth_of(self, warmth, q))
+
+    def _torque(
+        self, parts: Collection[str], q: Array, qd: Array, qdd: Array, warmth: Array | None
+    ) -> Array:
+        if unknown := [part for part in parts if part not in PARTS]:
+            raise UnknownName(f"{unknown[0]!r}: parts of the torque are {', '.join(PARTS)}")
+        law = known_friction(self) if "friction" in parts else None
+        if law is not None and (lack := lacking(self)):
+            # once a line of the caller's, as Python does by default
+            text = f"torques of {self.robot.name} lack friction: {lack}"
+            warnings.warn(text, FrictionUnknown, stacklevel=3)
+        rigid = dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
+        total = rigid if "rigid bodies" in parts else np.zeros_like(rigid)
+        if "motors" in parts:
+            total = total + motor_torque(self.robot, q, qd, qdd)
+        if law is None:
+            return total
+        return total + friction_torque(self.robot, law, q, qd, rigid, warmth=warmth)
 
     def drive_torque(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Torques that drives are to be fed along a planned motion, shape of `q` [N m or N].
@@ -218,11 +241,26 @@ class Model(IdentifiedRobot):
             As of `torque`.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        state = warmth_of(self, warmth, q)
-        tau = torque_of(self, parts, q, qd, qdd, state)
-        half = interval_of(
-            self, parts, q, qd, qdd, checked_level(level), of_samples=of_samples, warmth=state
+        state, level = warmth_of(self, warmth, q), checked_level(level)
+        tau = self._torque(parts, q, qd, qdd, state)
+        A = dynamics.regressor(self.robot, q, qd, qdd)
+        # motors add nothing: what is wrong with a stated rotor inertia the base parameters make up
+        # for, and their covariance holds it
+        rows = A if "rigid bodies" in parts else np.zeros_like(A)
+        scatter, stated = (
+            np.einsum("...k,kl,...l->...", rows, V, rows, optimize=True).clip(0.0)
+            for V in (self.scatter_covariance, self.drive_covariance)
         )
+        variances = np.diag(self.scatter_covariance)
+        degrees = combined_degrees(rows, variances, self.degrees_of_freedom)
+        if "friction" in parts:
+            load, law = A @ self.values, known_friction(self)
+            stated = stated + friction_variance(self.robot, law, q, qd, load, state)
+        if of_samples:
+            stated = stated + np.nan_to_num(self.residual) ** 2
+        half = half_width(scatter, stated, degrees, level)
+        if "friction" in parts:
+            half[..., [axis - 1 for axis in self.axes_without_friction]] = np.nan
         return np.stack([tau - half, tau + half], axis=-1)
 
     def summary(self) -> Summary:

@@ -32,15 +32,12 @@ from hil.results.recorded_torque import in_si, predict_recording
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
