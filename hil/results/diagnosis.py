@@ -30,6 +30,8 @@ from hil.runs.journal import now
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hil.arrays import Array
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
@@ -77,6 +79,8 @@ def diagnose(run: Run) -> Diagnosis:
 NAME = "diagnosis.yaml"
 NEEDLESS = 0.05
 """p-value above which a stated parameter may as well be zero."""
+AS_TESTED = ("names", "value", "standard_error", "t", "p_value")
+"""What is kept of a candidate as it was tested."""
 SHOWN = 8
 """Candidates in the ranking."""
 
@@ -212,12 +216,7 @@ def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
         threshold=errors.threshold,
         candidates=tuple(
             CandidateRecord(
-                names=c.names,
-                value=c.value,
-                standard_error=c.standard_error,
-                t=c.t,
-                p_value=c.p_value,
-                beside=beside.get(c.names),
+                **{name: getattr(c, name) for name in AS_TESTED}, beside=beside.get(c.names)
             )
             for c in errors.alone
         ),
@@ -263,31 +262,23 @@ def _candidate(each: CandidateRecord, found: DiagnosisFile) -> Row:
 
 def sentences(found: DiagnosisFile) -> tuple[str, ...]:
     """State what is significant and what it moves, and what the data do not need."""
-    return tuple(each for each in (_verdict(found), _phase(found), _needless(found)) if each)
+    return tuple(_sentences(found))
 
 
-def _verdict(found: DiagnosisFile) -> str:
-    if not found.found:
-        return (
-            f"None is significant (p below {found.threshold:.1g}): the robot file leaves out"
-            " nothing that these measurements show."
+def _sentences(found: DiagnosisFile) -> Iterator[str]:
+    below = f"p below {found.threshold:.1g}"
+    if found.found:
+        yield f"Significant ({below}) is {', '.join(found.found)}: add it to the robot file."
+    else:
+        yield (
+            f"None is significant ({below}): the robot file leaves out nothing that these"
+            " measurements show."
         )
-    return (
-        f"Significant (p below {found.threshold:.1g}) is {', '.join(found.found)}: add it to the"
-        " robot file."
-    )
-
-
-def _phase(found: DiagnosisFile) -> str:
-    if found.phase is None:
-        return ""
-    shift = signed(f"{math.degrees(found.phase.phase().shift):.1f}")
-    return (
-        f"It moves the phase of g{found.phase.axis} over q{found.phase.over} by {shift} degrees"
-        " where that sinusoid is largest."
-    )
-
-
-def _needless(found: DiagnosisFile) -> str:
-    names = ", ".join(f"{each.name} ({each.expression})" for each in found.needless)
-    return f"Not needed by the data: {names}." if names else ""
+    if found.phase is not None:
+        shift = signed(f"{math.degrees(found.phase.phase().shift):.1f}")
+        yield (
+            f"It moves the phase of g{found.phase.axis} over q{found.phase.over} by {shift} degrees"
+            " where that sinusoid is largest."
+        )
+    if names := ", ".join(f"{each.name} ({each.expression})" for each in found.needless):
+        yield f"Not needed by the data: {names}."

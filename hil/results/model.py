@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from hil.arrays import Array
-    from hil.results.tables.summary import Summary
+    from hil.results.tables.terminal import Summary
 
 REVERSAL = 0.005
 """Share of the velocity limit below which friction that drives are fed changes its direction."""

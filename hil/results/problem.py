@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.least_squares.regression import Covariance
     from hil.results.model import Model
-    from hil.results.tables.summary import Summary
+    from hil.results.tables.terminal import Summary
     from hil.runs.recording import Recording
     from hil.runs.run import Run
 
