@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.consistent.nearest import NearestRobot
+    from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
+    from hil.results.tables.table import Row
     from hil.runs.recording import Recording
 
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
-    from hil.model.robot import Robot
-    from hil.results.tables.table import Row
 
 
 SHAPES = "the links' shapes"

@@ -51,14 +51,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.results.judgement import Rule
     from hil.results.predicted_torques import PredictedTorque
     from hil.results.tables.table import Row
     from hil.runs.run import Run
 
-    Array = NDArray[np.float64]
     Scores = Sequence["AxisScore"]
 
 NAME = "validation.yaml"
