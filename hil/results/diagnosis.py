@@ -13,7 +13,6 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import yaml
 
 from checked_files.yaml_file import FileModel, load_yaml
 from hil.errors import Mismatch
@@ -188,8 +187,7 @@ class DiagnosisFile(FileModel):
 def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
     """Write `diagnosis.yaml` into the run's folder, whole or not at all, and return it."""
     kept = _content(run, found)
-    text = yaml.safe_dump(kept.model_dump(mode="json"), sort_keys=False, width=100)
-    write_file(run.path / NAME, text.encode())
+    write_file(run.path / NAME, kept.as_yaml(100))
     return kept
 
 

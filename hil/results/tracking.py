@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yaml
 
 from checked_files.yaml_file import FileModel
 from hil.errors import NotEnoughData
@@ -172,7 +171,7 @@ def _left_delay(run: Run, delay: float, velocity: Sequence[float] | Array) -> fl
 def write_tracking(folder: Path, found: Tracking) -> Path:
     """Keep following errors in a folder; return the file's path."""
     path = folder / NAME
-    write_file(path, yaml.safe_dump(found.model_dump(), sort_keys=False, width=200).encode())
+    write_file(path, found.as_yaml())
     return path
 
 

@@ -17,7 +17,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yaml
 from pydantic import Field
 from scipy import special
 
@@ -412,8 +411,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
         validation=found,
     )
     path = run.path / NAME
-    text = yaml.safe_dump(record.model_dump(mode="json"), sort_keys=False, width=200)
-    write_file(path, text.encode())
+    write_file(path, record.as_yaml())
     where = os.path.relpath(run.path, model_path.parent)
     kept = KeptJudgement.of(
         found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import yaml
-
 from checked_files.yaml_file import FileModel
 from hil.results.rounding import clock, significant
 from hil.results.tables.table import Column, Part, Table, figures
@@ -121,7 +119,7 @@ class Watched(FileModel):
 def write_watched(folder: Path, found: Watched) -> Path:
     """Keep what was found in a folder; return the file's path."""
     path = folder / NAME
-    write_file(path, yaml.safe_dump(found.model_dump(mode="json"), sort_keys=False).encode())
+    write_file(path, found.as_yaml(80))
     return path
 
 
