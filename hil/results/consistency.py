@@ -25,9 +25,7 @@ from hil.results.tables.table import Column, Part, Table, figures
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.estimation.consistent.nearest import NearestRobot
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
@@ -129,7 +127,7 @@ def _motions(model: Model, recorded: Recorded) -> Iterator[tuple[Array, Array, A
 
 def _state(
     model: Model, motion: RecordedMotion, recording: Recording
-) -> tuple[tuple[Array, Array, Array], NDArray[np.bool_]]:
+) -> tuple[tuple[Array, Array, Array], Mask]:
     if isinstance(motion, FreeMotion):
         filtered = filtered_motion(recording, processing_of(model))
         state = filtered.q, filtered.qd, filtered.qdd

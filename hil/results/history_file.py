@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from hil.results.changes import Change
     from hil.results.history import History, KnownRun
-    from hil.results.quantities import Quantity, Reading
+    from hil.results.quantities import Reading
     from hil.results.tables.table import Row
 
 
@@ -122,17 +122,15 @@ def _run(found: History, run: KnownRun) -> Row:
     tests = found.of(run)
     marked = [each for each in tests if each.marked]
     count = Marked(len(marked)) if marked else "0"
-    named = _named_first(found, run) or (marked[0].quantity.name if marked else "")
+    exchanged = [each.axis for each in found.rescaled if each.run == run.label]
+    named = marked[0].quantity.name if marked else ""
+    if exchanged:
+        named = f"torque constant or drive of axis {exchanged[0]}"
     own = "reference" if run.label == found.reference else named
     measured = run.measured[:16].replace("T", " ")
     common = found.common.get((run.label, found.reference))
     friction = "" if common is None else signed(f"{100 * common:.1f}")
     return run.label, measured, run.model.method, friction, str(len(tests)), count, own
-
-
-def _named_first(found: History, run: KnownRun) -> str:
-    axes = [each.axis for each in found.rescaled if each.run == run.label]
-    return f"torque constant or drive of axis {axes[0]}" if axes else ""
 
 
 def condition(found: History) -> Table:
@@ -141,7 +139,12 @@ def condition(found: History) -> Table:
     last = found.runs[-1]
     marked = {each.quantity for each in found.of(last) if each.marked}
     rows = (
-        _quantity(quantity, old, new, marked=quantity in marked)
+        (
+            Marked(quantity.name) if quantity in marked else quantity.name,
+            *_cells(old),
+            *_cells(new),
+            unit(quantity.unit),
+        )
         for quantity, old, new in zip(found.quantities, first.readings, last.readings, strict=True)
     )
     return Table(
@@ -155,11 +158,6 @@ def condition(found: History) -> Table:
             " (torque constants, rotor inertias) does not count. Friction is the level at no load."
         ),
     )  # fmt: skip
-
-
-def _quantity(quantity: Quantity, old: Reading | None, new: Reading | None, *, marked: bool) -> Row:
-    name = Marked(quantity.name) if marked else quantity.name
-    return name, *_cells(old), *_cells(new), unit(quantity.unit)
 
 
 def _cells(read: Reading | None) -> tuple[str, str]:

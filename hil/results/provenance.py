@@ -17,7 +17,7 @@ from hil.runs.run import Run, digest_of_file
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
 
 class Provenance(FileModel):
@@ -145,7 +145,7 @@ def same_recordings(one: Run, other: Run) -> bool:
     return one.path.resolve() == other.path.resolve() or _recordings(one) == _recordings(other)
 
 
-def same_parameters(then: Sequence[float], now: NDArray[np.float64]) -> str:
+def same_parameters(then: Sequence[float], now: Array) -> str:
     """Return how a result stood beside another estimate than today's; empty if it did not.
 
     Recordings may be the same and the program another.
