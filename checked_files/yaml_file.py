@@ -41,6 +41,11 @@ class FileModel(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    def as_yaml(self, width: int = 200) -> bytes:
+        """As a file in YAML, in lines of about `width` characters at most."""
+        content = self.model_dump(mode="json")
+        return yaml.safe_dump(content, sort_keys=False, width=width).encode()
+
 
 M = TypeVar("M", bound=BaseModel)
 

@@ -57,9 +57,9 @@ def history(
 ) -> None:
     """Show parameters and friction of one machine over many runs, and mark what changed."""
     with working(f"reading {len(folders)} runs") as now:
+        from hil.results import history_file as tables
         from hil.results.history import read_history
         from hil.results.history_file import write_history
-        from hil.results.tables import history as tables
         from hil.results.tables.terminal import show
         from hil.runs.journal import NO_REAL_MACHINE
 

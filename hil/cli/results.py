@@ -161,26 +161,25 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
     """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
     with working("reading the run") as now:
         from hil.report.sections.kept import write_diagnosis_plots
-        from hil.results import diagnosis, diagnosis_file
-        from hil.results.tables.diagnosis import candidates, sentences
-        from hil.results.tables.drive_train import drive_train
+        from hil.results import diagnosis
+        from hil.results.tables.parameters import drive_train
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
-        refuse_unwritable(folder / diagnosis_file.NAME)
+        refuse_unwritable(folder / diagnosis.NAME)
         run = Run.open(folder).without(without or ())
         now(f"testing what the robot file of {run.robot.name} leaves out")
         found = diagnosis.diagnose(run)
-        kept = diagnosis_file.write_diagnosis(run, found)
+        kept = diagnosis.write_diagnosis(run, found)
         now("drawing")
         plots = write_diagnosis_plots(folder, found)
     say_simulated(run)
-    show(candidates(kept), out)
-    for sentence in sentences(kept):
+    show(diagnosis.candidates(kept), out)
+    for sentence in diagnosis.sentences(kept):
         show_sentence(sentence, out)
     show(drive_train(found.estimate, run.robot), out)
     say(f"plots in {plots}")
-    say(f"diagnosis in {folder / diagnosis_file.NAME}; hil report {folder} shows it")
+    say(f"diagnosis in {folder / diagnosis.NAME}; hil report {folder} shows it")
 
 
 def _refuse_unknown(method: str | None) -> None:
@@ -198,7 +197,7 @@ def _refuse_unknown(method: str | None) -> None:
 
 def show_bodies(model: Model) -> None:
     """Show the bodies of a model, if they were asked for."""
-    from hil.results.tables.consistent import bodies, changed_parameters, torque_costs
+    from hil.results.consistency import bodies, changed_parameters, torque_costs
     from hil.results.tables.terminal import show
 
     if model.consistent is not None:

@@ -214,7 +214,7 @@ def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) ->
 
 def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
     """Open runs of one robot; return them, with the noise and the information in them."""
-    from hil.results.prior_knowledge import experience
+    from hil.results.identification import experience
     from hil.runs.pooling import open_runs
 
     folders = open_runs(runs)

@@ -60,7 +60,6 @@ def track(
         from hil.cli.run_session import refuse_unusable
         from hil.measuring.feeding import FeedingBus, refuse_beyond_torque
         from hil.planning.trajectory import Trajectory
-        from hil.results.drive_torque import drive_torque
         from hil.results.model import Model
         from hil.results.model_file import file_of
         from hil.results.tracking import PASSES
@@ -69,7 +68,7 @@ def track(
             refuse_unusable(output / name, resume and (output / name).exists())
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = Model.load(model_path)
-        predict = partial(drive_torque, model)
+        predict = model.drive_torque
         refuse_other_model(model, model_path, the_robot, plan_file)
         for measurement in the_plan.measurements:
             if not isinstance(measurement, Trajectory):
@@ -96,8 +95,7 @@ def track(
 def _show(output: Path, model: str, delay: float) -> None:
     from hil.report.pictures import write_tracking_plot
     from hil.results.tables.terminal import show
-    from hil.results.tables.tracking import tracking
-    from hil.results.tracking import PASSES, tracked, write_tracking
+    from hil.results.tracking import PASSES, tracked, tracking, write_tracking
     from hil.runs.run import Run
 
     with working("comparing the passes"):

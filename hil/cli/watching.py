@@ -125,8 +125,7 @@ def _keep(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show what was found, however the watch ended."""
     from hil.report.pictures import write_watch_plot
     from hil.results.tables.terminal import show
-    from hil.results.tables.watch import alarms, watched
-    from hil.results.watch import write_watched
+    from hil.results.watch import alarms, watched, write_watched
 
     found = watcher.found(the_plan.digest, model)
     if not found.learned:

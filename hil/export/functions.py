@@ -11,7 +11,7 @@ from hil.export import drives
 from hil.export.expressions import Expression, Graph
 from hil.export.rigid_bodies import joints, rigid_bodies
 from hil.model.base_parameters import base_parameters
-from hil.results.warmth import known_warmth
+from hil.results.samples import known_warmth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

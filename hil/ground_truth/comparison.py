@@ -18,8 +18,8 @@ from hil.estimation.identify import estimate
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.model_file import NAME, read_model_file
-from hil.results.naming import named
 from hil.results.prediction import FreeTorques
+from hil.results.provenance import named
 from hil.results.rounding import clock, rounded, signed, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.results.tables.terminal import show

@@ -15,10 +15,10 @@ from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
 from hil.report.header import when
 from hil.report.page import write_html
 from hil.report.section import Plot
+from hil.results import history_file as tables
 from hil.results.acceptance import table
 from hil.results.history_file import half_width
 from hil.results.rounding import unit
-from hil.results.tables import history as tables
 from hil.results.tables.table import Column, Part, Table
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.results.acceptance import Acceptance
-    from hil.results.compared_runs import History
+    from hil.results.history import History
     from hil.results.quantities import Kind
     from hil.results.tables.table import Row
     from hil.runs.run import Run

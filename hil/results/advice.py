@@ -45,16 +45,13 @@ from hil.results.tables.table import Column, Part, Table, figures
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.results.judgement import Rule
     from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
-
-    Array = NDArray[np.float64]
 
 OF_NOISE = 0.25
 """Share of the scatter, in torques, that white noise makes where motion excites too little: torques

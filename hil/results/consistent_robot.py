@@ -12,11 +12,10 @@ from hil.model.base_parameters import base_parameters
 from hil.results.rounding import probability
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from collections.abc import Iterator
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 
 class LinkBody(FileModel):
@@ -124,56 +123,44 @@ class ConsistentRobot(FileModel):
 
     def statements(self, robot: Robot) -> tuple[str, ...]:
         """Distance, what binds and what it costs, in sentences."""
+        return tuple(self._statements(robot))
+
+    def _statements(self, robot: Robot) -> Iterator[str]:
         if not self.binding:
-            return (
+            yield (
                 "the identified base parameters belong to bodies as they are: distance 0, no"
-                " condition binds",
-                *self._open(),
+                " condition binds"
             )
-        found = [
-            self._distance(),
-            self._binding(),
-            *self._largest(robot),
-            *self._costs(robot),
-            *self._open(),
-        ]
-        if self.contradicted:
-            found.append(
+        else:
+            yield from self._distance(robot)
+        if self.open_masses:
+            links = ", ".join(map(str, self.open_masses))
+            yield (
+                f"no torque decides the masses of links {links}: they come from {self.likely}, and"
+                " centres and inertias of these links go with them"
+            )
+        if self.binding and self.contradicted:
+            yield (
                 "the data contradict bodies: look for what the model leaves out (hil diagnose), for"
                 " torque constants and rotor inertias that are stated wrongly, or export nothing"
             )
-        return tuple(text for text in found if text)
 
-    def _distance(self) -> str:
-        return (
-            f"nearest robot that consists of bodies: distance {self.distance:.4g}, a chi-square of"
-            f" at most {self.degrees_of_freedom} degrees of freedom, p {probability(self.p_value)};"
-            f" {self.distance_complete:.4g} if the robot file left no link parameter out"
-        )
-
-    def _binding(self) -> str:
-        parts = [f"{each.name} (without it {each.distance_without:.4g})" for each in self.binding]
-        return f"conditions that bind: {', '.join(parts)}"
-
-    def _open(self) -> list[str]:
-        if not self.open_masses:
-            return []
-        links = ", ".join(map(str, self.open_masses))
-        return [
-            f"no torque decides the masses of links {links}: they come from {self.likely}, and"
-            " centres and inertias of these links go with them"
-        ]
-
-    def _largest(self, robot: Robot) -> list[str]:
-        names = base_parameters(robot).names
-        order = np.argsort(-np.abs(self.change))[:3]
-        parts = [f"{names[k]} by {self.change[k]:+.3g}" for k in order if abs(self.change[k]) > 0.1]
-        return [f"moved most, in standard errors: {', '.join(parts)}"] if parts else []
-
-    def _costs(self, robot: Robot) -> list[str]:
-        parts = [
+    def _distance(self, robot: Robot) -> Iterator[str]:
+        names, order = base_parameters(robot).names, np.argsort(-np.abs(self.change))[:3]
+        binding = [f"{each.name} (without it {each.distance_without:.4g})" for each in self.binding]
+        moved = [f"{names[k]} by {self.change[k]:+.3g}" for k in order if abs(self.change[k]) > 0.1]
+        costs = [
             f"axis {axis + 1} {each.change:.2g} {robot.torque_unit(axis)} (standard error"
             f" {each.standard_error:.2g}, torque {each.torque:.3g})"
             for axis, each in enumerate(self.torque)
         ]
-        return [f"torques change, rms over the run's motions: {'; '.join(parts)}"] if parts else []
+        yield (
+            f"nearest robot that consists of bodies: distance {self.distance:.4g}, a chi-square of"
+            f" at most {self.degrees_of_freedom} degrees of freedom, p {probability(self.p_value)};"
+            f" {self.distance_complete:.4g} if the robot file left no link parameter out"
+        )
+        yield f"conditions that bind: {', '.join(binding)}"
+        if moved:
+            yield f"moved most, in standard errors: {', '.join(moved)}"
+        if costs:
+            yield f"torques change, rms over the run's motions: {'; '.join(costs)}"

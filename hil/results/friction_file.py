@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
-import yaml
-
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.errors import AsymmetricFriction, Mismatch
 from hil.estimation.friction.symmetry import Symmetry
@@ -133,8 +131,7 @@ def write_friction(run: Run, result: FrictionResult) -> Path:
         ),
     )
     path = run.path / NAME
-    text = yaml.safe_dump(content.model_dump(mode="json"), sort_keys=False, width=200)
-    write_file(path, text.encode())
+    write_file(path, content.as_yaml())
     return path
 
 

@@ -1,4 +1,4 @@
-"""A history as JSON, for monitoring systems; docs/how-to/history.md explains the keys."""
+"""A history as tables, and as JSON for monitoring systems; docs/how-to/history.md has its keys."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from scipy import special
 
 from hil.estimation.intervals import SIGNIFICANT
+from hil.results.rounding import probability, rounded, signed, significant, unit
+from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
@@ -15,9 +17,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.results.changes import Change
-    from hil.results.compared_runs import History, KnownRun
+    from hil.results.history import History, KnownRun
     from hil.results.quantities import Reading
-    from hil.results.rescaled_torque import Rescaled
+    from hil.results.tables.table import Row
+
 
 FORMAT = 1
 
@@ -38,16 +41,40 @@ def content(found: History) -> dict[str, Any]:
         "false_alarm_rate": SIGNIFICANT,
         "newest_changed": any(each.marked for each in newest),
         "quantities": [each._asdict() for each in found.quantities],
-        "runs": [_run(found, run) for run in found.runs],
-        "changes": [_change(each) for each in found.marked],
-        "rescaled_torques": [_rescaled(each) for each in found.rescaled],
+        "runs": [_run_content(found, run) for run in found.runs],
+        "changes": [
+            {
+                "run": each.run,
+                "against": each.against,
+                "quantity": each.quantity.name,
+                "kind": each.quantity.kind,
+                "unit": each.quantity.unit,
+                "before": each.before,
+                "size": each.size,
+                "interval_95": [each.size - each.half_width, each.size + each.half_width],
+                "relative": each.relative,
+                "p_value": each.adjusted,
+                "may_come_from": each.meaning,
+            }
+            for each in found.marked
+        ],
+        "rescaled_torques": [
+            {
+                "run": each.run,
+                "against": each.against,
+                "axis": each.axis,
+                "share": each.share,
+                "interval_95": [each.share - each.half_width, each.share + each.half_width],
+                "changes_explained": each.explained,
+            }
+            for each in found.rescaled
+        ],
         "notes": list(found.notes),
     }
 
 
-def _run(found: History, run: KnownRun) -> dict[str, Any]:
+def _run_content(found: History, run: KnownRun) -> dict[str, Any]:
     tests = found.of(run)
-    pairs = zip(found.quantities, run.readings, strict=True)
     return {
         "run": run.label,
         "measured": run.measured or None,
@@ -57,15 +84,15 @@ def _run(found: History, run: KnownRun) -> dict[str, Any]:
         "common_friction": {
             against: share for (label, against), share in found.common.items() if label == run.label
         },
-        "values": {quantity.name: read and _reading(read) for quantity, read in pairs},
-    }
-
-
-def _reading(read: Reading) -> dict[str, float]:
-    return {
-        "value": read.value,
-        "half_width_95": half_width(read),
-        "temperature_allowance": read.allowance,
+        "values": {
+            quantity.name: read
+            and {
+                "value": read.value,
+                "half_width_95": half_width(read),
+                "temperature_allowance": read.allowance,
+            }
+            for quantity, read in zip(found.quantities, run.readings, strict=True)
+        },
     }
 
 
@@ -74,28 +101,92 @@ def half_width(read: Reading) -> float:
     return float(special.stdtrit(read.degrees, 0.975)) * read.standard_error
 
 
-def _rescaled(each: Rescaled) -> dict[str, Any]:
-    return {
-        "run": each.run,
-        "against": each.against,
-        "axis": each.axis,
-        "share": each.share,
-        "interval_95": [each.share - each.half_width, each.share + each.half_width],
-        "changes_explained": each.explained,
-    }
+def runs(found: History) -> Table:
+    """Runs in the order of time, and how much of each is marked."""
+    return Table(
+        title=f"Runs of {found.robot.name}",
+        columns=(Column("run", folds=True), Column("measured"), Column("method"),
+                 *figures("friction, %", "tests", "marked"), Column("named first", folds=True)),
+        parts=(Part(tuple(_run(found, run) for run in found.runs)),),
+        explanation=(
+            f"Each run is compared with {found.reference} and with the one before. Of an unchanged"
+            f" machine anything is marked in at most {SIGNIFICANT:.0%} of the runs. Friction: what"
+            f" that of all axes differs by together from {found.reference}, which is put down to"
+            " the temperature of the machine."
+        ),
+        notes=found.notes,
+    )  # fmt: skip
 
 
-def _change(each: Change) -> dict[str, Any]:
-    return {
-        "run": each.run,
-        "against": each.against,
-        "quantity": each.quantity.name,
-        "kind": each.quantity.kind,
-        "unit": each.quantity.unit,
-        "before": each.before,
-        "size": each.size,
-        "interval_95": [each.size - each.half_width, each.size + each.half_width],
-        "relative": each.relative,
-        "p_value": each.adjusted,
-        "may_come_from": each.meaning,
-    }
+def _run(found: History, run: KnownRun) -> Row:
+    tests = found.of(run)
+    marked = [each for each in tests if each.marked]
+    count = Marked(len(marked)) if marked else "0"
+    exchanged = [each.axis for each in found.rescaled if each.run == run.label]
+    named = marked[0].quantity.name if marked else ""
+    if exchanged:
+        named = f"torque constant or drive of axis {exchanged[0]}"
+    own = "reference" if run.label == found.reference else named
+    measured = run.measured[:16].replace("T", " ")
+    common = found.common.get((run.label, found.reference))
+    friction = "" if common is None else signed(f"{100 * common:.1f}")
+    return run.label, measured, run.model.method, friction, str(len(tests)), count, own
+
+
+def condition(found: History) -> Table:
+    """Each quantity in the reference and in the newest run."""
+    first = next(run for run in found.runs if run.label == found.reference)
+    last = found.runs[-1]
+    marked = {each.quantity for each in found.of(last) if each.marked}
+    rows = (
+        (
+            Marked(quantity.name) if quantity in marked else quantity.name,
+            *_cells(old),
+            *_cells(new),
+            unit(quantity.unit),
+        )
+        for quantity, old, new in zip(found.quantities, first.readings, last.readings, strict=True)
+    )
+    return Table(
+        title="Condition",
+        columns=(Column("quantity", folds=True),
+                 *figures("reference", "± 95 %", "newest", "± 95 %"),
+                 Column("unit")),
+        parts=(Part(tuple(rows)),),
+        explanation=(
+            "Values with intervals of 95 %, of errors that are the run's own; what all runs share"
+            " (torque constants, rotor inertias) does not count. Friction is the level at no load."
+        ),
+    )  # fmt: skip
+
+
+def _cells(read: Reading | None) -> tuple[str, str]:
+    if read is None:
+        return "not identified", ""
+    half = half_width(read)
+    return rounded(read.value, half), rounded(half, half)
+
+
+def changes(found: History) -> Table:
+    """What changed significantly; empty where nothing did."""
+    return Table(
+        title="What changed",
+        columns=(Column("run", folds=True), Column("since", folds=True),
+                 Column("quantity", folds=True),
+                 *figures("change", "± 95 %"), Column("unit"), *figures("%", "p"),
+                 Column("may come from", folds=True)),
+        parts=(Part(tuple(_change(each) for each in found.marked)),),
+        explanation=(
+            "The interval holds by how much temperature may move friction; p is the probability of"
+            " such a change by chance, for all that was tested of the run together (Holm)."
+        ),
+    )  # fmt: skip
+
+
+def _change(each: Change) -> Row:
+    share = "" if each.relative is None else signed(significant(100 * each.relative, 2))
+    size, half = (rounded(x, each.half_width) for x in (each.size, each.half_width))
+    return (
+        each.run, each.against, each.quantity.name, size, half, unit(each.quantity.unit), share,
+        probability(each.adjusted), each.meaning,
+    )  # fmt: skip

@@ -1,4 +1,7 @@
-"""From a run to a model, by any of the methods; nothing is written."""
+"""From runs to a model, by any of the methods, or to what they teach for the next plan.
+
+Nothing is written.
+"""
 
 from __future__ import annotations
 
@@ -9,26 +12,28 @@ from typing import TYPE_CHECKING, NamedTuple
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
+from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
+from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
-from hil.estimation.two_step_methods import prepared_for
+from hil.estimation.two_step_methods import prepare, prepared_for
 from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
+from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.model import Model
-from hil.results.naming import named
 from hil.results.outcome import outcome
-from hil.results.provenance import Provenance
-from hil.results.stamp import digests
+from hil.results.provenance import Provenance, digests, named
 from hil.runs.journal import now
-from hil.runs.pooling import Pooled
+from hil.runs.pooling import Pooled, pooled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.mistakes.mistake import Mistake
+    from hil.estimation.noise_levels import Levels
     from hil.estimation.options import Options
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
@@ -162,4 +167,27 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         method=found.method,
         version=version("canopen-robot-identification"),
         recordings=tuple(digest for each in (run, *others) for digest in digests(each)),
+    )
+
+
+def experience(folders: Sequence[Run]) -> Levels:
+    """Noise that runs of one robot show, and what they show of its parameters.
+
+    Raises
+    ------
+    FileError
+        A damaged recording.
+    NotEnoughData
+        No measurement of use.
+    """
+    robot = folders[0].robot
+    raw, _ = prepare(pooled(folders))
+    if not raw:
+        raise NotEnoughData(
+            f"{folders[0].path}: no measurement of gravity, inertia or coupling is there; measure"
+            " some with --resume"
+        )
+    drive_train = find_drive_train(robot, raw)
+    return noise_levels(
+        robot, [(m, drive_train.applied(robot, s)) for m, s in raw if shows_element(m)]
     )

@@ -17,8 +17,7 @@ from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array, Mask
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from hil.results.consistent_robot import ConsistentRobot
     from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
     from hil.results.provenance import Provenance
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,7 +122,7 @@ class IdentifiedRobot:
         return self.scatter_covariance + self.drive_covariance
 
     @property
-    def identified(self) -> NDArray[np.bool_]:
+    def identified(self) -> Mask:
         """Which of `values` were identified, shape (n_base,); the others are zero."""
         lost = () if self.back_and_forth is None else self.back_and_forth.not_identified
         return np.array([name not in lost for name in self.names])

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import hil
 from hil.errors import FileError
 from hil.results.findings import Findings, findings
-from hil.results.stamp import RunStamp
+from hil.results.provenance import RunStamp
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
 

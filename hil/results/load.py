@@ -27,8 +27,7 @@ from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.candidates import weighed
 from hil.planning.design.load import WithoutLoad
 from hil.planning.measurement import shows_element
-from hil.results.naming import named
-from hil.results.stamp import same_recordings
+from hil.results.provenance import named, same_recordings
 from hil.runs.pooling import Pooled, pooled, recorded
 
 if TYPE_CHECKING:

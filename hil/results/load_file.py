@@ -20,7 +20,7 @@ from hil.estimation.loads.figures import AxisMisfit, Quantity
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.load import load_columns
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.results.stamp import RunStamp, same_parameters
+from hil.results.provenance import RunStamp, same_parameters
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 

@@ -7,30 +7,35 @@ to give: of rigid bodies, motors and friction, together or by parts.
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.errors import FrictionUnknown, UnknownName
+from hil.estimation.intervals import combined_degrees, half_width
+from hil.friction.law import friction_torque, friction_variance
 from hil.model import dynamics
+from hil.model.motors import motor_torque
 from hil.results.identified_robot import IdentifiedRobot, checked_level
-from hil.results.model_content import model_content
-from hil.results.model_file import file_of, read_model_file
-from hil.results.samples import samples
+from hil.results.model_file import ModelFile, file_of, read_model_file
+from hil.results.samples import samples, warmth_along, warmth_of
 from hil.results.tables.model import summary
-from hil.results.torque_parts import PARTS, interval_of, torque_of
-from hil.results.warmth import warmth_along, warmth_of
+from hil.results.torque_parts import PARTS, known_friction, lacking
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from hil.results.tables.summary import Summary
+    from hil.arrays import Array
+    from hil.results.tables.terminal import Summary
 
-    Array = NDArray[np.float64]
+REVERSAL = 0.005
+"""Share of the velocity limit below which friction that drives are fed changes its direction."""
 
 
 class Model(IdentifiedRobot):
@@ -52,30 +57,11 @@ class Model(IdentifiedRobot):
         path = file_of(Path(path))
         if not path.exists():
             raise FileError(f"{path}: not there yet; make it with: hil identify {path.parent}")
-        kept = read_model_file(path)
-        scatter, drives = kept.covariances()
-        return cls(
-            robot=kept.robot(path),
-            values=np.array([parameter.value for parameter in kept.parameters]),
-            scatter_covariance=scatter,
-            drive_covariance=drives,
-            degrees_of_freedom=kept.degrees(),
-            residual=np.array([np.nan if r is None else r for r in kept.residual]),
-            condition=kept.condition,
-            provenance=kept.provenance,
-            error_budget=kept.error_budget,
-            friction=kept.friction,
-            back_and_forth=kept.back_and_forth,
-            outcome=kept.outcome,
-            friction_law=kept.law(),
-            validations=kept.validations,
-            consistent=kept.consistent,
-            torque_effect=None if kept.torque_effect is None else np.array(kept.torque_effect),
-        )
+        return cls(**read_model_file(path).identified(path))
 
     def save(self, path: Path | str) -> None:
         """Write the model as a file, whole or not at all; see `hil.results.model_file`."""
-        write_file(Path(path), model_content(self).text().encode())
+        write_file(Path(path), ModelFile.of(self).text().encode())
 
     def torque(
         self,
@@ -133,7 +119,50 @@ class Model(IdentifiedRobot):
             Friction is unknown of some axes (`axes_without_friction`), whose torque is without it.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        return torque_of(self, parts, q, qd, qdd, warmth_of(self, warmth, q))
+        return self._torque(parts, q, qd, qdd, warmth_of(self, warmth, q))
+
+    def _torque(
+        self, parts: Collection[str], q: Array, qd: Array, qdd: Array, warmth: Array | None
+    ) -> Array:
+        if unknown := [part for part in parts if part not in PARTS]:
+            raise UnknownName(f"{unknown[0]!r}: parts of the torque are {', '.join(PARTS)}")
+        law = known_friction(self) if "friction" in parts else None
+        if law is not None and (lack := lacking(self)):
+            # once a line of the caller's, as Python does by default
+            text = f"torques of {self.robot.name} lack friction: {lack}"
+            warnings.warn(text, FrictionUnknown, stacklevel=3)
+        rigid = dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
+        total = rigid if "rigid bodies" in parts else np.zeros_like(rigid)
+        if "motors" in parts:
+            total = total + motor_torque(self.robot, q, qd, qdd)
+        if law is None:
+            return total
+        return total + friction_torque(self.robot, law, q, qd, rigid, warmth=warmth)
+
+    def drive_torque(self, q: Array, qd: Array, qdd: Array) -> Array:
+        """Torques that drives are to be fed along a planned motion, shape of `q` [N m or N].
+
+        Those of `torque`, but friction does not jump at a reversal, for a drive that is fed a jump
+        does worse than one that is fed none: between a small speed in one direction and the same in
+        the other it goes over in a straight line, by the velocity that is planned and not by a
+        measured one, which would chatter.
+
+        Parameters
+        ----------
+        q, qd, qdd : ndarray, shape (n, n_joints)
+            Of a planned motion [rad, rad/s, rad/s^2; m for prismatic joints].
+
+        Raises
+        ------
+        NotEnoughData
+            The model has no law of friction.
+        """
+        width = REVERSAL * self.robot.velocity_limit
+        speed = np.maximum(np.abs(qd), width)
+        back, forth = (self.torque(q, side * speed, qdd, ("friction",)) for side in (-1.0, 1.0))
+        share = np.clip(0.5 + qd / (2 * width), 0.0, 1.0)
+        friction: Array = back + share * (forth - back)
+        return self.torque(q, qd, qdd, ("rigid bodies", "motors")) + friction
 
     def warmth(self, time: ArrayLike, qd: ArrayLike, start: ArrayLike = 0.0) -> Array:
         """Warmth of the gears along a motion, from 0 cold to 1 as warm as motion makes them.
@@ -212,11 +241,26 @@ class Model(IdentifiedRobot):
             As of `torque`.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
-        state = warmth_of(self, warmth, q)
-        tau = torque_of(self, parts, q, qd, qdd, state)
-        half = interval_of(
-            self, parts, q, qd, qdd, checked_level(level), of_samples=of_samples, warmth=state
+        state, level = warmth_of(self, warmth, q), checked_level(level)
+        tau = self._torque(parts, q, qd, qdd, state)
+        A = dynamics.regressor(self.robot, q, qd, qdd)
+        # motors add nothing: what is wrong with a stated rotor inertia the base parameters make up
+        # for, and their covariance holds it
+        rows = A if "rigid bodies" in parts else np.zeros_like(A)
+        scatter, stated = (
+            np.einsum("...k,kl,...l->...", rows, V, rows, optimize=True).clip(0.0)
+            for V in (self.scatter_covariance, self.drive_covariance)
         )
+        variances = np.diag(self.scatter_covariance)
+        degrees = combined_degrees(rows, variances, self.degrees_of_freedom)
+        if "friction" in parts:
+            load, law = A @ self.values, known_friction(self)
+            stated = stated + friction_variance(self.robot, law, q, qd, load, state)
+        if of_samples:
+            stated = stated + np.nan_to_num(self.residual) ** 2
+        half = half_width(scatter, stated, degrees, level)
+        if "friction" in parts:
+            half[..., [axis - 1 for axis in self.axes_without_friction]] = np.nan
         return np.stack([tau - half, tau + half], axis=-1)
 
     def summary(self) -> Summary:

@@ -10,7 +10,7 @@ degrees of freedom that explain them.
 from __future__ import annotations
 
 from math import isclose
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import yaml
@@ -30,13 +30,17 @@ from hil.results.provenance import Provenance
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
+    from hil.results.identified_robot import IdentifiedRobot
 
-    Array = NDArray[np.float64]
 
 NAME = "model.yaml"
+_AS_IDENTIFIED = (
+    "provenance", "condition", "error_budget", "friction", "back_and_forth", "outcome",
+    "validations", "consistent",
+)  # fmt: skip
+"""Fields that the file holds as the model does."""
 _SAME = 1e-6
 
 
@@ -111,14 +115,66 @@ class ModelFile(FileModel):
             raise ValueError(f"degrees_of_freedom must be {n} positive values, one a parameter")
         return self
 
-    def robot(self, path: Path) -> Robot:
-        """Robot of the model in the file at `path`.
+    @classmethod
+    def of(cls, model: IdentifiedRobot) -> ModelFile:
+        """Return what the file of a model holds."""
+        base = base_parameters(model.robot)
+        group_of = {index: group for group, members in base.groups.items() for index in members}
+        errors, intervals = model.standard_errors.tolist(), model.interval().tolist()
+        parameters = tuple(
+            Parameter(
+                name=base.names[k],
+                expression=base.expressions[k],
+                group=group_of[k],
+                unit=base.units[k],
+                value=value,
+                standard_error=errors[k] if identified else None,
+                interval_95=tuple(intervals[k]) if identified else None,
+            )
+            for k, (value, identified) in enumerate(
+                zip(model.values.tolist(), model.identified.tolist(), strict=True)
+            )
+        )
+        return cls(
+            parameters=parameters,
+            covariance=_rows(model.covariance),
+            drive_covariance=_rows(model.drive_covariance),
+            degrees_of_freedom=tuple(model.degrees_of_freedom.tolist()),
+            residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
+            friction_law=None if model.friction else model.friction_law,
+            robot_file=model.robot.text,
+            torque_effect=None if model.torque_effect is None else _rows(model.torque_effect),
+            **{name: getattr(model, name) for name in _AS_IDENTIFIED},
+        )
+
+    def identified(self, path: Path) -> dict[str, Any]:
+        """Fields of `IdentifiedRobot` by name, of the model in the file at `path`.
 
         Raises
         ------
         FileError
-            The file does not hold it and none lies beside, or it is not the one identified.
+            The file does not hold the robot and none lies beside, or it is not the one identified.
         """
+        total = np.array(self.covariance)
+        stated, degrees = self.drive_covariance, self.degrees_of_freedom
+        drives = np.zeros_like(total) if stated is None else np.array(stated)
+        return {
+            "robot": self._robot(path),
+            "values": np.array([parameter.value for parameter in self.parameters]),
+            "scatter_covariance": total - drives,
+            "drive_covariance": drives,
+            "degrees_of_freedom": np.array(
+                [each.degrees_of_freedom for each in self.parameters]
+                if degrees is None
+                else degrees
+            ),
+            "residual": np.array([np.nan if r is None else r for r in self.residual]),
+            "friction_law": self.friction.law if self.friction else self.friction_law,
+            "torque_effect": None if self.torque_effect is None else np.array(self.torque_effect),
+            **{name: getattr(self, name) for name in _AS_IDENTIFIED},
+        }
+
+    def _robot(self, path: Path) -> Robot:
         beside = path.parent / "robot.yaml"
         kept = self.robot_file
         robot = load_robot(beside) if kept is None else parse_robot(kept, f"{path}: robot_file")
@@ -129,24 +185,6 @@ class ModelFile(FileModel):
                 f"{path}: its parameters are not those of the robot {place}; identify the run anew"
             )
         return robot
-
-    def covariances(self) -> tuple[Array, Array]:
-        """Of what shows in the data and of the drives, each of shape (n_base, n_base)."""
-        total = np.array(self.covariance)
-        stated = self.drive_covariance
-        drives = np.zeros_like(total) if stated is None else np.array(stated)
-        return total - drives, drives
-
-    def degrees(self) -> Array:
-        """Effective degrees of freedom, shape (n_base,)."""
-        kept = self.degrees_of_freedom
-        return np.array([p.degrees_of_freedom for p in self.parameters] if kept is None else kept)
-
-    def law(self) -> FrictionLaw | None:
-        """Law of friction, whatever the method; None in files of versions that found none."""
-        if self.friction is not None:
-            return self.friction.law
-        return self.friction_law
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
@@ -210,3 +248,7 @@ def _written(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 
 
 _Dumper.add_representer(str, _written)
+
+
+def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())

@@ -32,15 +32,12 @@ from hil.results.prediction import free_torques, uncertainty
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.mistakes.mistake import Mistake
     from hil.model.robot import Robot
     from hil.results.judgement import Rule
     from hil.results.model import Model
-
-    Array = NDArray[np.float64]
 
 WHOLE = frozenset(
     {

@@ -32,15 +32,12 @@ from hil.results.recorded_torque import in_si, predict_recording
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +100,7 @@ def predicted_torques(
             s = signals(recording)
         except NotEnoughData:
             continue
-        law = _LawInRecording(model, s)
+        law = _law_along(model, s)
         for stretch in stack(model.robot, motion, s):
             for axis in stretch:
                 yield _of_axis(model, motion.id, axis, s, law)
@@ -128,26 +125,17 @@ def _with_friction(model: Model, name: str, recording: Recording) -> Iterator[Pr
         )
 
 
-class _LawInRecording:
-    """Friction by a model's own law along one recording, and its variance."""
-
-    def __init__(self, model: Model, s: Signals) -> None:
-        self._law, robot = model.friction_law, model.robot
-        if self._law is not None:
-            load = inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
-            self._torque = friction_torque(robot, self._law, s.q, s.qd, load)
-            self._variance = friction_variance(robot, self._law, s.q, s.qd, load)
-
-    def of(self, each: Stacked) -> tuple[Array, Array] | None:
-        """At the samples of one axis; None where the law has no such axis."""
-        if self._law is None or each.axis + 1 in self._law.unknown:
-            return None
-        at = each.index, each.axis
-        return self._torque[at], self._variance[at]
+def _law_along(model: Model, s: Signals) -> tuple[Array, Array] | None:
+    """Friction by a model's own law at all samples, and its variance; None without a law."""
+    robot, law = model.robot, model.friction_law
+    if law is None:
+        return None
+    motion = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
+    return friction_torque(robot, law, *motion), friction_variance(robot, law, *motion)
 
 
 def _of_axis(
-    model: Model, name: str, each: Stacked, s: Signals, law: _LawInRecording
+    model: Model, name: str, each: Stacked, s: Signals, law: tuple[Array, Array] | None
 ) -> PredictedTorque:
     """The rigid bodies' torque, with the model's friction and with that which fits what is left."""
     A, y = each.X[:, : each.n_base], each.torques[:, 0]
@@ -158,7 +146,9 @@ def _of_axis(
     stated = rigid - basis @ (basis.T @ rigid)
     variance = np.einsum("nk,kl,nl->n", A, model.covariance, A, optimize=True).clip(0.0)
     noise = np.nan_to_num(model.residual[each.axis])
-    motor, own = each.torques[:, 1], law.of(each)
+    motor, own = each.torques[:, 1], None
+    if law is not None and each.axis + 1 not in model.axes_without_friction:
+        own = [of_all[each.index, each.axis] for of_all in law]
     refitted, refitted_error = rigid + friction + motor, np.sqrt(variance + noise**2)
     return PredictedTorque(
         measurement=name,

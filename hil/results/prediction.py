@@ -1,8 +1,10 @@
 """What uncertain parameters mean in torques: how well the model predicts a motion it never saw.
 
 A parameter's standard error says little by itself: 0.01 kg m^2 is nothing at the first axis and
-much at the last. Carried through the regressor to a free motion of the robot (`trajectory`),
-tau = A p with the covariance A C A', all errors become comparable.
+much at the last. Carried through the regressor to a free motion of the robot, tau = A p with the
+covariance A C A', all errors become comparable. The motion is unlike any measurement: a finite
+Fourier series for each joint, with seeded coefficients, scaled until position, velocity and
+acceleration all stay within a share of the robot's limits. It is calculated with, never driven.
 """
 
 from __future__ import annotations
@@ -13,16 +15,67 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.dynamics import regressor
-from hil.results.validation_motion import free_motion
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
 
-    Array = NDArray[np.float64]
+
+HARMONICS = 5
+PERIOD = 10.0
+"""Of the fundamental [s]."""
+SAMPLES = 2000
+SHARE = 0.9
+"""Of each limit that the motion uses at most."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValidationMotion:
+    """Positions, velocities, accelerations, each of shape (n, n_joints) [rad, rad/s, rad/s^2]."""
+
+    q: Array
+    qd: Array
+    qdd: Array
+
+
+def free_motion(robot: Robot, seed: int = 0, speed: ArrayLike | None = None) -> ValidationMotion:
+    """One period of a random motion within the limits of `robot`; the same seed, the same motion.
+
+    Joints are scaled one by one, so each of them is as fast as the tightest of its limits allows.
+
+    Parameters
+    ----------
+    robot : Robot
+        Limits that are unknown (NaN) do not limit.
+    seed : int
+    speed : array_like, shape (n_joints,), optional
+        That counts where the limit of the velocity is unknown [rad/s or m/s].
+    """
+    rng = np.random.default_rng(seed)
+    order = 2 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
+    phase = np.outer(np.arange(SAMPLES) * PERIOD / SAMPLES, order)
+    a, b = rng.standard_normal((2, HARMONICS, robot.n_joints)) / order[:, np.newaxis]
+    waves = ValidationMotion(
+        q=np.sin(phase) @ a - np.cos(phase) @ b,
+        qd=(np.cos(phase) * order) @ a + (np.sin(phase) * order) @ b,
+        qdd=(-np.sin(phase) * order**2) @ a + (np.cos(phase) * order**2) @ b,
+    )
+    middle, reach = (robot.q_max + robot.q_min) / 2, (robot.q_max - robot.q_min) / 2
+    velocity = robot.velocity_limit
+    if speed is not None:
+        velocity = np.where(np.isfinite(velocity), velocity, speed)
+    shares = [
+        np.abs(waves.q).max(axis=0) / reach,
+        np.abs(waves.qd).max(axis=0) / velocity,
+        np.abs(waves.qdd).max(axis=0) / robot.acceleration_limit,
+    ]
+    scale = SHARE / np.fmax.reduce(shares)
+    middle = np.nan_to_num(middle)
+    return ValidationMotion(middle + scale * waves.q, scale * waves.qd, scale * waves.qdd)
 
 
 class FreeTorques:

@@ -20,26 +20,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData, UnknownName
-from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.intervals import half_width
 from hil.estimation.options import DEFAULTS, Options
-from hil.estimation.signals import signals
-from hil.friction.law import friction_torque
 from hil.friction.terms import LAWS
-from hil.model.dynamics import gravity_torque, inverse_dynamics
-from hil.model.motors import motor_torque
 from hil.results.identification import Identified, identified, method_for
-from hil.results.recorded_torque import processing_of
+from hil.results.recorded_torque import torque_parts
 from hil.runs.pooling import refuse_mixed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.least_squares.regression import Covariance
     from hil.results.model import Model
-    from hil.results.tables.summary import Summary
+    from hil.results.tables.terminal import Summary
     from hil.runs.recording import Recording
     from hil.runs.run import Run
 
@@ -203,42 +198,4 @@ class Fit:
         NotEnoughData
             A recording shorter than the low-pass reaches.
         """
-        model = self.model
-        robot, p = model.robot, model.values
-        time, q, qd, qdd, measured, low_pass = _signals(model, recording)
-        still, rigid = np.zeros_like(q), inverse_dynamics(robot, p, q, qd, qdd)
-        gravity = gravity_torque(robot, p, q)
-        parts = {
-            "gravity": gravity,
-            "inertia": inverse_dynamics(robot, p, q, still, qdd) - gravity,
-            "velocity": inverse_dynamics(robot, p, q, qd, still) - gravity,
-            "rotors": motor_torque(robot, q, qd, qdd),
-            "friction": still
-            if model.friction_law is None
-            else friction_torque(robot, model.friction_law, q, qd, rigid),
-        }
-        parts = {name: low_pass(part) for name, part in parts.items()}
-        left = measured - np.sum(list(parts.values()), axis=0)
-        return {"time": time, **parts, "measured": measured, "left": left}
-
-
-def _signals(
-    model: Model, recording: Recording
-) -> tuple[Array, Array, Array, Array, Array, Callable[[Array], Array]]:
-    """Time, motion and torque of a recording as a model takes them, and its low-pass."""
-    if model.friction is None:
-        s = signals(recording)
-        used = s.valid
-
-        def smoothed(x: Array) -> Array:
-            return np.asarray(s.smoothed(x)[used])
-
-        return s.time[used], s.q, s.qd, s.qdd, smoothed(s.tau), smoothed
-    motion = filtered_motion(recording, processing_of(model))
-    every, used = motion.rates.fine * motion.rates.coarse, motion.used
-
-    def passed(x: Array) -> Array:
-        return motion.passed(x)[: len(used)][used]
-
-    time = recording.time[::every][: len(used)][used]
-    return time, motion.q, motion.qd, motion.qdd, motion.tau[used], passed
+        return torque_parts(self.model, recording)

@@ -1,9 +1,23 @@
-"""Where a model comes from, as its file states it."""
+"""Where a result comes from: of which run, in which state, so that a stale one is noticed."""
 
 from __future__ import annotations
 
+import hashlib
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from checked_files.yaml_file import FileModel
+from hil.errors import NoLoad, NotEnoughData, NotIdentifiable
 from hil.runs.journal import was_simulated
+from hil.runs.run import Run, digest_of_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.arrays import Array
 
 
 class Provenance(FileModel):
@@ -12,8 +26,8 @@ class Provenance(FileModel):
     `together_with` names further runs that it was made from, `without` measurements that whoever
     identified it left out, `drives` what each axis's drive said it is, in the last session; empty
     where that was not recorded. `simulated` is whether any of the runs was measured on the virtual
-    plant, `recordings` a digest of each recording (`hil.results.stamp.digests`); None and empty in
-    files of earlier versions.
+    plant, `recordings` a digest of each recording (`digests`); None and empty in files of
+    earlier versions.
     """
 
     robot: str
@@ -37,3 +51,114 @@ class Provenance(FileModel):
     def of_virtual_plant(self) -> bool:
         """Whether any of what the model was made from was measured on the virtual plant."""
         return was_simulated(self.simulated, self.bus)
+
+
+SHORT = 16
+"""Characters of a recording's digest that are kept: 64 bits, by chance the same in 1 of 2e19."""
+SAME = 1e-6
+"""Relative difference of parameters up to which they are the same estimate's."""
+
+
+class RunStamp(FileModel):
+    """A run as it was when a result was made of it.
+
+    Attributes
+    ----------
+    folder : str
+        Path, from the folder that holds the result.
+    measured : str
+        When its last session began.
+    robot_digest, plan_digest : str
+    recordings : str
+        Digest of all recordings, byte by byte.
+    """
+
+    folder: str
+    measured: str
+    robot_digest: str
+    plan_digest: str
+    recordings: str
+
+    @classmethod
+    def of(cls, folder: Run, beside: Run | None = None) -> RunStamp:
+        """Stamp of a run as it is now; `beside`: the run that holds the result, if another."""
+        holder = folder if beside is None else beside
+        sessions = folder.journal.sessions
+        return cls(
+            folder=os.path.relpath(folder.path, holder.path),
+            measured=sessions[-1].started if sessions else "",
+            robot_digest=folder.robot.digest,
+            plan_digest=folder.plan.digest,
+            recordings=_recordings(folder),
+        )
+
+    def change(self, folder: Run) -> str:
+        """Return what of the run is no longer as it was; empty if all is."""
+        now = RunStamp.of(folder)
+        for name, then, is_now in (
+            ("robot file", self.robot_digest, now.robot_digest),
+            ("plan", self.plan_digest, now.plan_digest),
+            ("recordings", self.recordings, now.recordings),
+        ):
+            if then != is_now:
+                return f"the {name} of {folder.path} changed since"
+        return ""
+
+    def change_beside(self, holder: Run) -> str:
+        """Return the same of another run than the one that holds the result; gone is no change."""
+        path = holder.path / self.folder
+        return self.change(Run.open(path)) if path.exists() else ""
+
+
+def _recordings(folder: Run) -> str:
+    digest = hashlib.sha256()
+    for measurement in folder.plan.measurements:
+        if found := digest_of_file(folder.recording_path(measurement)):
+            digest.update(bytes.fromhex(found))
+    return digest.hexdigest()
+
+
+def digests(folder: Run) -> tuple[str, ...]:
+    """Digest of each recording that is not left out, byte by byte: the same of a copy."""
+    ids = set(folder.ids)
+    taken = (motion for motion in folder.motions if motion.id in ids)
+    kept = [digest_of_file(folder.recording_path(motion)) for motion in taken]
+    return tuple(digest[:SHORT] for digest in kept if digest)
+
+
+def recordings_in_common(made: Provenance, run: Run) -> int:
+    """How many recordings of a run a model was made from.
+
+    Of a model of an earlier version, which holds no digests, all or none: by the run's plan and the
+    time at which it was measured.
+    """
+    own = digests(run)
+    if made.recordings:
+        return len(set(own).intersection(made.recordings))
+    stamp = RunStamp.of(run)
+    same = made.measured == stamp.measured and made.plan_digest == stamp.plan_digest
+    return len(own) if same and made.measured else 0
+
+
+def same_recordings(one: Run, other: Run) -> bool:
+    """Whether two folders hold the same recordings, byte by byte."""
+    return one.path.resolve() == other.path.resolve() or _recordings(one) == _recordings(other)
+
+
+def same_parameters(then: Sequence[float], now: Array) -> str:
+    """Return how a result stood beside another estimate than today's; empty if it did not.
+
+    Recordings may be the same and the program another.
+    """
+    if len(then) == len(now) and np.allclose(then, now, rtol=SAME, atol=SAME):
+        return ""
+    return "the parameters of the same recordings are estimated differently now"
+
+
+@contextmanager
+def named(run: Run) -> Iterator[None]:
+    """Put the run's path before the message of an error about its measurements."""
+    try:
+        yield
+    except (NotEnoughData, NotIdentifiable, NoLoad) as error:
+        raise type(error)(f"{run.path}: {error}") from error

@@ -1,4 +1,4 @@
-"""What a model from free motions predicts of a recording, beside what was measured.
+"""What a model says of a recording, beside what was measured: its parts, and their sum.
 
 Both sides pass the low-pass with which the model was identified, so that they can be compared. An
 interval holds the uncertainty of the base parameters and of the law of friction, with its wandering
@@ -8,27 +8,27 @@ over the recordings, and what the model left of the recordings it was made from.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy import special
 
 from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.free_motion.motion import Processing, filtered_motion
+from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
-from hil.model.dynamics import regressor
+from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from collections.abc import Callable
 
-    from hil.estimation.free_motion.motion import Motion
+    from hil.arrays import Array
+    from hil.friction.direction import Direction
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +89,50 @@ class RecordedTorque:
         return np.asarray(np.mean((low <= self.measured) & (self.measured <= high), axis=0))
 
 
+class Along(NamedTuple):
+    """A recording as a model takes it: torque at n samples that can be used, motion at all m.
+
+    `used` and `passed` bring columns from shape (m, ...) to (n, ...), as they are or after the
+    low-pass; friction acts in `directions`, by default in that of each axis's velocity.
+    """
+
+    time: Array
+    q: Array
+    qd: Array
+    qdd: Array
+    measured: Array
+    used: Callable[[Array], Array]
+    passed: Callable[[Array], Array]
+    directions: tuple[Direction, ...] | None = None
+
+
+def along(model: Model, recording: Recording) -> Along:
+    """Return a recording as a model takes it, by the low-pass that the model was found with."""
+    if model.friction is None:
+        s = signals(recording)
+        valid = s.valid
+        return Along(
+            s.time[valid], s.q, s.qd, s.qdd, s.smoothed(s.tau)[valid],
+            lambda x: x[valid], lambda x: np.asarray(s.smoothed(x)[valid]),
+        )  # fmt: skip
+    motion = filtered_motion(recording, processing_of(model))
+    rates, used = motion.rates, motion.used
+    if not used.any():
+        raise NotEnoughData(
+            f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s are"
+            f" fewer than the low-pass at {motion.processing.cut_off:.3g} Hz reaches; give a longer"
+            " recording"
+        )
+
+    def coarse(x: Array) -> Array:
+        return np.asarray(x[:: rates.coarse][: len(used)][used])
+
+    return Along(
+        coarse(recording.time[:: rates.fine]), motion.q, motion.qd, motion.qdd, motion.tau[used],
+        coarse, lambda x: motion.passed(x)[: len(used)][used], motion.directions,
+    )  # fmt: skip
+
+
 def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     """Predict the torques of a recording from its positions.
 
@@ -105,31 +149,51 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
         A model that was not identified from free motions, or a recording shorter than the low-pass
         reaches.
     """
-    motion = filtered_motion(recording, processing_of(model))
-    if not motion.used.any():
-        raise NotEnoughData(
-            f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s are"
-            f" fewer than the low-pass at {motion.processing.cut_off:.3g} Hz reaches; give a longer"
-            " recording"
-        )
+    processing_of(model)
+    motion = along(model, recording)
     A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
-
-    def coarse(x: Array) -> Array:
-        return np.asarray(x[:: motion.rates.coarse][: len(motion.used)][motion.used])
-
+    rigid = A @ model.values
+    torque = rigid + _friction(model, motion, rigid)
     return RecordedTorque(
-        time=coarse(recording.time[:: motion.rates.fine]),
-        qd=coarse(motion.qd),
-        measured=motion.tau[motion.used],
-        predicted=motion.passed(_torque(model, motion, A @ model.values))[motion.used],
-        parameter_error=coarse(_parameter_error(model, motion, A)),
+        time=motion.time,
+        qd=motion.used(motion.qd),
+        measured=motion.measured,
+        predicted=motion.passed(
+            torque + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
+        ),
+        parameter_error=motion.used(_parameter_error(model, motion, A)),
         residual_error=np.nan_to_num(model.residual),
     )
 
 
-def _parameter_error(model: Model, motion: Motion, A: Array) -> Array:
-    """Standard error by base parameters and friction, shape (n, n_joints)."""
+def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
+    """Torque of a recording by its parts; see `hil.results.problem.Fit.torque_parts`."""
+    robot, p = model.robot, model.values
+    motion = along(model, recording)
+    q, qd, qdd, still = motion.q, motion.qd, motion.qdd, np.zeros_like(motion.q)
+    rigid, gravity = inverse_dynamics(robot, p, q, qd, qdd), gravity_torque(robot, p, q)
+    parts = {
+        "gravity": gravity,
+        "inertia": inverse_dynamics(robot, p, q, still, qdd) - gravity,
+        "velocity": inverse_dynamics(robot, p, q, qd, still) - gravity,
+        "rotors": motor_torque(robot, q, qd, qdd),
+        "friction": still if model.friction_law is None else _friction(model, motion, rigid),
+    }
+    parts = {name: motion.passed(part) for name, part in parts.items()}
+    left = motion.measured - np.sum(list(parts.values()), axis=0)
+    return {"time": motion.time, **parts, "measured": motion.measured, "left": left}
+
+
+def _friction(model: Model, motion: Along, rigid: Array) -> Array:
+    assert model.friction_law is not None  # noqa: S101 - asked for before
+    law, directions = model.friction_law, motion.directions
+    return friction_torque(model.robot, law, motion.q, motion.qd, rigid, directions)
+
+
+def _parameter_error(model: Model, motion: Along, A: Array) -> Array:
+    """Standard error by base parameters and friction, shape (m, n_joints)."""
     assert model.friction_law is not None  # noqa: S101 - refused before
+    assert motion.directions is not None  # noqa: S101 - of free motions
     robot, law, load = model.robot, model.friction_law, A @ model.values
     variance: Array = np.einsum("njk,kl,njl->nj", A, model.covariance, A, optimize=True)
     variance += friction_variance(robot, law, motion.q, motion.qd, load)
@@ -185,14 +249,6 @@ def processing_of(model: Model) -> Processing:
     presliding = np.array([law.presliding for law in model.friction.axes])
     lag = np.array([each.value for each in model.friction.lag] or [0.0] * len(speed))
     return Processing(model.friction.cut_off, model.friction.band, speed, taken, presliding, lag)
-
-
-def _torque(model: Model, motion: Motion, rigid: Array) -> Array:
-    assert model.friction_law is not None  # noqa: S101 - refused before
-    friction = friction_torque(
-        model.robot, model.friction_law, motion.q, motion.qd, rigid, motion.directions
-    )
-    return rigid + friction + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
 
 
 def _rms(x: Array) -> Array:

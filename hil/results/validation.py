@@ -17,7 +17,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yaml
 from pydantic import Field
 from scipy import special
 
@@ -41,8 +40,8 @@ from hil.results.judgement import (
 )
 from hil.results.model import Model
 from hil.results.outcome import OF_DATA
+from hil.results.provenance import RunStamp, recordings_in_common
 from hil.results.rounding import significant
-from hil.results.stamp import RunStamp, recordings_in_common
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
@@ -51,14 +50,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.results.judgement import Rule
     from hil.results.predicted_torques import PredictedTorque
     from hil.results.tables.table import Row
     from hil.runs.run import Run
 
-    Array = NDArray[np.float64]
     Scores = Sequence["AxisScore"]
 
 NAME = "validation.yaml"
@@ -414,8 +411,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
         validation=found,
     )
     path = run.path / NAME
-    text = yaml.safe_dump(record.model_dump(mode="json"), sort_keys=False, width=200)
-    write_file(path, text.encode())
+    write_file(path, record.as_yaml())
     where = os.path.relpath(run.path, model_path.parent)
     kept = KeptJudgement.of(
         found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative

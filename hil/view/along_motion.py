@@ -14,7 +14,6 @@ import numpy as np
 
 from hil.errors import FrictionUnknown, Mismatch
 from hil.planning.clearance import intrusions
-from hil.results.drive_torque import drive_torque
 from hil.view.packed import INSTANT, Track, all_simplified
 
 if TYPE_CHECKING:
@@ -43,7 +42,7 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FrictionUnknown)  # the words say so
-            torque = [drive_torque(model, q[p], qd[p], qdd[p]) for p in parts]
+            torque = [model.drive_torque(q[p], qd[p], qdd[p]) for p in parts]
     of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
     words = f"predicted, without friction{of}" if lack else "predicted"
     return Predicted(all_simplified(time, np.concatenate(torque)), words)

@@ -16,7 +16,7 @@ from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 from hil.report.charts.chart import MODEL, MUTED, Chart, Line, Panel, Points, Rule
 from hil.report.section import Plot, Section
 from hil.results.rounding import signed
-from hil.results.tables import torques as tables
+from hil.results.tables import parameters as tables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

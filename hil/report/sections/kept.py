@@ -20,15 +20,14 @@ from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, 
 from hil.report.charts.svg import file
 from hil.report.section import Picture, Plot, Section, picture_uri
 from hil.report.sections.elements import residuals_over_angles
-from hil.results import diagnosis_file, load_file
-from hil.results.diagnosis_file import load_diagnosis
+from hil.results import consistency, load_file
+from hil.results import diagnosis as kept_diagnosis
+from hil.results.diagnosis import load_diagnosis
 from hil.results.load_file import DRAWN, read_load
 from hil.results.model import Model
 from hil.results.model_file import NAME
+from hil.results.provenance import same_parameters
 from hil.results.rounding import signed
-from hil.results.stamp import same_parameters
-from hil.results.tables import consistent
-from hil.results.tables import diagnosis as diagnosis_tables
 from hil.results.tables import payload as load_tables
 from hil.results.validation import judgements
 from hil.runs.atomic_file import own_folder, write_file
@@ -44,8 +43,7 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ElementKind
     from hil.report.charts.chart import Item
     from hil.report.reported_run import ForeignRun, IdentifiedRun
-    from hil.results.diagnosis import Diagnosis
-    from hil.results.diagnosis_file import DiagnosisFile
+    from hil.results.diagnosis import Diagnosis, DiagnosisFile
     from hil.results.load_file import ElementRecord, LoadFile
     from hil.runs.run import Run
 
@@ -136,9 +134,9 @@ def bodies(run: IdentifiedRun | ForeignRun) -> Section | None:
         "Bodies",
         "bodies.html",
         {
-            "bodies": consistent.bodies(run.robot, found),
-            "changed": consistent.changed_parameters(run.robot, found),
-            "costs": consistent.torque_costs(run.robot, found),
+            "bodies": consistency.bodies(run.robot, found),
+            "changed": consistency.changed_parameters(run.robot, found),
+            "costs": consistency.torque_costs(run.robot, found),
         },
     )
 
@@ -177,11 +175,11 @@ PHASE = (
 def diagnosis(run: IdentifiedRun) -> Section | None:
     """What is kept of a diagnosis, or why it is not shown."""
     found, note = current(
-        load_diagnosis, run, diagnosis_file.NAME, f"hil diagnose {run.source.path}"
+        load_diagnosis, run, kept_diagnosis.NAME, f"hil diagnose {run.source.path}"
     )
     if found is None and not note:
         return None
-    values = {"found": found, "note": note, "tables": diagnosis_tables}
+    values = {"found": found, "note": note, "tables": kept_diagnosis}
     plots = _phase_plot(found, run.robot) if found else ()
     return Section("Parameters absent from the robot file", "diagnosis.html", values, plots)
 

@@ -8,7 +8,7 @@ from hil.estimation import signals
 from hil.friction import equation
 from hil.least_squares import window
 from hil.report.section import Section
-from hil.results.tables.drive_train import drive_train
+from hil.results.tables.parameters import drive_train
 from hil.results.tables.table import Column, Part, Table, figures
 
 if TYPE_CHECKING:

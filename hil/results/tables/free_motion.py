@@ -123,35 +123,17 @@ def left_by_fit(model: IdentifiedRobot) -> Table:
     )
 
 
-def statements(fit: FreeMotionFit) -> tuple[str, ...]:
+def statements(fit: FreeMotionFit) -> Iterator[str]:
     """What was chosen, what was tested, and what restricts the estimate."""
-    return tuple(
-        text
-        for text in (
-            _settings(fit),
-            _velocities(fit),
-            *_lags(fit),
-            *_gains(fit),
-            _bias(fit),
-            _bodies(fit),
-            *fit.remarks,
-        )
-        if text
-    )
-
-
-def _settings(fit: FreeMotionFit) -> str:
     zone = (
         f"samples slower than {100 * fit.dead_zone:g} % of an axis's speed were not fitted"
         if fit.dead_zone
         else "no dead zone"
     )
-    return (
+    yield (
         f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
     )
-
-
-def _lags(fit: FreeMotionFit) -> Iterator[str]:
+    yield _velocities(fit)
     for axis, each in enumerate(fit.lag, start=1):
         if each.value:
             value, error = uncertain(1e3 * each.value, 1e3 * each.standard_error)
@@ -159,15 +141,21 @@ def _lags(fit: FreeMotionFit) -> Iterator[str]:
                 f"torque of axis {axis} recorded {value} ± {error} ms after the position; the lag"
                 " is taken back, in residuals and predictions of recordings too"
             )
-
-
-def _gains(fit: FreeMotionFit) -> Iterator[str]:
-    for each in fit.gains:
-        value, error = uncertain(each.value, each.standard_error)
+    for gain in fit.gains:
+        value, error = uncertain(gain.value, gain.standard_error)
         yield (
-            f"gain of axis {each.axis}, unknown in the map: {value} ± {error} {each.unit} for one"
+            f"gain of axis {gain.axis}, unknown in the map: {value} ± {error} {gain.unit} for one"
             " unit of the signal"
         )
+    yield _bias(fit)
+    if fit.least_inertia > 0:
+        yield "the mass matrix is positive definite along the motion"
+    else:
+        yield (
+            "the mass matrix is not positive definite along the motion: no simulator runs with"
+            " these parameters"
+        )
+    yield from fit.remarks
 
 
 def _velocities(fit: FreeMotionFit) -> str:
@@ -197,12 +185,3 @@ def _bias(fit: FreeMotionFit) -> str:
             " map, or take --method 'instrumental variables'"
         )
     return f"noise of the positions does not shift least squares ({tested})"
-
-
-def _bodies(fit: FreeMotionFit) -> str:
-    if fit.least_inertia > 0:
-        return "the mass matrix is positive definite along the motion"
-    return (
-        "the mass matrix is not positive definite along the motion: no simulator runs with these"
-        " parameters"
-    )

@@ -8,9 +8,8 @@ from hil.friction.ripple import ripple_left_out
 from hil.results.tables import back_and_forth
 from hil.results.tables.free_motion import friction, left_by_fit, statements
 from hil.results.tables.friction import campaign_friction
-from hil.results.tables.parameters import parameters
-from hil.results.tables.summary import Summary
-from hil.results.tables.torques import residuals
+from hil.results.tables.parameters import parameters, residuals
+from hil.results.tables.terminal import Summary
 from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Base parameters with their uncertainty, and the same by two methods."""
+"""Base parameters, torques and drive trains with their uncertainty, and the same by two methods."""
 
 from __future__ import annotations
 
@@ -7,14 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.drive_train import compliance_units
+from hil.estimation.simultaneous import SIGNIFICANT
 from hil.model.base_parameters import base_parameters
-from hil.results.rounding import percent, rounded, signed, uncertain, unit
+from hil.results.rounding import percent, rounded, signed, significant, uncertain, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.prediction import Prediction
     from hil.results.tables.table import Row
+
 
 DISAGREEMENT = 3.0
 """Standard errors between two methods from which on their difference is marked."""
@@ -123,3 +130,86 @@ def _method(model: IdentifiedRobot, check: IdentifiedRobot, k: int) -> Row:
         rounded(difference, errors[1]),
         Marked(shown) if abs(ratio) > DISAGREEMENT else shown,
     )
+
+
+def residuals(model: IdentifiedRobot) -> Table:
+    """What the method's models leave of each axis's torque."""
+    axes, unit = range(model.robot.n_joints), model.robot.torque_units
+    return Table(
+        title="Torque left by the fit",
+        columns=(Column("axis"), *figures(f"limit, {unit}", f"rms, {unit}", "% of limit")),
+        parts=(Part(tuple(_residual(model, axis) for axis in axes)),),
+        explanation=(
+            "Root mean square of what the local models of inertia and coupling leave of the torque."
+        ),
+    )
+
+
+def _residual(model: IdentifiedRobot, axis: int) -> Row:
+    left, limit = float(model.residual[axis]), float(model.robot.torque_limit[axis])
+    if np.isnan(left):
+        return str(axis + 1), f"{limit:g}", "not measured", ""
+    return str(axis + 1), f"{limit:g}", significant(left, 3), percent(left, limit)
+
+
+def predicted(prediction: Prediction, robot: Robot) -> Table:
+    """Torques of a free motion and their standard error, joint by joint."""
+    each = zip(prediction.torque, prediction.standard_error, strict=True)
+    unit = robot.torque_units
+    return Table(
+        title="Predicted torques",
+        columns=(Column("axis"), *figures(f"rms, {unit}", f"std. error, {unit}", "%")),
+        parts=(Part(tuple(_predicted(k, float(t), float(e)) for k, (t, e) in enumerate(each))),),
+        explanation=(
+            "Rigid-body torques on a free motion that uses the limits, and their standard error."
+        ),
+    )
+
+
+def _predicted(axis: int, torque: float, error: float) -> Row:
+    return str(axis + 1), significant(torque, 3), significant(error, 2), percent(error, torque)
+
+
+def drive_train(estimate: Estimate, robot: Robot) -> Table:
+    """Each axis's drive train as measured; no rows where nothing of it was estimated.
+
+    Marked are compliances and friction of the load that the estimate takes into account.
+    """
+    return Table(
+        title="Drive trains, with standard errors",
+        columns=(
+            Column("axis"),
+            *figures(
+                "lag, ms",
+                "±",
+                f"compliance, {compliance_units(robot)}",
+                "±",
+                "load friction, %",
+                "±",
+            ),
+        ),
+        parts=(Part(tuple(_axes(estimate))),) if estimate.drive_train else (),
+    )
+
+
+def _axes(estimate: Estimate) -> Iterator[Row]:
+    train, load = estimate.drive_train, estimate.load_friction
+    if train is None:
+        return
+    mu = np.full((2, len(train.lag)), np.nan) if load is None else np.array(load)
+    for axis in range(len(train.lag)):
+        yield (
+            str(axis + 1),
+            *_figure(1e3 * train.lag[axis], 1e3 * train.lag_error[axis]),
+            *_figure(
+                1e6 * train.compliance[axis], 1e6 * train.compliance_error[axis], train.soft[axis]
+            ),
+            *_figure(1e2 * mu[0, axis], 1e2 * mu[1, axis], mu[0, axis] > SIGNIFICANT * mu[1, axis]),
+        )
+
+
+def _figure(value: float, error: float, marked: bool = False) -> tuple[str | Marked, str]:
+    if math.isnan(error):
+        return "not identifiable", ""
+    shown, of_error = uncertain(float(value), float(error))
+    return (Marked(shown) if marked else shown), of_error

@@ -15,7 +15,7 @@ from hil.model.robot import parse_robot
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.stamp import recordings_in_common
+from hil.results.provenance import recordings_in_common
 from hil.runs.run import Run
 
 if TYPE_CHECKING:

@@ -37,7 +37,7 @@ LONG = [
     ("plan manutec-r15 -o NEW", "planning.design.by_counts.design", "choosing measurements"),
     ("plan manutec-r15 --minutes 5 -o NEW", "planning.design.by_minutes.design_within",
      "choosing the most informative measurements of 5 minutes"),
-    ("plan --refine RUN -o NEW", "results.prior_knowledge.experience",
+    ("plan --refine RUN -o NEW", "results.identification.experience",
      "finding what the runs have shown"),
     ("trajectory plan manutec-r15 -o NEW", "planning.design.trajectories.design_trajectory",
      "optimising a trajectory of 6 axes and 15 harmonics"),

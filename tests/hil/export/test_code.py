@@ -18,7 +18,7 @@ from hil.export.python_code import write_python
 from hil.export.rigid_bodies import of_whole_links
 from hil.export.source_code import identifier
 from hil.model.robot import load_robot, parse_robot
-from hil.results.warmth import known_warmth
+from hil.results.samples import known_warmth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -19,7 +19,7 @@ from hil.ground_truth.comparison import compare, comparison
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.identification import identify
-from hil.results.validation_motion import SHARE, free_motion
+from hil.results.prediction import SHARE, free_motion
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 

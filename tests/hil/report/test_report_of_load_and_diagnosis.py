@@ -18,8 +18,7 @@ from hil.estimation.gravity_phase import Sinusoid
 from hil.model.base_parameters import base_parameters
 from hil.report.page import report
 from hil.report.sections.kept import current
-from hil.results.diagnosis import diagnose
-from hil.results.diagnosis_file import NAME, DiagnosisFile, write_diagnosis
+from hil.results.diagnosis import NAME, DiagnosisFile, diagnose, write_diagnosis
 from hil.results.load_file import LoadFile, read_load
 from hil.results.tables.payload import changes, quantities, torque_constants
 from hil.results.tables.terminal import show

@@ -15,6 +15,7 @@ import hil
 from hil.errors import Mismatch, NotEnoughData, UnknownName
 from hil.planning.free_motion import FreeMotion
 from hil.results.problem import Problem
+from hil.results.recorded_torque import predict_recording
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -111,6 +112,12 @@ def test_parts_of_the_torque_add_up(
     most = 0.05 if kind == "free" else 0.3
     assert np.linalg.norm(parts["left"]) < most * np.linalg.norm(parts["measured"])
     assert len(parts["time"]) == len(total)
+
+
+def test_parts_of_the_torque_add_up_to_the_prediction(free: Fit, imported: Run) -> None:
+    (recording,) = [each.recording for each in imported]
+    left = predict_recording(free.model, recording).residual
+    np.testing.assert_allclose(free.torque_parts(recording)["left"], left, atol=1e-9)
 
 
 def test_what_is_not_looked_for_is_not_found(strokes: Run) -> None:

@@ -10,9 +10,8 @@ import pytest
 from rich.console import Console
 
 from hil.results.tables.html import html
-from hil.results.tables.summary import Summary
 from hil.results.tables.table import Column, Marked, Part, Table, figures
-from hil.results.tables.terminal import show
+from hil.results.tables.terminal import Summary, show
 
 TABLE = Table(
     title="Parameters",

@@ -18,11 +18,9 @@ from hil.model.robot import ROBOTS, load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
-from hil.results.drive_torque import REVERSAL, drive_torque
 from hil.results.identification import identify
-from hil.results.model import Model
-from hil.results.tables.tracking import notes
-from hil.results.tracking import NAME, PASSES, Tracking
+from hil.results.model import REVERSAL, Model
+from hil.results.tracking import NAME, PASSES, Tracking, notes
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 
@@ -165,7 +163,7 @@ def test_friction_goes_over_from_one_direction_to_the_other_without_a_jump(model
     width = REVERSAL * ROBOT.velocity_limit
     v = np.linspace(-2, 2, 401)[:, None] * width
     still = np.zeros_like(v)
-    tau = drive_torque(found, still, v, still)
+    tau = found.drive_torque(still, v, still)
     jumps = np.abs(np.diff(tau, axis=0)).max(axis=0)
     level = np.abs(tau[-1] - tau[0]) / 2
     assert (level > 0.02 * ROBOT.torque_limit).all()
@@ -177,7 +175,7 @@ def test_friction_slower_than_any_sample_goes_on_plainly(model: Path) -> None:
     found = Model.load(model)
     q = np.zeros((2, 6))
     v = np.stack([0.02 * ROBOT.velocity_limit, 0.2 * ROBOT.velocity_limit])
-    slow, fast = drive_torque(found, q, v, q) - found.torque(q, v, q, ("rigid bodies", "motors"))
+    slow, fast = found.drive_torque(q, v, q) - found.torque(q, v, q, ("rigid bodies", "motors"))
     assert (slow > 0).all()
     assert (slow < 1.2 * fast).all()
 

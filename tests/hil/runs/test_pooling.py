@@ -13,8 +13,7 @@ from hil.model.robot import parse_robot
 from hil.planning.design import by_minutes
 from hil.planning.design.candidates import pool
 from hil.planning.plan import load_plan
-from hil.results.identification import identify
-from hil.results.prior_knowledge import experience
+from hil.results.identification import experience, identify
 from hil.runs.pooling import open_runs, pooled
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
