@@ -23,15 +23,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import can
-    import numpy as np
-    from numpy.typing import NDArray
 
     from drivers.commissioning.verdict import Verdict
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.found_settings.keeping import SettingsKeeper
+    from hil.arrays import Array
     from hil.terminal.keys import TerminalOperator
 
-    Array = NDArray[np.float64]
 
 commands = typer.Typer()
 

@@ -42,12 +42,10 @@ from hil.model.robot_file import LINK_PARAMETERS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.signals import Signals
     from hil.planning.measurement import ParameterMotion
 
-    Array = NDArray[np.float64]
 
 SIGNIFICANCE = 0.001
 """Chance of any finding at all where nothing is left out."""

@@ -33,15 +33,13 @@ from hil.model.motors import motor_inertia
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_values import LocalValue
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
-    Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 CERTAIN = 5.0

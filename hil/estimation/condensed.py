@@ -38,12 +38,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array, Mask
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
 MOTOR = 1
 """Place of the motor's part of the torque in the products of a `Condensed`."""

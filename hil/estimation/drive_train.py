@@ -20,10 +20,9 @@ from hil.model.dynamics import inverse_dynamics
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

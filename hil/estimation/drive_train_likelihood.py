@@ -40,10 +40,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.estimation.condensed import Condensed
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 EARLIEST, LATEST = -0.002, 0.012
 """Range that is searched [s]."""

@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.estimation.condensed import Condensed, Stacked
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
-    Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 SOFT = 2.0

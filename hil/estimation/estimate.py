@@ -11,8 +11,7 @@ from hil.estimation.intervals import half_width
 from hil.least_squares.uncertainty import correlation_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.back_and_forth.description import HalfSums
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.causes import Cause
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
     from hil.friction.law import FrictionLaw
-
-    Array = NDArray[np.float64]
 
 
 class LeftOut(NamedTuple):

@@ -21,13 +21,11 @@ import numpy as np
 from hil.model.dynamics import gravity_torque
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
 
-    Array = NDArray[np.float64]
 
 SMALL = 0.5
 """Amplitude below which a sinusoid is no place to read a phase [N m]."""

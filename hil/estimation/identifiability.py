@@ -16,15 +16,13 @@ from hil.planning.prediction.identifiability import of_all_kinds
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.local_values import LocalFit
     from hil.estimation.signals import Signals
     from hil.estimation.simultaneous import SimultaneousFit
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
-    Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"

@@ -15,9 +15,8 @@ import numpy as np
 from scipy import special
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    Array = NDArray[np.float64]
 
 SIGNIFICANT = 0.01
 """Probability with which chance may pass for an effect, of all that is tested together."""

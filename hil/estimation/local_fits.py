@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import Coupling, ElementMeasurement, Gravity, Inertia
 
-    Array = NDArray[np.float64]
 
 SETTLING = 0.16
 """Time after a ramp before the axis counts as at constant velocity [s]."""

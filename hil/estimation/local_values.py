@@ -10,9 +10,7 @@ import numpy as np
 from hil.planning.measurement import ELEMENT_KINDS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,8 +35,7 @@ from hil.planning.prediction.precision import added_up
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.precision import Information
 
-    Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ElementMeasurement, Signals]]
 
 WHITE_SPREAD = 0.3

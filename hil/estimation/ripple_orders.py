@@ -33,12 +33,12 @@ from hil.least_squares.window import half_window
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
     from hil.estimation.simultaneous import SimultaneousFit
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 ORDERS = range(RIPPLE_ORDERS[-1] + 1, 25)
 """That are looked for: higher ones pass the window only where axes creep."""

@@ -42,11 +42,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array, Mask
     from hil.model.robot import Robot
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
-    Mask = NDArray[np.bool_]
 
 Kept = TypeVar("Kept")
 

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
-    Array = NDArray[np.float64]
 
 SIGNIFICANT = 2.0
 """Mu over its standard error from which on an axis keeps it."""

@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.estimation.local_values import LocalFit
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 
 class TwoStep:

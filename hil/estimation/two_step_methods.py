@@ -47,8 +47,7 @@ from hil.planning.measurement import shows_element, shows_parameters
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_values import LocalFit, LocalValue
     from hil.estimation.signals import Signals
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
 

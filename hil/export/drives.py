@@ -20,16 +20,13 @@ from hil.model.base_parameters import base_parameters
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.export.expressions import Expression, Graph
     from hil.export.rigid_bodies import Scalar
     from hil.friction.law import AxisLaw, FrictionLaw
     from hil.friction.warmth import Warmth
     from hil.model.robot import Robot
     from hil.results.model import Model
-
-    Array = NDArray[np.float64]
 
 
 def added_values(model: Model) -> list[float]:

@@ -20,11 +20,9 @@ from hil.model.readers.urdf import MOVING, UrdfChain, UrdfReader
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 INERTIA = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in zip(*np.triu_indices(3), strict=True)}
 """Attributes of an <inertia>, in the order of standard parameters, and their places."""

@@ -22,13 +22,11 @@ from hil.export.simulated_robot import comment, number, numbers, simulated_robot
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.export.given_urdf import Given
     from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
     from hil.results.model import Model
 
-    Array = NDArray[np.float64]
 
 _FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 

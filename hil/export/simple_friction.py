@@ -24,11 +24,8 @@ from hil.results.rounding import percent, significant
 from hil.results.torque_parts import known_friction, lacking
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.results.model import Model
-
-    Array = NDArray[np.float64]
 
 
 class Stribeck(NamedTuple):

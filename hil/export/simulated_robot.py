@@ -19,15 +19,12 @@ from hil.model.readers.axes_to_frames import frames_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.export.simple_friction import SimpleFriction
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
     from hil.results.consistent_robot import ConsistentRobot
     from hil.results.model import Model
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

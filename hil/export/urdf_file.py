@@ -24,13 +24,11 @@ from hil.export.simulated_robot import comment, number, numbers, roll_pitch_yaw,
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.export.given_urdf import Given
     from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
     from hil.results.model import Model
 
-    Array = NDArray[np.float64]
 
 UNLIMITED = 1e6
 """In place of an effort or a velocity that nobody has stated."""

@@ -13,9 +13,8 @@ import numpy as np
 from hil.least_squares.window import weights
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    Array = NDArray[np.float64]
 
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 """First difference, of samples a period of 1 apart."""

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
     Indices = NDArray[np.intp]
 
 

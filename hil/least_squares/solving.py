@@ -29,7 +29,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
 
 Number = TypeVar("Number", np.float64, np.complex128)
 RANK = 1e-12

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
 
 SPAN = 0.1
 """Of a parabola [s]: motion up to 3 Hz, led by hand or by a trajectory, departs from it by 2 %."""

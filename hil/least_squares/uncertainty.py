@@ -36,9 +36,8 @@ import numpy as np
 from hil.least_squares.solving import inverse, inverse_root, solved, undetermined
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    Array = NDArray[np.float64]
 
 TWICE = 1.96
 """Standard errors of an interval of 95 %, of a variance that is known."""

@@ -20,15 +20,12 @@ from hil.view.packed import deflated, packed
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
-
-    Array = NDArray[np.float64]
 
 
 def carried(campaign: Iterable[Measured], robot: Robot, ids: Collection[str]) -> str:

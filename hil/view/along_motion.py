@@ -19,11 +19,10 @@ from hil.view.packed import INSTANT, Track, all_simplified
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
-
-    Array = NDArray[np.float64]
 
 
 class Predicted(NamedTuple):

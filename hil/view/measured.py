@@ -18,14 +18,11 @@ from hil.runs.set_points import set_points
 from hil.view.packed import Segment, Track, all_simplified, described
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
     from hil.runs.run import Run
-
-    Array = NDArray[np.float64]
 
 
 class Measured(NamedTuple):

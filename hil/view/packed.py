@@ -21,11 +21,10 @@ from hil.planning.measurement import KINDS, ElementKind
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from hil.arrays import Array
     from hil.planning.measurement import RecordedMotion
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

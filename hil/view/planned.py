@@ -26,14 +26,12 @@ from hil.view.packed import Segment, Track, described
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.strokes import Strokes
 
-    Array = NDArray[np.float64]
     Rows = list[tuple[float, float, float]]
 
 MOST_KNOTS = 1_000_000

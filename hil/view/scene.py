@@ -18,8 +18,7 @@ from hil.view.visuals import robot_data, workspace_data
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from hil.view.packed import Segment, Track
     from hil.view.visuals import Visual
 
-    Array = NDArray[np.float64]
 
 ANGLE = 1e-5
 """Resolution of a position [rad or m]."""

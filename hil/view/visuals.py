@@ -25,14 +25,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from xml.etree.ElementTree import Element
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
     from hil.planning.workspace import Workspace
     from hil.view.meshes import Mesh
-
-    Array = NDArray[np.float64]
 
 
 def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object]:

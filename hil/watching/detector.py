@@ -43,10 +43,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.results.model import Model
 
-    Array = NDArray[np.float64]
     Flags = NDArray[np.bool_]
 
 SIGMAS = 7.0

@@ -29,11 +29,9 @@ from hil.friction.law import friction_torque, friction_variance
 from hil.results.torque_parts import known_friction
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.results.model import Model
 
-    Array = NDArray[np.float64]
 
 NODES = 401
 FASTEST = 1.25

@@ -9,7 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
 
 MEMORY = 120.0
 """Time over which squares are averaged [s]."""

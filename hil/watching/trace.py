@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.watching.detector import Judged
 
-    Array = NDArray[np.float64]
 
 SHOWN = 1.0
 """Time that is shown [s]."""

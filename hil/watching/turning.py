@@ -29,7 +29,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
     Flags = NDArray[np.bool_]
 
 DISTANCES = 5e-5 * 2.0 ** np.arange(9)

@@ -18,12 +18,10 @@ from hil.watching.trace import Trace
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from numpy.typing import NDArray
-
     from drivers.drive_bus import DriveBus, Sample
+    from hil.arrays import Array
     from hil.results.model import Model
 
-    Array = NDArray[np.float64]
 
 OVER = 0.25
 """Time without a sign after which an alarm is over [s]."""

@@ -29,11 +29,9 @@ from hil.model.frames import UNIT_PSEUDO_INERTIAS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 THICKNESS = 1e-3
 """Least spread of a link's mass in every direction, root mean square about its centre [m]."""

@@ -27,11 +27,9 @@ from hil.model.frames import pseudo_inertia
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.consistent.semidefinite import Inequality
 
-    Array = NDArray[np.float64]
     _Blocks = Sequence[tuple[Inequality, float]]
 
 BARRIER = 1e-3

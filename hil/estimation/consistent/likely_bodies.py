@@ -16,11 +16,9 @@ import numpy as np
 from hil.model.frames import body_parameters
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 SLENDERNESS, STOUTEST = 0.25, 0.1
 """Radius of a link over its length, and least one over the robot's length."""

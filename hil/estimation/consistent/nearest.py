@@ -44,13 +44,11 @@ from hil.model.frames import pseudo_inertia
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.consistent.conditions import Condition
     from hil.estimation.consistent.semidefinite import Solved
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 BINDING = 1e-6
 """Share of the greatest multiplier from which on a condition binds."""

@@ -19,9 +19,8 @@ from hil.errors import NotRealisable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from hil.arrays import Array
 
-    Array = NDArray[np.float64]
 
 TOLERANCES = 1e-10, 1e-8
 """Of residuals and gap, relative; the second where the first is not reached."""

@@ -20,13 +20,11 @@ from hil.model.frames import pseudo_inertia
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.consistent.conditions import Condition
     from hil.estimation.consistent.semidefinite import Solved
     from hil.model.robot import Robot
 
-    Array = NDArray[np.float64]
 
 SCALINGS = 20
 """Times that bodies and the scale of the likely ones are found from each other, at most."""

@@ -24,11 +24,9 @@ from hil.model.robot_file import LINK_PARAMETERS, split_tie
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.mistakes.reading import Reading
 
-    Array = NDArray[np.float64]
     Family = Callable[[Array], Reading]
 
 ANGLES = tuple(np.radians(np.arange(45.0, 360.0, 45.0)))

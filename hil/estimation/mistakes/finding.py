@@ -41,8 +41,7 @@ from hil.planning.measurement import shows_parameters
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.mistakes.candidates import Candidate
     from hil.estimation.mistakes.evidence import Channel
     from hil.estimation.mistakes.misfit import Explanation
@@ -52,7 +51,6 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
 
-    Array = NDArray[np.float64]
     Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 LEAVES = 0.5

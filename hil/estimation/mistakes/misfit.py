@@ -25,12 +25,10 @@ from hil.model.dynamics import mass_matrix
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.mistakes.evidence import Channel
     from hil.estimation.mistakes.reading import Reading
 
-    Array = NDArray[np.float64]
 
 OWN = 1e-5
 """As `rank` of `orthonormal`: base parameters that a part by itself can show."""

@@ -23,12 +23,9 @@ from hil.model.dynamics import regressor
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.mistakes.evidence import Channel
     from hil.model.robot import Robot
-
-    Array = NDArray[np.float64]
 
 
 class Slip(NamedTuple):

@@ -11,13 +11,11 @@ from hil.estimation.mistakes.mistake import Mistake, MistakeName
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
-    Array = NDArray[np.float64]
 
 LEVEL = 0.01
 """Share of the samples in motion at the greatest torque from which on it is a limit."""

@@ -16,12 +16,10 @@ import numpy as np
 from hil.least_squares.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.mistakes.candidates import Candidate
     from hil.estimation.mistakes.misfit import Campaign, Explanation
 
-    Array = NDArray[np.float64]
 
 ROUNDS = 6
 FARTHEST = 1.0

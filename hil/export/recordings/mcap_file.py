@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.export.recordings.job import Job
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
 
-    Array = NDArray[np.float64]
     Stamps = NDArray[np.int64]
 
 ROWS = 1 << 14

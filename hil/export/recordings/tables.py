@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.arrays import Array
     from hil.export.recordings.job import Job
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording_file import Measured
 
-    Array = NDArray[np.float64]
     Values = Array | NDArray[np.uint8] | NDArray[np.int16]
 
 UNKNOWN = "unknown unit"

@@ -35,8 +35,6 @@ from hil.planning.workspace import narrowed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
     from hil.planning.measurement import Measurement, ParameterMeasurement
@@ -44,7 +42,6 @@ if TYPE_CHECKING:
     from hil.planning.prediction.precision import Information
     from hil.planning.workspace import Workspace
 
-    Array = NDArray[np.float64]
 
 CORE = 2
 """Measurements of its own kind for each parameter of a group."""

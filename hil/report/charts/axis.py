@@ -13,11 +13,11 @@ from hil.results.rounding import signed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from hil.arrays import Array
     from hil.report.charts.chart import Item, Range
 
-    Array = NDArray[np.float64]
 
 STEPS = (1.0, 2.0, 2.5, 5.0)
 

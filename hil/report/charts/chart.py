@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
+    from hil.arrays import Array
+
 
 INK, MUTED, GRID = "#1f2933", "#7b8794", "#e4e7eb"
 MEASURED, MODEL = "#1f5fa8", "#d9730d"

@@ -21,15 +21,12 @@ from hil.results.tables import parameters as tables
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind, ElementMeasurement
     from hil.report.reported_run import IdentifiedRun
-
-    Array = NDArray[np.float64]
 
 
 def measured_and_modelled(run: IdentifiedRun) -> Section | None:

@@ -25,8 +25,7 @@ from hil.report.charts.chart import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_values import LocalValue
     from hil.friction.curves import AxisCurves
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
     from hil.report.charts.chart import Item
     from hil.results.friction_file import FrictionResult
 
-    Array = NDArray[np.float64]
 
 STYLES = {
     "linear": (MUTED, "1 3"),

@@ -36,8 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from hil.arrays import Array
     from hil.estimation.gravity_phase import Phase
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
@@ -46,8 +45,6 @@ if TYPE_CHECKING:
     from hil.results.diagnosis import Diagnosis, DiagnosisFile
     from hil.results.load_file import ElementRecord, LoadFile
     from hil.runs.run import Run
-
-    Array = NDArray[np.float64]
 
 
 class _Kept(Protocol):
