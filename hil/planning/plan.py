@@ -9,7 +9,6 @@ robot file that it was made for by digest, so that it never moves another robot.
 from __future__ import annotations
 
 import hashlib
-from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import yaml
@@ -102,7 +101,7 @@ class Plan(FileModel):
     @property
     def digest(self) -> str:
         """Fingerprint of the content: comments and layout of the file do not matter."""
-        return _digest(self)
+        return hashlib.sha256(dump_plan(self).encode()).hexdigest()
 
 
 def as_plan(
@@ -200,11 +199,6 @@ def repeated(plan: Plan, rounds: int) -> Plan:
             f" {LONGEST_NAME} may be; give it a shorter id"
         )
     return plan.model_copy(update={"measurements": tuple(measurements)})
-
-
-@lru_cache(maxsize=8)
-def _digest(plan: Plan) -> str:
-    return hashlib.sha256(dump_plan(plan).encode()).hexdigest()
 
 
 def dump_plan(plan: Plan) -> str:

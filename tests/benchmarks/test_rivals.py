@@ -17,6 +17,7 @@ from benchmarks.rivals.__main__ import main
 from benchmarks.rivals.free_motions import SOLVERS
 from hil import cli
 from hil.estimation.identify import METHODS, estimate
+from hil.estimation.options import DEFAULTS
 from hil.results.model import Model
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def distance(found: Estimate) -> float:
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_solvers_for_free_motions_find_the_parameters_and_state_their_errors(name: str) -> None:
-    found = RIVALS[name](arm(), recorded(arm(), TRUTH))
+    found = RIVALS[name](arm(), recorded(arm(), TRUTH), DEFAULTS)
     assert found.method == name
     assert distance(found) < 1e-3
     assert (np.abs(found.p - TRUTH) < 4 * found.standard_error).all()
@@ -44,7 +45,7 @@ def test_the_robust_method_bears_a_stretch_in_which_somebody_touched_the_arm() -
     data = recorded(robot, TRUTH)
     data[1][1].tau[2000:3000] += 30.0
     plain = estimate(robot, data, "weighted least squares")
-    assert distance(RIVALS["robust"](robot, data)) < 0.5 * distance(plain)
+    assert distance(RIVALS["robust"](robot, data, DEFAULTS)) < 0.5 * distance(plain)
 
 
 def test_documents_name_rivals_that_there_are() -> None:
