@@ -8,7 +8,8 @@ stribeck    a1 v + a2 sgn v + a3 exp(-(v / a4)^2) sgn v       bounded non-linear
 =========== ================================================= =============================
 
 All are odd functions, so least squares over both directions is least squares over their mean, and
-that is what they are fitted to: friction's asymmetry is tested by itself (`hil.friction.symmetry`).
+that is what they are fitted to: friction's asymmetry is tested by itself
+(`hil.estimation.friction.symmetry`).
 Given a4 the last two are linear as well. So a4 is looked for on a grid in its logarithm and between
 its best neighbours, all else by linear least squares (variable projection, Golub and Pereyra 1973).
 In the fit speed is a share of the axis's limit and torque a share of the largest one measured, so

@@ -17,7 +17,7 @@ within `GAIN_STATED`.
 
 Covariances come from what differs between groups, of which few carry phi: scores are corrected for
 the solution's having come to meet them (CR2). What repeats with the motion differs between cells of
-states (`hil.estimation.free_motion.uncertainty`); noise is in both, so that the larger variance
+states (`hil.least_squares.regression`); noise is in both, so that the larger variance
 counts. Errors of torque constants and rotor inertias are the same in both runs, and enter by what
 they do to the solution.
 
