@@ -62,8 +62,8 @@ Solver = Callable[["Normal"], "tuple[Normal, Array]"]
 """What weights the equations of groups, and solves them."""
 Covariance = Literal["jackknife", "clusters", "CR2", "white"]
 ROUNDS = 20
-"""Times that weights and solution are found from each other, at most: the change of the weights
-falls by half an order of magnitude or more each time."""
+"""Times that weights and solution are found from each other, at most, should they not agree before:
+an end, not an accuracy."""
 
 
 class Uncertainty(NamedTuple):

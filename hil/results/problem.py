@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import NotEnoughData, UnknownName
+from hil.errors import Mismatch, NotEnoughData, UnknownName
 from hil.estimation.intervals import half_width
 from hil.estimation.options import DEFAULTS, Options
 from hil.friction.terms import LAWS
@@ -90,7 +90,8 @@ def regression(
     nuisance : sequence of str
         What is looked for beside friction, of ``lag``, ``compliance``, ``presliding``, ``drift``.
     covariance : {"jackknife", "clusters", "CR2", "white"}
-        How errors of the measured part are stated.
+        How errors are stated; free motions by themselves have the jackknife and what scatters over
+        cells of states, whatever is stated here.
     method : str, optional
         Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
 
@@ -99,7 +100,8 @@ def regression(
     NotEnoughData
         No run.
     Mismatch
-        Runs of different robots, or the same one twice.
+        Runs of different robots, the same one twice, or a law of friction for runs of which none
+        was imported.
     UnknownName
         An option that there is not.
     """
@@ -108,6 +110,11 @@ def regression(
     refuse_mixed(runs)
     if friction not in ("auto", *LAWS):
         raise UnknownName(f"friction {friction!r} must be auto, or a law: {'; '.join(LAWS)}")
+    if friction != "auto" and not any(run.imported for run in runs):
+        raise Mismatch(
+            f"friction {friction!r}: 0 of {len(runs)} runs were imported, and friction of what was"
+            " measured here is found anew in each measurement; leave it at 'auto'"
+        )
     return Problem(runs, Options(friction, tuple(nuisance), covariance), method)
 
 

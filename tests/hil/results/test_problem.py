@@ -150,4 +150,6 @@ def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
         hil.regression(strokes, covariance="HC3")
     with pytest.raises(UnknownName, match="friction 'Stribeck' must be"):
         hil.regression(strokes, friction="Stribeck")
+    with pytest.raises(Mismatch, match="0 of 1 runs were imported"):
+        hil.regression(strokes, friction="arc tangent")
     assert isinstance(hil.regression(strokes), Problem)

@@ -129,6 +129,11 @@ ONES = {
 }
 
 
+KNOWN_LOSSES = {"motor readings of a cobot": [3]}
+"""Axes on which another motion is predicted worse by more than a fifth: a defect that is known.
+Presliding gains a tenth over all axes of the cobot, and costs its third 1.37."""
+
+
 @pytest.mark.parametrize("name", ONES)
 def test_the_default_leaves_no_more_than_weighted_least_squares(name: str, tmp_path: Path) -> None:
     seen, unseen = (
@@ -136,12 +141,12 @@ def test_the_default_leaves_no_more_than_weighted_least_squares(name: str, tmp_p
         for each in ONES[name]
     )
     default, plain = (identify(seen, method) for method in (None, "weighted least squares"))
-    # presliding gains a tenth on the cobot's other motion, but its third axis loses 1.37 there
-    for run, worst in ((seen, 1.2), (unseen, 1.4)):
+    for run in (seen, unseen):
         ours, theirs = (left(model, run) for model in (default, plain))
         assert np.linalg.norm(ours) < 1.05 * np.linalg.norm(theirs)
         assert np.median(ours / theirs) < 1.01
-        assert (ours < worst * theirs).all()
+        beyond = np.flatnonzero(ours > 1.2 * theirs) + 1
+        assert beyond.tolist() == (KNOWN_LOSSES.get(name, []) if run is unseen else [])
 
 
 def left(model: Model, run: Run) -> Array:
