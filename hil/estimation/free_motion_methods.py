@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ from hil.estimation.free_motion.description import (
     remarks,
     torque_lags,
 )
-from hil.estimation.free_motion.gathering import gather
+from hil.estimation.free_motion.gathering import as_kinds, gather, gather_rates
 from hil.estimation.free_motion.positive import least_inertia
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.free_motion.scaling import effect_of_gains, found_gains
@@ -26,9 +27,11 @@ from hil.estimation.free_motion.solution import solve
 from hil.estimation.free_motion.survey import configurations
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
+from hil.least_squares.balance import balanced
+from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import FreeSolver
@@ -36,6 +39,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
+
+FEW = "too few samples"
 
 
 def fit_free_motions(
@@ -67,7 +72,26 @@ def fit_free_motions(
         The gain of an axis is known in some motions and unknown in others.
     """
     variant = VARIANTS[name]
-    return estimate_from(robot, name, variant.solver, gather(robot, recorded, variant, options))
+    if name != DEFAULT:
+        return estimate_from(robot, name, variant.solver, gather(robot, recorded, variant, options))
+    rates = gather_rates(robot, recorded, variant, options)
+    fastest = estimate_from(robot, name, variant.solver, rates[0])
+    return fastest if len(rates) == 1 else _of_all(robot, fastest, rates)
+
+
+def _of_all(robot: Robot, fastest: Estimate, rates: Sequence[Gathered]) -> Estimate:
+    """Estimate of recordings of several rates; friction and settings are those of the fastest."""
+    names = base_parameters(robot).names
+    joint, n = balanced(as_kinds(rates), names), len(names)
+    fit = joint.regression.fit(cells=joint.cells)
+    return replace(
+        fastest,
+        p=fit.x[:n],
+        covariance=fit.covariance[:n, :n],
+        degrees_of_freedom=fit.degrees_of_freedom[:n],
+        left_out=tuple(LeftOut(each, FEW) for rate in rates for each in rate.found.too_short),
+        n_measurements=sum(rate.found.n_recordings for rate in rates),
+    )
 
 
 def estimate_from(robot: Robot, name: str, solver: FreeSolver, gathered: Gathered) -> Estimate:
@@ -97,7 +121,7 @@ def estimate_from(robot: Robot, name: str, solver: FreeSolver, gathered: Gathere
         residual=left.rms,
         condition={"all": plain.condition},
         local=(),
-        left_out=tuple(LeftOut(each, "too few samples") for each in found.too_short),
+        left_out=tuple(LeftOut(each, FEW) for each in found.too_short),
         n_measurements=found.n_recordings,
         free=FreeMotionFit(
             cut_off=processing.cut_off,

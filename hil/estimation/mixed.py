@@ -5,7 +5,8 @@ Each kind becomes blocks in its own way: strokes and trajectories with friction 
 call for (`hil.estimation.free_motion`). Base parameters have the same names in both, so the blocks
 add up to one regression. Filters, rates and friction differ, so the torque of an axis is a channel
 of its own in each kind, with its own weight and its own friction; nothing but the base parameters
-passes from one to the other. What lags, gives way and drifts is found in each kind by itself.
+passes from one to the other. How much a whole kind counts follows from leaving out its groups
+(`hil.least_squares.balance`). What lags, gives way and drifts is found in each kind by itself.
 
 Errors are those of groups that are left out: measurements, periods, and pieces of the free motions.
 What laws of friction get wrong repeats with the motion; of the free motions cells of states show
@@ -17,11 +18,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil.estimation.campaign_friction import campaign_friction
-from hil.estimation.free_motion.gathering import gather
-from hil.estimation.free_motion.solution import BLOCKS
+from hil.estimation.free_motion.gathering import as_kinds, gather_rates
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.friction.history import history
 from hil.estimation.identifiability import conditions
@@ -34,19 +32,15 @@ from hil.estimation.two_step_methods import (
     prepare,
     with_reached_limits,
 )
-from hil.least_squares.regression import Regression
+from hil.least_squares.balance import Kind, balanced
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from hil.arrays import Indices
     from hil.estimation.estimate import Estimate
-    from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.options import Options
-    from hil.estimation.simultaneous import SimultaneousFit
-    from hil.least_squares.blocks import Blocks
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
@@ -77,14 +71,11 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     raw, unusable = prepare(_Kind(recorded, imported=False))
     robot = with_reached_limits(robot, raw)
     measured = joint(robot, raw, options.nuisance)
-    gathered = gather(robot, _Kind(recorded, imported=True), VARIANTS[DEFAULT], options)
-    regression = _joined(measured.solver, gathered)
-    layout = regression.layout
-    cells = _renamed(gathered.products.cells[gathered.choice.slowest]).expanded(
-        layout.shared, layout.own, layout.channels
-    )
-    fit = regression.fit(options.covariance, cells)
-    n = len(base_parameters(robot))
+    imported = gather_rates(robot, _Kind(recorded, imported=True), VARIANTS[DEFAULT], options)
+    names = base_parameters(robot).names
+    both = balanced([Kind(measured.solver.regression), *as_kinds(imported)], names)
+    fit = both.regression.fit(options.covariance, both.cells)
+    n = len(names)
     p, covariance = fit.x[:n], fit.covariance[:n, :n]
     covariance = covariance + covariance_of_gears(robot, raw, measured.drive_train, p)
     fits, useless = local_fits(robot, measured.prepared)
@@ -97,29 +88,6 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
         estimate,
         drive_train=measured.drive_train,
         load_friction=measured.solver.load_friction,
-        n_measurements=len(raw) + gathered.found.n_recordings,
+        n_measurements=len(raw) + sum(each.found.n_recordings for each in imported),
         friction_law=campaign_friction(robot, p, stacks, history(robot, raw)),
     )
-
-
-def _joined(solver: SimultaneousFit, gathered: Gathered) -> Regression:
-    """One regression over the blocks of both kinds, each with the unknowns that it chose."""
-    measured, imported = solver.regression, gathered.choice.fitted(gathered.products)
-    own = _renamed(imported.blocks.grouped(BLOCKS))
-    blocks = measured.blocks.joined(own)
-    kept = [
-        _places(each, at, blocks)
-        for each, at in ((measured.blocks, measured.kept), (own, imported.kept))
-    ]
-    return Regression.weighed(blocks, np.unique(np.concatenate(kept)))
-
-
-def _renamed(blocks: Blocks) -> Blocks:
-    """Blocks whose channels are those of imports."""
-    return replace(blocks, channels=tuple(f"{name} imported" for name in blocks.channels))
-
-
-def _places(of: Blocks, kept: Indices, among: Blocks) -> Indices:
-    """Places of kept unknowns of some blocks among those of others that have them all."""
-    names, order = of.layout.names, {name: k for k, name in enumerate(among.layout.names)}
-    return np.array([order[names[k]] for k in kept], dtype=np.intp)

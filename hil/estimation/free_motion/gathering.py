@@ -6,7 +6,8 @@ All solvers, and the fit of a load to two runs, start from here.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -19,9 +20,11 @@ from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import first_scaling, open_gains, refined
 from hil.estimation.free_motion.settings import processing_of
+from hil.estimation.free_motion.solution import BLOCKS
 from hil.estimation.free_motion.survey import survey
 from hil.estimation.options import DEFAULTS
 from hil.friction.terms import BENT, CLASSICAL
+from hil.least_squares.balance import Kind
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
@@ -40,6 +43,10 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
+
+ALIKE = 1.5
+"""Ratio of sampling periods up to which recordings count as of one rate: a filter is chosen by it,
+and clocks that ought to agree differ by less."""
 
 
 class FreeMotions:
@@ -175,6 +182,59 @@ def gather(
         choice=choice,
         drift=drift,
     )
+
+
+def gather_rates(
+    robot: Robot,
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    variant: Variant,
+    options: Options = DEFAULTS,
+) -> list[Gathered]:
+    """Condense recordings of each sampling rate by themselves, the fastest first.
+
+    A filter that suits one rate takes from another what it needs, or lets its noise pass.
+    Parameters and errors are those of `gather`.
+    """
+    motions = FreeMotions(recorded)
+    return [gather(robot, each, variant, options) for each in _by_rate(motions)]
+
+
+def _by_rate(motions: FreeMotions) -> list[Iterable[tuple[RecordedMotion, Recording]]]:
+    """Recordings of about one rate each; all of them where the gain of an axis is unknown.
+
+    One gain then holds for all.
+    """
+    firsts: list[float] = []
+    for motion, recording in motions:
+        if motion.unknown_gains:
+            return [motions]
+        firsts.append(recording.period)
+    firsts.sort()
+    limits = [b for a, b in pairwise(firsts) if b > ALIKE * a]
+    return [_Between(motions, *ends) for ends in pairwise([0.0, *limits, np.inf])]
+
+
+class _Between:
+    """Recordings of sampling periods from `least` to less than `most`, again and again."""
+
+    def __init__(self, motions: FreeMotions, least: float, most: float) -> None:
+        self._motions, self._least, self._most = motions, least, most
+
+    def __iter__(self) -> Iterator[tuple[RecordedMotion, Recording]]:
+        for motion, recording in self._motions:
+            if self._least <= recording.period < self._most:
+                yield motion, recording
+
+
+def as_kinds(gathered: Sequence[Gathered]) -> list[Kind]:
+    """Regressions of recordings of each rate, with channels of their own, ready to be joined."""
+    kinds = []
+    for number, each in enumerate(gathered, start=1):
+        fitted, cells = each.choice.fitted(each.products), each.products.cells[each.choice.slowest]
+        names = tuple(f"{name} import {number}" for name in cells.channels)
+        blocks = replace(fitted.blocks.grouped(BLOCKS), channels=names)
+        kinds.append(Kind(fitted.of(blocks), replace(cells, channels=names)))
+    return kinds
 
 
 def _first_estimate(
