@@ -60,8 +60,10 @@ def identify(
     begun = perf_counter()
     with working("reading the run") as now:
         from hil.estimation.friction.symmetry import of_local_values
-        from hil.results import identification, kept_findings, model_file
+        from hil.estimation.identify import JOINT
+        from hil.results import identification, model_file
         from hil.results.advice import budget_table
+        from hil.results.findings import identify_and_keep
         from hil.results.tables.friction import symmetry
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.pooling import open_runs, pooled
@@ -78,10 +80,10 @@ def identify(
             if run.imported or any(each.imported for each in more):
                 say(f"{method} method: {reason}")
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
-        if more or run.imported:
+        if more and method != JOINT:  # a report of one of several campaigns is of it alone
             found = identification.identified(run, method, more).model
         else:
-            found = kept_findings.identify_and_keep(run, method).model
+            found = identify_and_keep(run, method, more).model
         if consistent or masses:
             from hil.results.consistency import with_consistent_robot
 

@@ -65,7 +65,7 @@ OTHERWISE = {
     ("gravity", "model/robot_file.py"): "the same",
     ("friction", "report/header.py"): "a title",
     ("friction", "results/model.py"): "a part of a torque",
-    ("friction", "results/kept_findings.py"): "a package of the program",
+    ("friction", "results/findings.py"): "a package of the program",
     ("friction", "report/sections/friction.py"): "a plot of levels in all kinds",
     ("friction", "report/reported_run.py"): "what a run says about friction",
     ("gravity", "results/recorded_torque.py"): "a part of the torque",

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from hil.results.friction_file import FrictionResult
 
 
-def friction_over_campaign(run: IdentifiedRun) -> Section:
+def friction_over_campaign(run: IdentifiedRun) -> Section | None:
     """The law, levels by measurement, time constants and symmetry where they are identifiable."""
+    if run.found.prediction is None:
+        return None
     local = run.estimate.local
     return Section(
         "Friction over the campaign",

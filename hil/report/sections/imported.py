@@ -26,13 +26,15 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.result import FrictionCurve
     from hil.model.robot import Robot
     from hil.report.charts.chart import Item
-    from hil.report.reported_run import ForeignRun
+    from hil.report.reported_run import IdentifiedRun
     from hil.results.recorded_torque import RecordedTorque
 
 
-def free_motions(run: ForeignRun) -> Section:
+def free_motions(run: IdentifiedRun) -> Section | None:
     """Tables, what was chosen, and the longest recording beside its prediction."""
     model = run.model
+    if model.friction is None:
+        return None
     longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
     torque = predict_recording(model, in_si(model, longest, recording))
     plot = Plot(
@@ -49,7 +51,7 @@ def free_motions(run: ForeignRun) -> Section:
             "parameters": tables.parameters(model),
             "laws": free_motion.friction(model),
             "left": free_motion.left_by_fit(model),
-            "statements": () if model.friction is None else free_motion.statements(model.friction),
+            "statements": free_motion.statements(model.friction),
             "lengths": run.robot.file.lengths,
         },
         (plot,),
@@ -57,7 +59,7 @@ def free_motions(run: ForeignRun) -> Section:
     )
 
 
-def back_and_forth(run: ForeignRun) -> Section | None:
+def back_and_forth(run: IdentifiedRun) -> Section | None:
     """Tables and what was chosen, half-sums beside the model, half-differences as curves."""
     model = run.model
     if (fit := model.back_and_forth) is None:
