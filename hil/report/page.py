@@ -61,10 +61,11 @@ def report(run: Run, figures: Path | None = None) -> Path:
         Measurements that do not suffice.
     """
     whole = read(run)
-    identified = isinstance(whole, IdentifiedRun)
-    listed = OF_IDENTIFIED if identified else OF_FRICTION
-    sections = [section for each in listed if (section := each(whole))]
-    files = downloads(whole.model) if identified else ()
+    files: Downloads = ()
+    made: Iterable[Section | None] = (each(whole) for each in OF_FRICTION)
+    if isinstance(whole, IdentifiedRun):
+        made, files = (each(whole) for each in OF_IDENTIFIED), downloads(whole.model)
+    sections = [section for section in made if section is not None]
     path = run.path / NAME
     write_html(path, NAME, **_values(whole, header.of(whole), sections, files))
     if figures is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hil.errors import FileError, Mismatch
 from hil.estimation.identify import JOINT, METHODS, default_method
 from hil.planning.measurement import Friction, recorded_as
-from hil.results.findings import identify_and_keep, kept
+from hil.results.findings import found_in
 from hil.results.model_file import NAME, read_model_file
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -104,11 +104,7 @@ def read(source: Run) -> ReportedRun:
     own = source, campaign, recordings, friction_of_run(source, recordings)
     if _friction_alone(source):
         return ReportedRun(*own)
-    method, others = _method(source)
-    found = kept(source, others)
-    if found is None or found.model.method != method:
-        found = identify_and_keep(source, method, others, campaign)
-    return IdentifiedRun(*own, found)
+    return IdentifiedRun(*own, found_in(source, *_method(source), campaign))
 
 
 def _method(run: Run) -> tuple[str, tuple[Run, ...]]:

@@ -28,6 +28,7 @@ import numpy as np
 import hil
 from checked_files.yaml_file import FileModel
 from hil.errors import FileError, NotEnoughData, NotIdentifiable
+from hil.estimation.identify import JOINT
 from hil.results.provenance import RunStamp
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
@@ -78,10 +79,22 @@ class Findings(NamedTuple):
     drifts: tuple[Drift, ...] = ()
 
 
+def found_in(
+    run: Run, method: str, others: Sequence[Run] = (), campaign: Sequence[Measured] | None = None
+) -> Findings:
+    """Take what is kept of a run, or identify and keep it; parameters as `identify_and_keep`."""
+    found = kept(run, others)
+    if found is not None and found.model.method == method:
+        return found
+    return identify_and_keep(run, method, others, campaign)
+
+
 def identify_and_keep(
     run: Run, method: str, others: Sequence[Run] = (), campaign: Sequence[Measured] | None = None
 ) -> Findings:
     """Identify a run, and keep that and what follows from it.
+
+    Of several runs of one kind nothing is kept: a report of one of them is of it alone.
 
     Parameters
     ----------
@@ -102,6 +115,9 @@ def identify_and_keep(
     # a report whose findings are kept needs nothing that is loaded here
     from hil.results.identification import identified  # noqa: PLC0415
 
+    if others and method != JOINT:
+        made = identified(run, method, others)
+        return Findings(made.estimate, made.model)
     if run.imported:
         found = follow_from(run, identified(run, method, others), ())
     else:
@@ -128,12 +144,12 @@ def follow_from(run: Run, found: Identified, campaign: Sequence[Measured]) -> Fi
     if model.method == "improved":
         with suppress(NotIdentifiable, NotEnoughData):
             check = model_of(run, estimates(robot, recordings, ("published",))["published"])
-    prediction, advised = predict(estimate, robot), ()
-    if not run.imported:
-        of = CampaignResult(estimate, prediction, model.error_budget, robot, run.planned, campaign)
-        advised = advice(of)
+    prediction = predict(estimate, robot)
     drifts = campaign_drifts(robot, estimate.local, history(robot, recordings))
-    return Findings(estimate, model, check, prediction, advised, drifts)
+    if run.imported:
+        return Findings(estimate, model, check, prediction, drifts=drifts)
+    of = CampaignResult(estimate, prediction, model.error_budget, robot, run.planned, campaign)
+    return Findings(estimate, model, check, prediction, advice(of), drifts)
 
 
 def keep(run: Run, found: Findings, others: Sequence[Run] = ()) -> None:

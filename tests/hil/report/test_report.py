@@ -84,7 +84,7 @@ def as_it_was(copy, folder, page, monkeypatch):
     """A copy whose recordings stay as they are, and so what is found in them."""
     del page  # with which it was kept
     found = kept(folder)
-    monkeypatch.setattr("hil.report.reported_run.kept", lambda *_: found)
+    monkeypatch.setattr("hil.results.findings.kept", lambda *_: found)
     return copy
 
 
