@@ -19,11 +19,11 @@ from hil.model.base_parameters import base_parameters
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.estimation.back_and_forth.result import BackAndForthFit
+    from hil.estimation.consistent.result import ConsistentRobot
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
     from hil.friction.law import FrictionLaw
     from hil.model.robot import Robot
-    from hil.results.consistent_robot import ConsistentRobot
     from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
     from hil.results.provenance import Provenance
 

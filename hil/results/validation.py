@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.results.judgement import Rule
-    from hil.results.predicted_torques import PredictedTorque
+    from hil.results.recorded_torque import PredictedTorque
     from hil.results.tables.table import Row
     from hil.runs.run import Run
 

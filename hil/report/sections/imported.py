@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.report.charts.chart import Item
     from hil.report.reported_run import IdentifiedRun
-    from hil.results.recorded_torque import RecordedTorque
+    from hil.results.recorded_torque import PredictedTorque
 
 
 def free_motions(run: IdentifiedRun) -> Section | None:
@@ -100,7 +100,7 @@ def back_and_forth(run: IdentifiedRun) -> Section | None:
     )
 
 
-def measured_and_predicted(torque: RecordedTorque, robot: Robot) -> Chart:
+def measured_and_predicted(torque: PredictedTorque, robot: Robot) -> Chart:
     """Torques of one recording over time, axis by axis, with their residual."""
     shown, time, hole = drawn(torque.time)
     measured = torque.measured[shown] + hole[:, np.newaxis]

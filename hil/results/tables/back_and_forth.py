@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.results.rounding import significant, uncertain
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,19 +44,17 @@ def _point(curve: FrictionCurve, point: CurvePoint) -> Row:
 
 def plain(fit: BackAndForthFit, robot: Robot) -> Table:
     """What classical laws would be, and what differs by direction."""
-    return Table(
-        title="Friction in the usual terms, for comparison",
-        columns=(
-            Column("axis"),
+    return table(
+        "Friction in the usual terms, for comparison",
+        (
+            "axis",
             Column("as offset, Coulomb and viscous alone", folds=True),
             Column("the same forth and back, and no rigid body's", folds=True),
         ),
-        parts=(Part(tuple(_plain(robot, curve) for curve in fit.curves)),),
-        explanation=(
-            "The first by least squares over samples at all speeds, base parameters given. The"
-            " second is part of the fit: a constant, which may be an offset of the torque, and a"
-            " part that grows with the speed. Torque ripple is not listed."
-        ),
+        (_plain(robot, curve) for curve in fit.curves),
+        "The first by least squares over samples at all speeds, base parameters given. The"
+        " second is part of the fit: a constant, which may be an offset of the torque, and a"
+        " part that grows with the speed. Torque ripple is not listed.",
     )
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.results.rounding import probability, significant, uncertain
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.estimation.free_motion.result import FreeMotionFit
-    from hil.friction.law import AxisLaw, TermValue
+    from hil.friction.law import AxisLaw, CoupledFriction, TermValue
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
@@ -24,54 +25,42 @@ _SHOWN = 3
 def friction(model: IdentifiedRobot) -> Table:
     """Law of friction of each axis, its coefficients, and what other laws predict."""
     fit = model.friction
-    if fit is None:
-        return Table("", (), ())
-    rows = [_axis(model, axis) for axis in range(len(fit.axes))]
-    coupled = [_coupled(fit, k) for k in range(len(fit.coupled))]
-    return Table(
-        title="Friction",
-        columns=(
-            Column("axis"),
+    laws = () if fit is None else (_axis(model, axis) for axis in range(len(fit.axes)))
+    return table(
+        "Friction",
+        (
+            "axis",
             Column("law", folds=True),
             Column("coefficients with std. errors", folds=True),
             Column("as Coulomb and viscous alone", folds=True),
             Column("held out, other laws", folds=True),
         ),
-        parts=(Part(tuple(rows + coupled)),),
-        explanation=(
-            "Terms of the velocity: viscous friction per unit of velocity, all others as the torque"
-            " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
-            " that none beats by more than chance on blocks held out; of others the error is stated"
-            " over that of the law chosen. Presliding is the way over which friction turns round"
-            " after a reversal. Levels are those of friction at instants spread evenly over the"
-            " time recorded, over their mean. Ripple of motors is not listed."
-        ),
+        (*laws, *(() if fit is None else map(_coupled, fit.coupled))),
+        "Terms of the velocity: viscous friction per unit of velocity, all others as the torque"
+        " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
+        " that none beats by more than chance on blocks held out; of others the error is stated"
+        " over that of the law chosen. Presliding is the way over which friction turns round"
+        " after a reversal. Levels are those of friction at instants spread evenly over the"
+        " time recorded, over their mean. Ripple of motors is not listed.",
     )
 
 
 def _axis(model: IdentifiedRobot, axis: int) -> Row:
     assert model.friction is not None  # noqa: S101 - the table is empty without
-    law = model.friction.axes[axis]
-    unit = model.robot.torque_unit(axis)
-    named = [
-        _coefficient(term, value, law, unit, model.robot.position_unit(axis))
-        for term, value in law.terms.items()
-        if not term.startswith(("cosine", "sine"))
-    ]
+    law, position = model.friction.axes[axis], model.robot.position_unit(axis)
+    written = partial(_coefficient, law, model.robot.torque_unit(axis), position)
+    others = (each for each in law.terms.items() if not each[0].startswith(("cosine", "sine")))
+    named = [written(*each) for each in others]
     if law.presliding:
-        distance = significant(law.presliding, 2)
-        named.append(f"presliding over {distance} {model.robot.position_unit(axis)}")
+        named.append(f"presliding over {significant(law.presliding, 2)} {position}")
     if law.level:
         levels = ", ".join(significant(100 * each, 3) for each in law.level)
         named.append(f"level {levels} %")
-    plain = [
-        _coefficient(term, value, law, unit, model.robot.position_unit(axis))
-        for term, value in law.plain.items()
-    ]
-    return str(axis + 1), law.law, ", ".join(named), ", ".join(plain), _others(law)
+    plain = ", ".join(written(*each) for each in law.plain.items())
+    return str(axis + 1), law.law, ", ".join(named), plain, _others(law)
 
 
-def _coefficient(term: str, value: TermValue, law: AxisLaw, unit: str, position: str) -> str:
+def _coefficient(law: AxisLaw, unit: str, position: str, term: str, value: TermValue) -> str:
     scale = 1.0 / law.speed if term == "viscous" else 1.0
     shown, error = uncertain(scale * value.value, scale * value.standard_error)
     unit = f"{unit} s/{position}" if term == "viscous" else "" if term == "load" else unit
@@ -83,43 +72,34 @@ def _others(law: AxisLaw) -> str:
     return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:_SHOWN])
 
 
-def _coupled(fit: FreeMotionFit, k: int) -> Row:
-    each = fit.coupled[k]
+def _coupled(each: CoupledFriction) -> Row:
     parts = (
         f"{name} {' ± '.join(uncertain(term.value, term.standard_error))}"
         for name, term in (("Coulomb", each.coulomb), ("viscous", each.viscous))
     )
-    return (
-        f"{each.motor} and {each.joint}",
-        f"motor {each.motor}, coupled",
-        ", ".join(parts),
-        "",
-        "",
-    )
+    motors = f"{each.motor} and {each.joint}"
+    return motors, f"motor {each.motor}, coupled", ", ".join(parts), "", ""
 
 
 def left_by_fit(model: IdentifiedRobot) -> Table:
     """Residuals of imports, axis by axis and of all axes together."""
     fit = model.friction or model.back_and_forth
     if fit is None:
-        return Table("", (), ())
+        return table("", (), ())
     samples = "all samples" if model.friction else "strokes away from their reversals"
     rows = [
-        (
-            str(axis + 1),
-            significant(float(model.residual[axis]), 3),
-            "" if share is None else significant(100 * share, 3),
+        (str(axis), significant(left, 3), "" if share is None else significant(100 * share, 3))
+        for axis, (left, share) in enumerate(
+            zip(model.residual.tolist(), fit.relative_residual, strict=True), start=1
         )
-        for axis, share in enumerate(fit.relative_residual)
-        if np.isfinite(model.residual[axis])
+        if np.isfinite(left)
     ]
     together = significant(float(np.sqrt(np.nansum(model.residual**2))), 3)
-    rows.append(("all", together, significant(100 * fit.overall_residual, 3)))
-    return Table(
-        title=f"Torque left by the fit, {samples}",
-        columns=(Column("axis"), *figures("rms, N m or N", "% of the torque")),
-        parts=(Part(tuple(rows)),),
-        explanation="Root mean square of the residual after the low-pass, and over the torque's.",
+    return table(
+        f"Torque left by the fit, {samples}",
+        ("axis", *figures("rms, N m or N", "% of the torque")),
+        (*rows, ("all", together, significant(100 * fit.overall_residual, 3))),
+        "Root mean square of the residual after the low-pass, and over the torque's.",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.results.rounding import rounded, signed, uncertain, unit
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
     from hil.estimation.loads.figures import Quantity
@@ -25,25 +25,20 @@ def changes(load: LoadFile) -> Table:
 
     No rows where one of the runs does not identify the robot.
     """
-    return Table(
-        title="Change by the load: the paper's Table 3 of this robot",
-        columns=(
+    units = list(dict.fromkeys(unit(each.unit) for each in load.changes))
+    return table(
+        "Change by the load: the paper's Table 3 of this robot",
+        (
             Column("", symbols=True),
             *figures("without", "with load", "change", "std. error", "expected", "z"),
             Column("of the load", folds=True, symbols=True),
         ),
-        parts=(Part(tuple(_change(each) for each in load.changes)),),
-        explanation=(
-            f"Base parameters without (A) and with the load (B), in {_units(load)}."
-            " Expected is what the load below changes by the expressions of the base parameters; z"
-            " is how far the change found is off it, in standard errors."
-        ),
+        map(_change, load.changes),
+        "Base parameters without (A) and with the load (B), in"
+        f" {' and '.join(filter(None, (', '.join(units[:-1]), *units[-1:])))}."
+        " Expected is what the load below changes by the expressions of the base parameters; z"
+        " is how far the change found is off it, in standard errors.",
     )
-
-
-def _units(load: LoadFile) -> str:
-    found = list(dict.fromkeys(unit(each.unit) for each in load.changes))
-    return " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found)
 
 
 def _change(each: Change) -> Row:
@@ -55,10 +50,10 @@ def _change(each: Change) -> Row:
 
 def quantities(load: LoadFile) -> Table:
     """Mass, first moments, centre of mass and inertia of the load."""
-    return Table(
-        title="The load, in the last link's frame",
-        columns=(Column(""), *figures("value", "std. error", "95 %, ±"), Column("unit")),
-        parts=(Part(tuple(_quantity(q) for q in load.load)),),
+    return table(
+        "The load, in the last link's frame",
+        ("", *figures("value", "std. error", "95 %, ±"), "unit"),
+        map(_quantity, load.load),
     )
 
 
@@ -72,15 +67,14 @@ def _quantity(q: Quantity) -> Row:
 def torque_constants(load: LoadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
     stated = "" if load.mass is None else f"The mass was stated as {load.mass:g} kg."
-    return Table(
-        title=f"{'Gains' if load.imported else 'Torque constants'} by the load's mass"
-        + ("" if load.imported else ", N m/A"),
-        columns=(
-            Column("axis"),
+    return table(
+        "Gains by the load's mass" if load.imported else "Torque constants by the load's mass, N m/A",
+        (
+            "axis",
             *figures("assumed", "corrected", "std. error", "off by, %", "std. error, %"),
         ),
-        parts=(Part(tuple(_gain(gain) for gain in load.gains)),),
-        explanation=f"{stated} {OF_MAPS}" if load.imported else stated,
+        map(_gain, load.gains),
+        f"{stated} {OF_MAPS}" if load.imported else stated,
     )
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 Row = tuple[str, ...]
 
@@ -88,3 +91,16 @@ class Table:
 def figures(*heads: str) -> tuple[Column, ...]:
     """Columns of figures."""
     return tuple(Column(head, "right") for head in heads)
+
+
+def table(
+    title: str,
+    columns: Iterable[str | Column],
+    rows: Iterable[Row],
+    explanation: str = "",
+    notes: tuple[str, ...] = (),
+) -> Table:
+    """Make a table of one part, without any where there are no rows; a text heads plain cells."""
+    made = tuple(Column(each) if isinstance(each, str) else each for each in columns)
+    own = tuple(rows)
+    return Table(title, made, (Part(own),) if own else (), explanation, notes)

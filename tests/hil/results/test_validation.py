@@ -13,7 +13,7 @@ from small_run import write_run
 from hil.estimation.signals import signals
 from hil.results.identification import identify
 from hil.results.judgement import INSIDE, Judgement
-from hil.results.predicted_torques import PredictedTorque, predicted_torques
+from hil.results.predicted_torques import predicted_torques
 from hil.results.validation import AxisScore, ValidationRecord, judged, validate
 from hil.runs.pooling import pooled
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.results.model import Model
+    from hil.results.recorded_torque import PredictedTorque
     from hil.runs.run import Run
 
 
