@@ -64,7 +64,7 @@ PANELS = {
             "Estimate base parameters from runs of any kind; exit status 3 where that failed.",
         ),
         "validate": _Command(
-            "validating",
+            "judging",
             "Judge a model by a run that it was not made from; exit status 3 where it failed.",
         ),
         "report": _Command("results", "Write a run's report, one HTML file."),
@@ -76,7 +76,7 @@ PANELS = {
             "payload", "Find a load from two runs, without and with it, or measure one in minutes."
         ),
         "accept": _Command(
-            "accepting",
+            "judging",
             "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if"
             " failed.",
         ),

@@ -56,7 +56,7 @@ def track(
     with working("predicting the torques of the plan"):
         from checked_files.yaml_file import FileError
         from hil.cli.measuring import measure
-        from hil.cli.plan_files import load, refuse_other_model
+        from hil.cli.plan_files import load
         from hil.cli.run_session import refuse_unusable
         from hil.measuring.feeding import FeedingBus, refuse_beyond_torque
         from hil.planning.trajectory import Trajectory
@@ -69,7 +69,7 @@ def track(
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = Model.load(model_path)
         predict = model.drive_torque
-        refuse_other_model(model, model_path, the_robot, plan_file)
+        model.refuse_other_robot(the_robot, str(model_path))
         for measurement in the_plan.measurements:
             if not isinstance(measurement, Trajectory):
                 raise FileError(

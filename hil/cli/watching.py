@@ -72,7 +72,7 @@ def watch(
 
     with working("reading plan and model"):
         from hil.cli.measuring import measure
-        from hil.cli.plan_files import load, refuse_other_model
+        from hil.cli.plan_files import load
         from hil.cli.watch_view import WatchView
         from hil.results.model import Model
         from hil.results.model_file import file_of
@@ -80,7 +80,7 @@ def watch(
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = Model.load(model_path)
-        refuse_other_model(model, model_path, the_robot, plan_file)
+        model.refuse_other_robot(the_robot, str(model_path))
         watcher = Watcher(model, the_plan.sample_period, learn)
         how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown))
         view = WatchView(watcher, the_robot)

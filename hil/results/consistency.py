@@ -19,7 +19,7 @@ from hil.model.frames import pseudo_inertia
 from hil.planning.free_motion import FreeMotion
 from hil.results.recorded_torque import processing_of
 from hil.results.rounding import probability, significant
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -126,64 +126,52 @@ _SHOWN = 0.01
 def bodies(robot: Robot, found: ConsistentRobot) -> Table:
     """Mass, centre and spread of every link."""
     binding = {each.name: each.distance_without for each in found.binding}
-    rows = [_link(number, body, binding) for number, body in enumerate(found.links, start=1)]
-    return Table(
-        title="Nearest robot that consists of bodies",
-        columns=(
-            Column("link"),
-            *figures("mass, kg", "centre, m", "spread, mm", "without"),
-        ),
-        parts=(Part(tuple(rows)),),
-        explanation=(
-            "Bodies whose base parameters are nearest to the estimate in the metric of its"
-            " covariance. The mass spreads root mean square about its centre, in its three"
-            " principal directions. The last column: the distance if this link need not be a"
-            " body, where that condition binds. What no torque decides, masses among it, is taken"
-            f" from {found.likely}."
-        ),
-        notes=tuple(statements(robot, found)),
+    return table(
+        "Nearest robot that consists of bodies",
+        ("link", *figures("mass, kg", "centre, m", "spread, mm", "without")),
+        (_link(number, body, binding) for number, body in enumerate(found.links, start=1)),
+        "Bodies whose base parameters are nearest to the estimate in the metric of its"
+        " covariance. The mass spreads root mean square about its centre, in its three"
+        " principal directions. The last column: the distance if this link need not be a"
+        " body, where that condition binds. What no torque decides, masses among it, is taken"
+        f" from {found.likely}.",
+        tuple(statements(robot, found)),
     )
 
 
 def changed_parameters(robot: Robot, found: ConsistentRobot) -> Table:
     """Base parameters that bodies change."""
     base = base_parameters(robot)
-    rows = [
-        (base.names[k], significant(found.values[k], 5), f"{found.change[k]:+.2f}", base.units[k])
-        for k in range(len(found.values))
-        if abs(found.change[k]) > _SHOWN
-    ]
-    return Table(
-        title="Base parameters of these bodies where they differ",
-        columns=(
-            Column("", symbols=True),
-            *figures("value", "change, std. errors"),
-            Column("unit"),
+    each = zip(base.names, found.values, found.change, base.units, strict=True)
+    return table(
+        "Base parameters of these bodies where they differ",
+        (Column("", symbols=True), *figures("value", "change, std. errors"), "unit"),
+        (
+            (name, significant(value, 5), f"{change:+.2f}", unit)
+            for name, value, change, unit in each
+            if abs(change) > _SHOWN
         ),
-        parts=(Part(tuple(rows)),),
     )
 
 
 def torque_costs(robot: Robot, found: ConsistentRobot) -> Table:
     """What the change means in torques."""
-    rows = [
+    costs = enumerate(found.torque if found.binding else ())
+    return table(
+        "What bodies cost in torque",
+        ("axis", *figures("change", "std. error", "torque"), "unit"),
         (
-            str(axis + 1),
-            significant(each.change, 2),
-            significant(each.standard_error, 2),
-            significant(each.torque, 3),
-            robot.torque_unit(axis),
-        )
-        for axis, each in enumerate(found.torque)
-    ]
-    return Table(
-        title="What bodies cost in torque",
-        columns=(Column("axis"), *figures("change", "std. error", "torque"), Column("unit")),
-        parts=(Part(tuple(rows if found.binding else ())),),
-        explanation=(
-            "Root mean squares over the run's motions: change of the torques, standard error of"
-            " those that the estimate predicts, and these torques of the rigid bodies."
+            (
+                str(axis + 1),
+                significant(each.change, 2),
+                significant(each.standard_error, 2),
+                significant(each.torque, 3),
+                robot.torque_unit(axis),
+            )
+            for axis, each in costs
         ),
+        "Root mean squares over the run's motions: change of the torques, standard error of"
+        " those that the estimate predicts, and these torques of the rigid bodies.",
     )
 
 

@@ -48,8 +48,6 @@ ABSENT = 0.01
 SURE = 4.0
 """Standard errors from which on a mass is below zero, or contradicts a stated one: by chance of
 6e-5."""
-FACTOR = 1.5
-"""Between a stated mass and the one found, beyond which torque constants cannot be the reason."""
 NOTABLE = 2.0
 """Standard errors from which a gain explains a contradiction."""
 BESIDE = 0.001
@@ -223,32 +221,8 @@ def require_load(found: Load) -> None:
         )
 
 
-def refuse_other_mass(found: Load, mass: float) -> None:
-    """Refuse a stated mass that no error of torque constants explains.
-
-    Raises
-    ------
-    Mismatch
-    """
-    m, error = found.mass.value, found.mass.standard_error
-    off = SURE * error
-    if error and not mass / FACTOR - off <= m <= mass * FACTOR + off:
-        raise Mismatch(
-            f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs, more than"
-            f" {FACTOR:g} times of either; correct the mass: no torque constant is so far off"
-        )
-
-
-def _found(
-    runs: _Runs, mass: float | None, *, gains: bool = False, constants: bool = False
-) -> tuple[Load, Fit]:
-    """The load, once there is one and its mass is not another one, and how it is fitted.
-
-    Parameters
-    ----------
-    constants : bool
-        Whether a stated mass may show that torque constants are off.
-    """
+def _found(runs: _Runs, mass: float | None, *, gains: bool = False) -> tuple[Load, Fit]:
+    """The load, once there is one and its mass is not another one, and how it is fitted."""
     if gains and mass is None:
         raise InvalidValue("gains are found by the load's mass; state it too")
     with named(runs.loaded[-1]):
@@ -259,9 +233,7 @@ def _found(
         require_load(found)
         if mass is None:
             return found, fit
-        if constants:
-            refuse_other_mass(found, mass)
-        elif not gains:
+        if not gains:
             _refuse_contradiction(runs, fit, found, mass)
         return fit(mass, gains=gains), fit
 

@@ -19,11 +19,16 @@ from hil.estimation.intervals import combined_degrees, half_width
 from hil.friction.law import friction_torque, friction_variance
 from hil.model import dynamics
 from hil.model.motors import motor_torque
-from hil.results.identified_robot import IdentifiedRobot, checked_level
+from hil.results.identified_robot import (
+    PARTS,
+    IdentifiedRobot,
+    checked_level,
+    known_friction,
+    lacking,
+)
 from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.samples import samples, warmth_along, warmth_of
 from hil.results.tables.model import summary
-from hil.results.torque_parts import PARTS, known_friction, lacking
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -79,7 +84,7 @@ class Model(IdentifiedRobot):
         q, qd, qdd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
             [rad, rad/s, rad/s^2]; m for prismatic joints.
         parts : collection of str
-            What is added up, all of `hil.results.torque_parts.PARTS` by default:
+            What is added up, all of `hil.results.identified_robot.PARTS` by default:
 
             rigid bodies
                 A(q, qd, qdd) p of eq. (6): inertia, Coriolis and centrifugal forces, gravity, with

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
-    from hil.planning.measurement import RecordedMotion
+    from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
 
@@ -59,7 +59,7 @@ def predicted_torques(
 
 
 def _as_recorded(
-    model: Model, motion: RecordedMotion, recording: Recording
+    model: Model, motion: ParameterMotion, recording: Recording
 ) -> Iterator[PredictedTorque]:
     """Torques of all axes by a law of friction that was found with the parameters."""
     found = predict_recording(model, recording, motion.id)
@@ -67,7 +67,7 @@ def _as_recorded(
 
 
 def _fitted(
-    model: Model, motion: RecordedMotion, recording: Recording
+    model: Model, motion: ParameterMotion, recording: Recording
 ) -> Iterator[PredictedTorque]:
     """Torques by motions or periods, with friction fitted in each beside the model's own."""
     s = signals(recording)

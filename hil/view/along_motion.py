@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.errors import FrictionUnknown, Mismatch
+from hil.errors import FrictionUnknown
 from hil.planning.clearance import intrusions
 from hil.view.packed import INSTANT, Track, all_simplified
 
@@ -45,22 +45,6 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
     of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
     words = f"predicted, without friction{of}" if lack else "predicted"
     return Predicted(all_simplified(time, np.concatenate(torque)), words)
-
-
-def refuse_other_robot(model: Model, robot: Robot, source: str) -> None:
-    """Refuse a model of another robot file.
-
-    Raises
-    ------
-    Mismatch
-        Both by name and digest.
-    """
-    if model.robot.digest != robot.digest:
-        raise Mismatch(
-            f"{source}: was identified with another robot file ({model.robot.name}"
-            f" {model.robot.digest[:12]}) than that of {robot.name} {robot.digest[:12]}; give the"
-            " model of this robot with --model"
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

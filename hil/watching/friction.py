@@ -26,7 +26,7 @@ import numpy as np
 
 from hil.friction.direction import Direction
 from hil.friction.law import friction_torque, friction_variance
-from hil.results.torque_parts import known_friction
+from hil.results.identified_robot import known_friction
 
 if TYPE_CHECKING:
     from hil.arrays import Array

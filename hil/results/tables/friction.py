@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.friction.law import friction_torque, friction_variance
 from hil.results.rounding import probability, signed, significant, uncertain
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,15 +21,13 @@ if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
-AXIS = Column("axis")
-
 
 def models(result: FrictionResult) -> Table:
     """Every model of every axis with its errors; parameters that the data leave open are notes."""
     return Table(
         title=_title(result),
         columns=(
-            AXIS,
+            Column("axis"),
             Column("model"),
             *figures(f"rms, {result.robot.torque_units}", "held out"),
             Column("chosen"),
@@ -79,24 +77,20 @@ def _parameters(model: FrictionModel) -> str:
 
 def campaign_friction(model: IdentifiedRobot) -> Table:
     """Law of each axis and its friction at two speeds; empty where none was found."""
-    law = model.friction_law
-    if law is None or model.friction is not None:
-        return Table("", (), ())
-    rows = [_law(model, axis, own) for axis, own in enumerate(law.axes) if own is not None]
-    return Table(
-        title="Friction over the campaign",
-        columns=(
-            AXIS,
+    law = None if model.friction else model.friction_law
+    laws = enumerate(law.axes if law else ())
+    return table(
+        "Friction over the campaign",
+        (
+            "axis",
             Column("law", folds=True),
             *figures("speeds", "at slowest", "at fastest", "wander, %"),
         ),
-        parts=(Part(tuple(rows)),),
-        explanation=(
-            f"Friction forward at no load [{model.robot.torque_units}] with the standard error that"
-            " counts in predicted torques, at the slowest and the fastest of the speeds"
-            f" [{model.robot.position_units} per s]; how far its level was from the law in any one"
-            " measurement."
-        ),
+        (_law(model, axis, own) for axis, own in laws if own is not None),
+        f"Friction forward at no load [{model.robot.torque_units}] with the standard error that"
+        " counts in predicted torques, at the slowest and the fastest of the speeds"
+        f" [{model.robot.position_units} per s]; how far its level was from the law in any one"
+        " measurement.",
     )
 
 
@@ -120,29 +114,26 @@ def _law(model: IdentifiedRobot, axis: int, own: AxisLaw) -> Row:
 
 def symmetry(tests: Mapping[int, Symmetry]) -> Table:
     """Whether friction is the same in both directions, by axis from 0."""
-    return Table(
-        title="Is friction the same in both directions?",
-        columns=(
-            AXIS,
+    return table(
+        "Is friction the same in both directions?",
+        (
+            "axis",
             *figures("n", "asymmetry, %", "std. error", "p (none)", "p (bound)"),
             Column("verdict", folds=True),
         ),
-        parts=(Part(tuple(_symmetry(axis, test) for axis, test in tests.items())),),
-        explanation=(
-            "The difference in n measurements as a share of the friction level; p-values of no"
-            " asymmetry at all, and of one within the bound."
+        (
+            (
+                str(axis + 1),
+                str(test.measurements),
+                *uncertain(100 * test.asymmetry, 100 * test.standard_error),
+                probability(test.p_zero),
+                probability(test.p_bound),
+                test.verdict,
+            )
+            for axis, test in tests.items()
         ),
-    )
-
-
-def _symmetry(axis: int, test: Symmetry) -> Row:
-    return (
-        str(axis + 1),
-        str(test.measurements),
-        *uncertain(100 * test.asymmetry, 100 * test.standard_error),
-        probability(test.p_zero),
-        probability(test.p_bound),
-        test.verdict,
+        "The difference in n measurements as a share of the friction level; p-values of no"
+        " asymmetry at all, and of one within the bound.",
     )
 
 
@@ -156,7 +147,7 @@ def drift(drifts: Iterable[Drift]) -> Table:
     return Table(
         title="Friction's variance in time",
         columns=(
-            AXIS,
+            Column("axis"),
             Column("time constant"),
             *figures("value, s", "std. error", "effect"),
         ),

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.friction.ripple import ripple_left_out
+from hil.results.identified_robot import lacking
 from hil.results.tables import back_and_forth
 from hil.results.tables.free_motion import friction, left_by_fit, statements
 from hil.results.tables.friction import campaign_friction
 from hil.results.tables.parameters import parameters, residuals
 from hil.results.tables.terminal import Summary
-from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot

@@ -171,9 +171,7 @@ def drive_train(estimate: Estimate, robot: Robot) -> Table:
     """
     compliance = f"compliance, {compliance_units(robot)}"
     heads = "lag, ms", "±", compliance, "±", "load friction, %", "±"
-    return table(
-        "Drive trains, with standard errors", ("axis", *figures(*heads)), _axes(estimate)
-    )
+    return table("Drive trains, with standard errors", ("axis", *figures(*heads)), _axes(estimate))
 
 
 def _axes(estimate: Estimate) -> Iterator[Row]:

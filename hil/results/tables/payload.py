@@ -68,7 +68,9 @@ def torque_constants(load: LoadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
     stated = "" if load.mass is None else f"The mass was stated as {load.mass:g} kg."
     return table(
-        "Gains by the load's mass" if load.imported else "Torque constants by the load's mass, N m/A",
+        "Gains by the load's mass"
+        if load.imported
+        else "Torque constants by the load's mass, N m/A",
         (
             "axis",
             *figures("assumed", "corrected", "std. error", "off by, %", "std. error, %"),

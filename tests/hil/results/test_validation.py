@@ -227,7 +227,7 @@ def test_the_worst_word_stands() -> None:
 def test_the_recording_of_the_model_s_own_plan_is_remarked_upon(
     manutec: Robot, tmp_path: Path
 ) -> None:
-    from hil.cli.validating import _notes
+    from hil.cli.judging import _notes
 
     run = write_run(tmp_path / "run", manutec)
     assert "this very plan" in _notes(identify(run), run)[0]
