@@ -36,11 +36,6 @@ if TYPE_CHECKING:
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
 
-MOST_RECORDINGS = 100
-SAMPLES = 200
-"""Of a recording, at most: torques' root mean squares need no more."""
-
-
 def with_consistent_robot(
     model: Model,
     recorded: Recorded = (),
@@ -73,7 +68,7 @@ def _torque_costs(
     model: Model, found: ConsistentRobot, recorded: Recorded
 ) -> tuple[TorqueCost, ...]:
     n, products = 0, 0.0
-    for q, qd, qdd in islice(_motions(model, recorded), MOST_RECORDINGS):
+    for q, qd, qdd in islice(_motions(model, recorded), 100):
         A = regressor(model.robot, q, qd, qdd)
         products = products + np.einsum("nji,njk->jik", A, A, optimize=True)
         n += len(A)
@@ -91,15 +86,17 @@ def _torque_costs(
     )
 
 
-def _motions(model: Model, recorded: Recorded) -> Iterator[tuple[Array, Array, Array]]:
-    """Positions, velocities and accelerations of some samples of each recording."""
+def _motions(
+    model: Model, recorded: Recorded, most: int = 200
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Motion of about so many samples of a recording; root mean squares need no more."""
     for motion, recording in recorded:
         try:
             state, used = _state(model, motion, recording)
         except NotEnoughData:
             continue
         some = np.flatnonzero(used)
-        some = some[:: max(1, len(some) // SAMPLES)]
+        some = some[:: max(1, len(some) // most)]
         if len(some):
             yield state[0][some], state[1][some], state[2][some]
 
@@ -119,10 +116,6 @@ def _root(square: float) -> float:
     return float(np.sqrt(max(float(square), 0.0)))
 
 
-_SHOWN = 0.01
-"""Least change of a base parameter that is listed, in standard errors."""
-
-
 def bodies(robot: Robot, found: ConsistentRobot) -> Table:
     """Mass, centre and spread of every link."""
     binding = {each.name: each.distance_without for each in found.binding}
@@ -139,8 +132,8 @@ def bodies(robot: Robot, found: ConsistentRobot) -> Table:
     )
 
 
-def changed_parameters(robot: Robot, found: ConsistentRobot) -> Table:
-    """Base parameters that bodies change."""
+def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01) -> Table:
+    """Base parameters that bodies change, by `least` standard errors and more."""
     base = base_parameters(robot)
     each = zip(base.names, found.values, found.change, base.units, strict=True)
     return table(
@@ -149,7 +142,7 @@ def changed_parameters(robot: Robot, found: ConsistentRobot) -> Table:
         (
             (name, significant(value, 5), f"{change:+.2f}", unit)
             for name, value, change, unit in each
-            if abs(change) > _SHOWN
+            if abs(change) > least
         ),
     )
 

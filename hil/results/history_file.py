@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from hil.results.tables.table import Row
 
 
-FORMAT = 1
-
-
 def write_history(path: Path, found: History) -> None:
     """Write a history as JSON, whole or not at all."""
     write_file(path, json.dumps(content(found), indent=2, allow_nan=False).encode() + b"\n")
@@ -34,7 +31,7 @@ def content(found: History) -> dict[str, Any]:
     """What the file holds."""
     newest = found.of(found.runs[-1])
     return {
-        "format": FORMAT,
+        "format": 1,
         "written": now(),
         "robot": found.robot.name,
         "reference": found.reference,

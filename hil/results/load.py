@@ -43,17 +43,9 @@ if TYPE_CHECKING:
 
     Fit = Callable[..., Load]
 
-ABSENT = 0.01
-"""Chance of a load's figures without a load, above which there is none."""
 SURE = 4.0
 """Standard errors from which on a mass is below zero, or contradicts a stated one: by chance of
 6e-5."""
-NOTABLE = 2.0
-"""Standard errors from which a gain explains a contradiction."""
-BESIDE = 0.001
-"""Chance of a load's first moments across the last axis, were it on it, from which on it is not."""
-_UNKNOWN_FRICTION = 0.1
-"""Friction of an axis without a law of it, as share of its torque limit."""
 
 
 class BareRun:
@@ -101,10 +93,13 @@ class BareRun:
         weight = weighed(information.matrix, information.scatter)
         return WithoutLoad(robot, run.planned, found.p, self._friction(), noise, weight)
 
-    def _friction(self) -> Array:
-        """Highest friction of each axis, slow or fast, shape (n_joints,) [N m or N]."""
+    def _friction(self, unknown_share: float = 0.1) -> Array:
+        """Highest friction of each axis, slow or fast, shape (n_joints,) [N m or N].
+
+        Of an axis without a law it is a share of the torque limit.
+        """
         robot, law = self.run.robot, self.estimate.friction_law
-        unknown: Array = _UNKNOWN_FRICTION * robot.torque_limit
+        unknown: Array = unknown_share * robot.torque_limit
         if law is None:
             return unknown
         qd = np.outer((0.1, 0.5, 1.0, -0.1, -0.5, -1.0), robot.velocity_limit)
@@ -200,8 +195,13 @@ def estimated(run: Run) -> Estimate:
         return estimate(run.robot, recorded(run))
 
 
-def require_load(found: Load) -> None:
+def require_load(found: Load, absent: float = 0.01) -> None:
     """Refuse a load that does not stand out of its error, or whose mass is negative.
+
+    Parameters
+    ----------
+    absent : float
+        Chance of the figures without a load, above which there is none.
 
     Raises
     ------
@@ -213,7 +213,7 @@ def require_load(found: Load) -> None:
             f"the mass of the load would be {mass:.4g} ± {error:.2g} kg: these runs are swapped, or"
             " the one without the load carried one; name the run without the load first"
         )
-    if found.present.p_value > ABSENT:
+    if found.present.p_value > absent:
         figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"
         raise NoLoad(
             f"no load stands out of its error: {figure} (p = {found.present.p_value:.2g}); check"
@@ -238,12 +238,15 @@ def _found(runs: _Runs, mass: float | None, *, gains: bool = False) -> tuple[Loa
         return fit(mass, gains=gains), fit
 
 
-def _beside_axis(runs: _Runs, fit: Fit, found: Load) -> tuple[Fit, Load]:
+def _beside_axis(
+    runs: _Runs, fit: Fit, found: Load, chance_on_it: float = 0.001
+) -> tuple[Fit, Load]:
     """Take in what the robot file leaves out of the last link, where the load calls for it.
 
     A load beside the last axis, taken for one on it, contradicts itself as a loose one does. So its
     first moments across the axis are freed before that is said: it is taken for beside the axis if
-    one of them stands out of its error, and it is rigid then.
+    one of them stands out of its error (by chance, were it on the axis, as rarely as stated), and
+    it is rigid then.
     """
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
     if not newly or runs.unknown:
@@ -255,10 +258,13 @@ def _beside_axis(runs: _Runs, fit: Fit, found: Load) -> tuple[Fit, Load]:
     if not np.all(error > 0) or beside.is_loose:
         return fit, found
     chance = 2 * special.stdtr(beside.degrees[newly], -np.abs(beside.phi[newly]) / error)
-    return (fit_wider, beside) if len(newly) * chance.min() <= BESIDE else (fit, found)
+    return (fit_wider, beside) if len(newly) * chance.min() <= chance_on_it else (fit, found)
 
 
-def _refuse_contradiction(runs: _Runs, fit: Fit, found: Load, mass: float) -> None:
+def _refuse_contradiction(
+    runs: _Runs, fit: Fit, found: Load, mass: float, notable: float = 2.0
+) -> None:
+    """Name gains that explain it by `notable` standard errors: 95 of 100 by chance are nearer."""
     m, error = found.mass.value, found.mass.standard_error
     if not error or abs(m - mass) <= SURE * error:
         return
@@ -266,7 +272,7 @@ def _refuse_contradiction(runs: _Runs, fit: Fit, found: Load, mass: float) -> No
     if runs.alike:
         by_mass = fit(mass, gains=True)
         factors = by_mass.gains / found.gains
-        notable = np.flatnonzero(np.abs(np.log(factors)) > NOTABLE * by_mass.gain_errors)
+        notable = np.flatnonzero(np.abs(np.log(factors)) > notable * by_mass.gain_errors)
         explained = (
             ", ".join(f"{factors[k]:.3g} times that of axis {k + 1}" for k in notable) or explained
         )

@@ -18,6 +18,7 @@ from pydantic import AfterValidator, BeforeValidator
 from checked_files.yaml_file import FileModel, load_yaml
 from hil.estimation.loads.figures import AxisMisfit, Quantity
 from hil.model.base_parameters import base_parameters, link_share
+from hil.model.drive_train_file import USUAL_BOUND
 from hil.model.load import load_columns
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.provenance import RunStamp, same_parameters
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
 NAME, EARLIER = "load.yaml", "payload.yaml"
 DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
 """Kinds of measurement that figures of the paper show."""
-UNIDENTIFIABLE = 0.1
-"""Relative standard error from which on a gain is not identifiable from the load: no better than
-the usual tolerance of a torque constant."""
 
 
 def _drawn(kind: str) -> str:
@@ -234,6 +232,7 @@ def _changes(robot: Robot, load: Load, before: Estimate, after: Estimate) -> tup
 
 
 def _gains(found: Load, assumed: Array) -> tuple[GainRecord, ...]:
+    """Gains; one no better known than a torque constant usually is counts as not identifiable."""
     gain, relative, unknown = found.gains, found.gain_errors, np.isnan(assumed)
     constant = gain * np.where(unknown, 1.0, assumed)
     error = np.where(unknown, np.nan, 1.0 / gain - 1.0)
@@ -242,7 +241,7 @@ def _gains(found: Load, assumed: Array) -> tuple[GainRecord, ...]:
         GainRecord(
             axis=k + 1,
             assumed=_finite(each),
-            told=bool(relative[k] < UNIDENTIFIABLE),
+            told=bool(relative[k] < USUAL_BOUND),
             corrected=_finite(constant[k]),
             standard_error=_finite(constant[k] * relative[k]),
             error=_finite(error[k]),

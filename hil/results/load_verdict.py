@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from hil.planning.design.load_pose import Pose
     from hil.planning.plan import Plan
 
-ROUGH = 0.1
-"""Half-width of an interval from which a figure is rough, as share of its value."""
 WHOLE_RUNS = "take two whole runs"
 """What helps where no pose does."""
 
@@ -78,12 +76,12 @@ def _of_unsure(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
         yield f"not identifiable: {name}; {advice.get(name, WHOLE_RUNS)}"
 
 
-def _rough(found: Load) -> list[Quantity]:
-    """Mass and moments of inertia about the centre whose intervals are wide."""
+def _rough(found: Load, most: float = 0.1) -> list[Quantity]:
+    """Mass and moments of inertia about the centre with half-widths beyond that share of them."""
     return [
         q for q in found.quantities()
         if q.name in {"mass", *(f"I{k}{k} about the centre" for k in "xyz")}
-        and q.standard_error and q.half_width > ROUGH * abs(q.value)
+        and q.standard_error and q.half_width > most * abs(q.value)
     ]  # fmt: skip
 
 

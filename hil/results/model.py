@@ -39,9 +39,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.results.tables.terminal import Summary
 
-REVERSAL = 0.005
-"""Share of the velocity limit below which friction that drives are fed changes its direction."""
-
 
 class Model(IdentifiedRobot):
     """A robot's identified base parameters, to calculate with.
@@ -144,7 +141,7 @@ class Model(IdentifiedRobot):
             return total
         return total + friction_torque(self.robot, law, q, qd, rigid, warmth=warmth)
 
-    def drive_torque(self, q: Array, qd: Array, qdd: Array) -> Array:
+    def drive_torque(self, q: Array, qd: Array, qdd: Array, reversal: float = 0.005) -> Array:
         """Torques that drives are to be fed along a planned motion, shape of `q` [N m or N].
 
         Those of `torque`, but friction does not jump at a reversal, for a drive that is fed a jump
@@ -156,13 +153,15 @@ class Model(IdentifiedRobot):
         ----------
         q, qd, qdd : ndarray, shape (n, n_joints)
             Of a planned motion [rad, rad/s, rad/s^2; m for prismatic joints].
+        reversal : float
+            Share of the velocity limit below which friction changes its direction.
 
         Raises
         ------
         NotEnoughData
             The model has no law of friction.
         """
-        width = REVERSAL * self.robot.velocity_limit
+        width = reversal * self.robot.velocity_limit
         speed = np.maximum(np.abs(qd), width)
         back, forth = (self.torque(q, side * speed, qdd, ("friction",)) for side in (-1.0, 1.0))
         share = np.clip(0.5 + qd / (2 * width), 0.0, 1.0)

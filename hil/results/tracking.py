@@ -175,10 +175,6 @@ def write_tracking(folder: Path, found: Tracking) -> Path:
     return path
 
 
-WRONG_DELAY = 0.25
-"""SYNC periods by which the stated delay may differ from the one that the recording shows."""
-
-
 def tracking(found: Tracking) -> Table:
     """Following errors of all axes."""
     by_size = {
@@ -201,13 +197,16 @@ def tracking(found: Tracking) -> Table:
     )
 
 
-def notes(found: Tracking) -> tuple[str, ...]:
-    """What the passes show beside their figures, and what restricts these."""
+def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
+    """What the passes show beside their figures, and what restricts these.
+
+    The stated delay may differ by `wrong` SYNC periods from the one that the recording shows.
+    """
     lines = [
         f"median over the axes: velocity makes errors {found.gain('neither', 'velocity'):.3g} times"
         f" smaller, torque beside it {found.gain('velocity', 'both'):.3g} times more"
     ]
-    if abs(found.shown_delay - found.delay) > WRONG_DELAY:
+    if abs(found.shown_delay - found.delay) > wrong:
         lines.append(
             f"the recordings show a delay of {found.shown_delay:.2f} SYNC periods instead of"
             f" {found.delay:g}: repeat with --delay {found.shown_delay:.2f}"

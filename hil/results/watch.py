@@ -123,10 +123,6 @@ def write_watched(folder: Path, found: Watched) -> Path:
     return path
 
 
-MOSTLY = 0.5
-"""Share of the time from which an axis that was blind is named."""
-
-
 def watched(found: Watched) -> Table:
     """How well each axis was seen."""
     return table(
@@ -185,9 +181,9 @@ def _sentence(found: Watched) -> str:
     return f"{number} {alarm} in {clock(found.watched)}, {found.rate:.3g} an hour; {learned}"
 
 
-def _hardly_watched(found: Watched) -> tuple[str, ...]:
+def _hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
     """Which axes were blind for most of the time, and what would watch them."""
-    blind = [axis for axis in found.axes if found.watched and axis.blind > MOSTLY]
+    blind = [axis for axis in found.axes if found.watched and axis.blind > mostly]
     if not blind:
         return ()
     axes = f"{'axis' if len(blind) == 1 else 'axes'} {', '.join(str(axis.axis) for axis in blind)}"

@@ -72,7 +72,7 @@ OTHERWISE = {
     ("inertia", "results/recorded_torque.py"): "the same",
     ("friction", "results/recorded_torque.py"): "the same",
     ("friction", "results/model_file.py"): "a key of model.yaml",
-    ("friction", "results/torque_parts.py"): "a part of the torque",
+    ("friction", "results/identified_robot.py"): "a part of the torque",
     ("friction", "export/source_code.py"): "an exported function",
     ("friction", "export/functions.py"): "the same",
     ("gravity", "export/functions.py"): "the same",

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
-_SHOWN = 3
-"""Alternatives to a law, with their errors."""
-
 
 def friction(model: IdentifiedRobot) -> Table:
     """Law of friction of each axis, its coefficients, and what other laws predict."""
@@ -67,9 +64,10 @@ def _coefficient(law: AxisLaw, unit: str, position: str, term: str, value: TermV
     return f"{term} {shown} ± {error} {unit}".rstrip()
 
 
-def _others(law: AxisLaw) -> str:
+def _others(law: AxisLaw, most: int = 3) -> str:
+    """The best alternatives to a law, with their errors."""
     others = sorted((error, name) for name, error in law.held_out.items() if name != law.law)
-    return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:_SHOWN])
+    return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:most])
 
 
 def _coupled(each: CoupledFriction) -> Row:

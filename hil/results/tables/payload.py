@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.estimation.loads.figures import LOOSE
 from hil.results.rounding import rounded, signed, uncertain, unit
 from hil.results.tables.table import Column, Table, figures, table
 
@@ -16,8 +17,6 @@ OF_MAPS = (
     "Gains are over those that the map states, 1 where these are right; one that the map leaves"
     " unknown is N m or N for one unit of the signal."
 )
-MISFIT = 0.001
-"""p-value below which something else than a rigid load changed."""
 
 
 def changes(load: LoadFile) -> Table:
@@ -98,7 +97,7 @@ def goodness_of_fit(load: LoadFile) -> str:
     return (
         f"A rigid load leaves χ² = {load.chi_squared:.1f} of the differences with"
         f" {load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
-        + ("." if p > MISFIT else f": something else changed between the runs{_or_gains(load)}.")
+        + ("." if p > LOOSE else f": something else changed between the runs{_or_gains(load)}.")
     )
 
 
