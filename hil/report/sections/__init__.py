@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 OF_IDENTIFIED: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
     kept.validation,
     parameters.parameters,
-    imported.free_motions,
-    imported.back_and_forth,
+    imported.identified,
     of_run.advice,
     elements.measured_and_modelled,
     kept.load,

@@ -145,5 +145,5 @@ def test_every_tag_is_closed_every_plot_has_an_id_of_its_own_and_no_section_is_e
     assert len(set(found.ids)) == len(found.ids)
     assert read[1].count("<figure") == len([i for i in found.ids if i.startswith("plot-")])
     # no load, diagnosis, validation, bodies, and nothing of imports
-    assert len(found.sections) == len(sections.OF_IDENTIFIED) - 6
+    assert len(found.sections) == len(sections.OF_IDENTIFIED) - 5
     assert all(len(text) > 100 for text in found.sections)
