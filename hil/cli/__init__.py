@@ -46,11 +46,11 @@ PANELS = {
     "Run": {
         "run": _Command("measuring", "Measure a plan into a folder; the robot moves."),
         "track": _Command(
-            "tracking",
+            "beside_model",
             "Follow trajectories with neither, velocity and both fed forward; the robot moves.",
         ),
         "watch": _Command(
-            "watching",
+            "beside_model",
             "Compare torques with a model's while a plan moves the robot, and find pushes.",
         ),
         "import": _Command(

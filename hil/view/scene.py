@@ -9,8 +9,7 @@ import numpy as np
 
 from hil.model.capsules import capsules
 from hil.planning.workspace import narrowed
-from hil.view.along_motion import distances, predicted, smallest
-from hil.view.measured import measured
+from hil.view.along_motion import distances, measured, predicted, smallest
 from hil.view.packed import shown_kinds
 from hil.view.planned import planned
 from hil.view.visuals import robot_data, workspace_data
@@ -24,8 +23,7 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
     from hil.runs.run import Run
-    from hil.view.along_motion import Distances, Predicted
-    from hil.view.measured import Measured
+    from hil.view.along_motion import Distances, Measured, Predicted
     from hil.view.packed import Segment, Track
     from hil.view.visuals import Visual
 

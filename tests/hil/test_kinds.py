@@ -54,7 +54,7 @@ OWN = {
         "measuring/streaming.py",
         "measuring/feeding.py",
         "results/tracking.py",
-        "cli/tracking.py",
+        "cli/beside_model.py",
     ),
 }
 """Files about one kind alone, which may name it."""

@@ -28,7 +28,7 @@ from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.provenance import same_parameters
 from hil.results.rounding import signed
-from hil.results.tables import payload as load_tables
+from hil.results.tables import load as load_tables
 from hil.results.validation import judgements
 from hil.runs.atomic_file import own_folder, write_file
 
