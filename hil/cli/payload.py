@@ -71,7 +71,7 @@ def two_runs(
     with working("reading the runs") as now:
         from hil.results import load as results
         from hil.results import load_file
-        from hil.results.tables import load as tables
+        from hil.results import load_tables as tables
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
@@ -127,7 +127,7 @@ def measure(
     from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
     from hil.results.load import BareRun, FoundLoad, estimate_load, find_load
     from hil.results.load_file import NAME, write_load
-    from hil.results.tables.load import advised, verdict
+    from hil.results.load_tables import advised, verdict
     from hil.runs.run import Run
 
     if mass is not None and at_most is not None and mass > at_most:

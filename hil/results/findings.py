@@ -124,7 +124,8 @@ def identify_and_keep(
         campaign = tuple(run) if campaign is None else campaign
         made = identified(run, method, others, None if others else tuple(recorded(campaign)))
         found = follow_from(run, made, campaign)
-    keep(run, found, others)
+    with suppress(FileError):  # a folder that takes no files: what was found counts all the same
+        keep(run, found, others)
     return found
 
 

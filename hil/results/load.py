@@ -15,7 +15,7 @@ from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
-from hil.estimation.identify import estimate
+from hil.estimation.identify import default_method
 from hil.estimation.loads.evidence import condensed_like, of_free_motions, of_strokes
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
@@ -27,6 +27,7 @@ from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.candidates import weighed
 from hil.planning.design.load import WithoutLoad
 from hil.planning.measurement import shows_element
+from hil.results.findings import found_in
 from hil.results.provenance import named, same_recordings
 from hil.runs.pooling import Pooled, pooled, recorded
 
@@ -190,9 +191,8 @@ def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Load:
 
 
 def estimated(run: Run) -> Estimate:
-    """Estimate of a run by itself; errors name it."""
-    with named(run):
-        return estimate(run.robot, recorded(run))
+    """Estimate of a run by itself, as it is kept or as `hil identify` finds it."""
+    return found_in(run, default_method(run.motions)[0]).estimate
 
 
 def require_load(found: Load, absent: float = 0.01) -> None:
@@ -272,9 +272,9 @@ def _refuse_contradiction(
     if runs.alike:
         by_mass = fit(mass, gains=True)
         factors = by_mass.gains / found.gains
-        notable = np.flatnonzero(np.abs(np.log(factors)) > notable * by_mass.gain_errors)
+        moved = np.flatnonzero(np.abs(np.log(factors)) > notable * by_mass.gain_errors)
         explained = (
-            ", ".join(f"{factors[k]:.3g} times that of axis {k + 1}" for k in notable) or explained
+            ", ".join(f"{factors[k]:.3g} times that of axis {k + 1}" for k in moved) or explained
         )
     raise Mismatch(
         f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs; gains of"

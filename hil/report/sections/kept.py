@@ -20,7 +20,7 @@ from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, 
 from hil.report.charts.svg import file
 from hil.report.section import Picture, Plot, Section, picture_uri
 from hil.report.sections.elements import residuals_over_angles
-from hil.results import consistency, load_file
+from hil.results import consistency, load_file, load_tables
 from hil.results import diagnosis as kept_diagnosis
 from hil.results.diagnosis import load_diagnosis
 from hil.results.load_file import DRAWN, read_load
@@ -28,7 +28,6 @@ from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.provenance import same_parameters
 from hil.results.rounding import signed
-from hil.results.tables import load as load_tables
 from hil.results.validation import judgements
 from hil.runs.atomic_file import own_folder, write_file
 

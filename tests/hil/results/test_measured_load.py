@@ -26,7 +26,7 @@ from hil.results.load import (
     require_load,
 )
 from hil.results.load_file import NAME, write_load
-from hil.results.tables.load import advised, unsure, verdict
+from hil.results.load_tables import advised, unsure, verdict
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
