@@ -125,7 +125,7 @@ def measure(
     """Measure a load beside a run without it, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
     from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
-    from hil.results.load import BareRun, FoundLoad, estimate_load, find_load
+    from hil.results.load import BareRun, LoadResult, estimate_load, find_load
     from hil.results.load_file import NAME, write_load
     from hil.results.load_tables import advised, verdict
     from hil.runs.run import Run
@@ -163,7 +163,7 @@ def measure(
     with working("estimating the load"):
         load = find_load(bare, runs, mass)
         said = verdict(load, advised(known, [run.planned for run in runs], load))
-        write_load(output, bare_run, runs, FoundLoad(load), said)
+        write_load(output, bare_run, runs, LoadResult(load), said)
     say_simulated(*runs)
     for line in said:
         say(line)

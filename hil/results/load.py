@@ -110,7 +110,7 @@ class BareRun:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundLoad:
+class LoadResult:
     """What runs give of a load.
 
     Attributes
@@ -138,7 +138,7 @@ class FoundLoad:
 
 def find_payload(
     without: Run, loaded: Run, mass: float | None = None, *, gains: bool = False
-) -> FoundLoad:
+) -> LoadResult:
     """Find the load between two runs, and estimate each by itself.
 
     Parameters
@@ -176,7 +176,7 @@ def find_payload(
         assumed[list(runs.unknown)] = np.nan
     before, after = (runs.estimated(s, found if gains or runs.is_open else None) for s in (0, 1))
     own = None if runs.is_open else runs.estimated(1, None) if gains else after
-    return FoundLoad(found, before, after, own, by_mass, assumed)
+    return LoadResult(found, before, after, own, by_mass, assumed)
 
 
 def find_load(bare: BareRun, loaded: Sequence[Run], mass: float | None = None) -> Load:

@@ -16,7 +16,7 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator
 
 from checked_files.yaml_file import FileModel, load_yaml
-from hil.estimation.loads.figures import AxisMisfit, Quantity
+from hil.estimation.loads.figures import AxisMisfit, Figure
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.model.load import load_columns
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.estimation.loads.figures import Load
     from hil.model.robot import Robot
-    from hil.results.load import FoundLoad
+    from hil.results.load import LoadResult
     from hil.runs.run import Run
 
 
@@ -48,7 +48,7 @@ def _drawn(kind: str) -> str:
     return kind
 
 
-class Change(FileModel):
+class ParameterChange(FileModel):
     """A column of Table 3: one base parameter without and with the load."""
 
     name: str
@@ -106,7 +106,7 @@ class LoadFile(FileModel):
         Parameters of the load that the robot file takes as zero.
     unidentifiable : tuple of str
         Those that the recordings leave open.
-    changes : tuple of Change
+    changes : tuple of ParameterChange
         Of two runs that each identify the robot, as is all that follows.
     chi_squared, degrees_of_freedom, p_value
         Of what a rigid load leaves of any changes.
@@ -129,10 +129,10 @@ class LoadFile(FileModel):
     mass: float | None
     verdict: tuple[str, ...] = ()
     rigidity: tuple[AxisMisfit, ...] = ()
-    load: tuple[Quantity, ...]
+    load: tuple[Figure, ...]
     unseen: tuple[str, ...]
     unidentifiable: tuple[str, ...] = ()
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ParameterChange, ...] = ()
     chi_squared: float = 0.0
     degrees_of_freedom: int = 0
     p_value: float = 1.0
@@ -161,7 +161,7 @@ def write_load(
     path: Path,
     without: Run,
     loaded: Sequence[Run],
-    found: FoundLoad,
+    found: LoadResult,
     verdict: Sequence[str],
 ) -> LoadFile:
     """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""
@@ -210,14 +210,16 @@ def read_load(folder: Run) -> LoadFile | None:
     return next((load_yaml(path, LoadFile) for path in paths if path.exists()), None)
 
 
-def _changes(robot: Robot, load: Load, before: Estimate, after: Estimate) -> tuple[Change, ...]:
+def _changes(
+    robot: Robot, load: Load, before: Estimate, after: Estimate
+) -> tuple[ParameterChange, ...]:
     """The changes between two estimates; what drives do to both alike cancels."""
     base, shares = base_parameters(robot), link_share(robot, robot.n_joints - 1)
     expected = load_columns(robot).K @ load.phi
     drives = after.drive_effect - before.drive_effect
     variance = np.diag(before.covariance + after.covariance) + (drives**2).sum(axis=1)
     return tuple(
-        Change(
+        ParameterChange(
             name=name,
             unit=base.units[k],
             without=float(before.p[k]),

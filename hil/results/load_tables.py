@@ -12,12 +12,12 @@ from hil.results.tables.table import Column, Table, figures, table
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from hil.estimation.loads.figures import Load, Quantity
+    from hil.estimation.loads.figures import Figure, Load
     from hil.model.robot import Robot
     from hil.planning.design.load import WithoutLoad
     from hil.planning.design.load_pose import Pose
     from hil.planning.plan import Plan
-    from hil.results.load_file import Change, GainRecord, LoadFile
+    from hil.results.load_file import GainRecord, LoadFile, ParameterChange
     from hil.results.tables.table import Row
 
 WHOLE_RUNS = "take two whole runs"
@@ -82,7 +82,7 @@ def _of_unsure(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
         yield f"not identifiable: {name}; {advice.get(name, WHOLE_RUNS)}"
 
 
-def _rough(found: Load, most: float = 0.1) -> list[Quantity]:
+def _rough(found: Load, most: float = 0.1) -> list[Figure]:
     """Mass and moments of inertia about the centre with half-widths beyond that share of them."""
     return [
         q for q in found.quantities()
@@ -91,7 +91,7 @@ def _rough(found: Load, most: float = 0.1) -> list[Quantity]:
     ]  # fmt: skip
 
 
-def _parameter_of(figure: Quantity) -> str:
+def _parameter_of(figure: Figure) -> str:
     """Parameter that a figure of the load needs most: `Ixx` of `Ixx about the centre`."""
     return "m" if figure.name == "mass" else figure.name.split(maxsplit=1)[0]
 
@@ -120,7 +120,7 @@ def _of_rigidity(found: Load) -> list[str]:
     ]
 
 
-def _in_words(q: Quantity) -> str:
+def _in_words(q: Figure) -> str:
     if not q.standard_error:
         return f"{q.name} {q.value:g} {unit(q.unit)} as stated"
     value, half = (rounded(each, q.half_width) for each in (q.value, q.half_width))
@@ -154,7 +154,7 @@ def changes(load: LoadFile) -> Table:
     )
 
 
-def _change(each: Change) -> Row:
+def _change(each: ParameterChange) -> Row:
     s = each.standard_error
     values = (each.without, each.loaded, each.change, s, each.expected)
     z = signed(f"{(each.change - each.expected) / s:.1f}")
@@ -170,7 +170,7 @@ def quantities(load: LoadFile) -> Table:
     )
 
 
-def _figure_row(q: Quantity) -> Row:
+def _figure_row(q: Figure) -> Row:
     value, error = uncertain(q.value, q.standard_error)
     half = uncertain(q.half_width, q.standard_error)[0] if q.half_width else ""
     stated = not q.standard_error

@@ -199,7 +199,7 @@ def predict_recording(model: Model, recording: Recording, name: str = "") -> Pre
 
 
 def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
-    """Torque of a recording by its parts; see `hil.results.problem.Fit.torque_parts`."""
+    """Torque of a recording by its parts; see `hil.results.problem.ModelFit.torque_parts`."""
     robot, p = model.robot, model.values
     motion = along(model, recording)
     q, qd, qdd, still = motion.q, motion.qd, motion.qdd, np.zeros_like(motion.q)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
-class Measured(NamedTuple):
+class MeasuredTracks(NamedTuple):
     """A run in time: tracks of each joint."""
 
     segments: tuple[Segment, ...]
@@ -45,7 +45,7 @@ class Measured(NamedTuple):
     set_point: tuple[Track, ...] | None
 
 
-def measured(run: Run, most: int) -> Measured:
+def measured(run: Run, most: int) -> MeasuredTracks:
     """Lay all recordings of a run behind each other, with about `most` instants in all.
 
     Raises
@@ -73,7 +73,7 @@ def measured(run: Run, most: int) -> Measured:
     time, q, qd, tau, planned = (np.concatenate(each) for each in zip(*pieces, strict=True))
     angle = 2e-5  # by which a drawn position may be off [rad or m]
     known = bool(np.isfinite(planned).all())
-    return Measured(
+    return MeasuredTracks(
         tuple(segments),
         all_simplified(time, q, angle),
         all_simplified(time, qd),

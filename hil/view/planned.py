@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 class Planned(NamedTuple):
     """A plan in time."""
 
-    motion: Motion
+    motion: KnotMotion
     segments: tuple[Segment, ...]
 
 
@@ -145,7 +145,7 @@ KNOTS = 24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class KnotMotion:
     """Knots of all joints; joints stand still beyond their last one."""
 
     tracks: tuple[Track, ...]
@@ -204,9 +204,9 @@ class MotionBuilder:
             for at, profile in partner_strokes(measurement, partner):
                 self.move(partner.index, profile, begin + at)
 
-    def finish(self) -> Motion:
+    def finish(self) -> KnotMotion:
         """Return the motion."""
-        return Motion(tuple(Track(*np.array(knots).T) for knots in self._knots))
+        return KnotMotion(tuple(Track(*np.array(knots).T) for knots in self._knots))
 
     def _exercise(self, measurement: Strokes, begin: float) -> None:
         """Pairs of strokes, as many as end before the recording."""

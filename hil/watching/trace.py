@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from hil.watching.detector import Judged
 
 
-class Stretch(NamedTuple):
+class TraceStretch(NamedTuple):
     """Torques of one axis over a short time.
 
     Attributes
@@ -49,7 +49,7 @@ class Trace:
         self._period = period
         self._n = n_joints
         self._wanted: dict[int, float] = {}
-        self._kept: dict[int, Stretch] = {}
+        self._kept: dict[int, TraceStretch] = {}
 
     @property
     def waiting(self) -> bool:
@@ -78,7 +78,7 @@ class Trace:
         if axis not in self._kept:
             self._wanted.setdefault(axis, alarm)
 
-    def stretches(self) -> tuple[Stretch, ...]:
+    def stretches(self) -> tuple[TraceStretch, ...]:
         """One of each axis; empty where nothing was watched."""
         if not len(self._last[0]):
             return ()
@@ -87,6 +87,6 @@ class Trace:
             for axis in range(self._n)
         )
 
-    def _stretch(self, axis: int, alarm: float) -> Stretch:
+    def _stretch(self, axis: int, alarm: float) -> TraceStretch:
         time, *torques = self._last
-        return Stretch(alarm, time, *(each[:, axis] for each in torques))
+        return TraceStretch(alarm, time, *(each[:, axis] for each in torques))
