@@ -78,7 +78,7 @@ def two_runs(
         path = loaded / load_file.NAME
         refuse_unwritable(path)
         runs = Run.open(without), Run.open(loaded)
-        now("estimating both runs anew and the load between them")
+        now("estimating both runs and the load between them")
         found = results.find_payload(*runs, mass, gains=gains)
     say_simulated(*runs)
     kept = load_file.write_load(loaded, runs[0], runs[1:], found, tables.verdict(found.load))

@@ -109,7 +109,7 @@ class IdentifiedRobot:
             raise Mismatch(
                 f"{source}: the model was identified with another robot file ({self.robot.name}"
                 f" {self.robot.digest[:12]}) than that of {robot.name} {robot.digest[:12]}; give"
-                " model and recordings or plan of one robot file"
+                " the model of this robot with --model, or take its robot file"
             )
 
     @property
