@@ -20,7 +20,7 @@ from hil.results.findings import found_in
 from hil.results.model_file import NAME, read_model_file
 from hil.results.prediction import FreeTorques
 from hil.results.rounding import clock, rounded, signed, unit
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Column, Marked, Part, Table, figures, table
 from hil.results.tables.terminal import show
 from hil.runs.pooling import pooled
 
@@ -175,18 +175,15 @@ def render(result: Comparison, robot: Robot, console: Console) -> None:
 
 def _parameters(result: Comparison, robot: Robot) -> Table:
     base = base_parameters(robot)
-    return Table(
-        title=f"{robot.name}: estimate against truth",
-        columns=(
+    return table(
+        f"{robot.name}: estimate against truth",
+        (
             Column("", symbols=True),
             *figures("truth", "estimate", "std. error", "error", "z"),
-            Column("in 95 %"),
-            Column("unit"),
+            "in 95 %",
+            "unit",
         ),
-        parts=tuple(
-            Part(tuple(_parameter(result, base, k) for k in members))
-            for members in base.groups.values()
-        ),
+        (Part(tuple(_parameter(result, base, k) for k in m)) for m in base.groups.values()),
     )
 
 

@@ -118,12 +118,12 @@ def identify_and_keep(
     if others and method != JOINT:
         made = identified(run, method, others)
         return Findings(made.estimate, made.model)
-    if run.imported:
-        found = follow_from(run, identified(run, method, others), ())
-    else:
-        campaign = tuple(run) if campaign is None else campaign
-        made = identified(run, method, others, None if others else tuple(recorded(campaign)))
-        found = follow_from(run, made, campaign)
+    alone = run.imported and not others  # nothing follows but the model, and it may be large
+    if campaign is None:
+        campaign = () if alone else tuple(run)
+    again = alone or others
+    made = identified(run, method, others, None if again else tuple(recorded(campaign)))
+    found = follow_from(run, made, campaign)
     with suppress(FileError):  # a folder that takes no files: what was found counts all the same
         keep(run, found, others)
     return found

@@ -18,7 +18,7 @@ from hil.errors import NotEnoughData
 from hil.planning.strokes import REST
 from hil.planning.trajectory import Trajectory
 from hil.results.rounding import significant
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Part, Table, figures, table
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -177,23 +177,17 @@ def write_tracking(folder: Path, found: Tracking) -> Path:
 
 def tracking(found: Tracking) -> Table:
     """Following errors of all axes."""
-    by_size = {
-        "rms": {axis.axis: axis.rms for axis in found.axes},
-        "peak": {axis.axis: axis.peak for axis in found.axes},
-    }
-    return Table(
-        title="Following errors, by what is fed forward",
-        columns=(Column("axis"), *figures(*PASSES, "factor"), Column("unit")),
-        parts=tuple(
-            Part(tuple(_row(axis, errors[axis.axis]) for axis in found.axes), name)
-            for name, errors in by_size.items()
+    return table(
+        "Following errors, by what is fed forward",
+        ("axis", *figures(*PASSES, "factor"), "unit"),
+        (
+            Part(tuple(_row(axis, getattr(axis, size)) for axis in found.axes), size)
+            for size in ("rms", "peak")
         ),
-        explanation=(
-            "What was planned less what was measured while the trajectory was in motion, with"
-            " neither velocity nor torque fed forward, with velocity, and with both; factor by"
-            " which torque makes the error of velocity alone smaller."
-        ),
-        notes=notes(found),
+        "What was planned less what was measured while the trajectory was in motion, with"
+        " neither velocity nor torque fed forward, with velocity, and with both; factor by"
+        " which torque makes the error of velocity alone smaller.",
+        notes(found),
     )
 
 

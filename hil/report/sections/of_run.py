@@ -33,11 +33,12 @@ def advice(run: IdentifiedRun) -> Section | None:
 
 def _findings(items: list[Reservation]) -> Table:
     """Findings under their remedies, each of which is stated once."""
+    remedies = dict.fromkeys(item.remedy for item in items)
     parts = (
         Part(tuple((e.subject, e.reason) for e in items if e.remedy == each), f"Remedy: {each}")
-        for each in dict.fromkeys(item.remedy for item in items)
+        for each in remedies
     )
-    return Table("", (Column("where"), Column("finding", folds=True)), tuple(parts))
+    return table("", ("where", Column("finding", folds=True)), parts)
 
 
 def drive_trains(run: IdentifiedRun) -> Section | None:

@@ -24,22 +24,21 @@ if TYPE_CHECKING:
 
 def models(result: FrictionResult) -> Table:
     """Every model of every axis with its errors; parameters that the data leave open are notes."""
-    return Table(
-        title=_title(result),
-        columns=(
-            Column("axis"),
-            Column("model"),
+    return table(
+        f"{result.robot.name}: {len(result.points)} friction measurements, gravity by"
+        f" {result.gravity}",
+        (
+            "axis",
+            "model",
             *figures(f"rms, {result.robot.torque_units}", "held out"),
-            Column("chosen"),
+            "chosen",
             Column("parameters with std. errors", folds=True),
         ),
-        parts=tuple(Part(tuple(_models(fit))) for fit in result.axes),
-        explanation=(
-            "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
-            " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
-            " none beats by more than chance at speeds held out."
-        ),
-        notes=tuple(
+        (Part(tuple(_models(fit))) for fit in result.axes),
+        "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
+        " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
+        " none beats by more than chance at speeds held out.",
+        tuple(
             f"axis {fit.axis + 1}, {kind}: {word}"
             for fit in result.axes
             for kind, model in fit.models.items()
@@ -48,23 +47,11 @@ def models(result: FrictionResult) -> Table:
     )
 
 
-def _title(result: FrictionResult) -> str:
-    measurements = f"{len(result.points)} friction measurements"
-    return f"{result.robot.name}: {measurements}, gravity by {result.gravity}"
-
-
-def _models(fit: AxisCurves) -> list[Row]:
-    return [
-        (
-            "" if number else str(fit.axis + 1),
-            kind,
-            significant(model.error, 3),
-            significant(model.held_out_error or 0.0, 3),
-            "yes" if kind == fit.chosen else "",
-            _parameters(model),
-        )
-        for number, (kind, model) in enumerate(fit.models.items())
-    ]
+def _models(fit: AxisCurves) -> Iterator[Row]:
+    for number, (kind, model) in enumerate(fit.models.items()):
+        errors = (significant(each, 3) for each in (model.error, model.held_out_error or 0.0))
+        chosen = "yes" if kind == fit.chosen else ""
+        yield "" if number else str(fit.axis + 1), kind, *errors, chosen, _parameters(model)
 
 
 def _parameters(model: FrictionModel) -> str:
@@ -143,37 +130,25 @@ def drift(drifts: Iterable[Drift]) -> Table:
     Those that are not identifiable are named below, by the reason, which is mostly the same.
     """
     found = list(drifts)
-    rows = (Part(tuple(_drift(each))) for each in found)
-    return Table(
-        title="Friction's variance in time",
-        columns=(
-            Column("axis"),
-            Column("time constant"),
-            *figures("value, s", "std. error", "effect"),
-        ),
-        parts=tuple(part for part in rows if part.rows),
-        explanation=(
-            "Time constants, estimated from the friction level over time: of warming up (effect:"
-            " the change of the level by warming up as far as the axis did), of the lubricant's"
-            " settling at rest (from stirred to settled), and of its stirring up again in motion at"
-            " half the speed limit."
-        ),
-        notes=tuple(_unidentifiable(found)),
+    parts = (Part(tuple(_drift(each))) for each in found)
+    return table(
+        "Friction's variance in time",
+        ("axis", "time constant", *figures("value, s", "std. error", "effect")),
+        (part for part in parts if part.rows),
+        "Time constants, estimated from the friction level over time: of warming up (effect:"
+        " the change of the level by warming up as far as the axis did), of the lubricant's"
+        " settling at rest (from stirred to settled), and of its stirring up again in motion at"
+        " half the speed limit.",
+        tuple(_unidentifiable(found)),
     )
 
 
 def _drift(found: Drift) -> Iterator[Row]:
-    effects = (found.warm_effect, found.rest_effect, None)
-    axis = str(found.axis + 1)
+    effects, axis = (found.warm_effect, found.rest_effect, None), str(found.axis + 1)
     for constant, effect in zip(found.constants, effects, strict=True):
         if not constant.word:
             share = "" if effect is None else signed(f"{100 * effect:.1f}") + " %"
-            yield (
-                axis,
-                constant.name,
-                *uncertain(constant.value, constant.standard_error),
-                share,
-            )
+            yield axis, constant.name, *uncertain(constant.value, constant.standard_error), share
             axis = ""
 
 

@@ -172,20 +172,13 @@ def _bias(fit: FreeMotionFit) -> str:
 
 def curves(fit: BackAndForthFit) -> Table:
     """Friction of each axis over its speed."""
-    return Table(
-        title="Friction over the speed",
-        columns=(
-            Column("axis"),
-            *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs"),
-        ),
-        parts=tuple(
-            Part(tuple(_point(curve, point) for point in curve.points)) for curve in fit.curves
-        ),
-        explanation=(
-            "Half the difference of the torques forth and back at the same position, less the rigid"
-            " bodies' part of it. Mean over the pairs of strokes; the interval is that of the mean"
-            " and comes from the scatter between pairs, drift included."
-        ),
+    return table(
+        "Friction over the speed",
+        ("axis", *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs")),
+        (Part(tuple(_point(curve, point) for point in curve.points)) for curve in fit.curves),
+        "Half the difference of the torques forth and back at the same position, less the rigid"
+        " bodies' part of it. Mean over the pairs of strokes; the interval is that of the mean"
+        " and comes from the scatter between pairs, drift included.",
     )
 
 

@@ -42,22 +42,24 @@ def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> 
     freedom, and what the standard errors mean in torques.
     """
     base = base_parameters(model.robot)
-    rows = [_parameter(model, k, prediction) for k in range(len(base))]
-    return Table(
-        title=_title(model),
-        columns=(
+    return table(
+        _title(model),
+        (
             NAME,
             *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "%"),
-            *((Column("of torque"),) if prediction else ()),
-            Column("unit"),
+            *(("of torque",) if prediction else ()),
+            "unit",
             Column("expression", folds=True, symbols=True),
         ),
-        parts=tuple(
-            Part(tuple(rows[k] for k in members), _group(group, model.condition))
+        (
+            Part(
+                tuple(_parameter(model, k, prediction) for k in members),
+                _group(group, model.condition),
+            )
             for group, members in base.groups.items()
             if members
         ),
-        explanation=EXPLANATION if prediction else "",
+        EXPLANATION if prediction else "",
     )
 
 
@@ -101,15 +103,11 @@ def _effect(prediction: Prediction, k: int) -> str:
 
 def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:
     """Two models of one run side by side; differences beyond `DISAGREEMENT` stand out."""
-    return Table(
-        title=f"{model.robot.name}: {model.method} and {check.method} method",
-        columns=(
-            NAME,
-            Column("unit"),
-            *figures(model.method, "std. error", check.method, "std. error"),
-            *figures("difference", "in std. errors"),
-        ),
-        parts=tuple(
+    heads = model.method, "std. error", check.method, "std. error", "difference", "in std. errors"
+    return table(
+        f"{model.robot.name}: {model.method} and {check.method} method",
+        (NAME, "unit", *figures(*heads)),
+        (
             Part(tuple(_method(model, check, k) for k in members))
             for members in base_parameters(model.robot).groups.values()
             if members

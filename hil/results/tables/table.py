@@ -96,11 +96,13 @@ def figures(*heads: str) -> tuple[Column, ...]:
 def table(
     title: str,
     columns: Iterable[str | Column],
-    rows: Iterable[Row],
+    rows: Iterable[Row | Part],
     explanation: str = "",
     notes: tuple[str, ...] = (),
 ) -> Table:
-    """Make a table of one part, without any where there are no rows; a text heads plain cells."""
+    """Make a table of rows, or of parts; a text heads plain cells."""
     made = tuple(Column(each) if isinstance(each, str) else each for each in columns)
-    own = tuple(rows)
-    return Table(title, made, (Part(own),) if own else (), explanation, notes)
+    given = tuple(rows)
+    parts = tuple(each for each in given if isinstance(each, Part))
+    own = tuple(each for each in given if not isinstance(each, Part))
+    return Table(title, made, (*parts, Part(own)) if own else parts, explanation, notes)
