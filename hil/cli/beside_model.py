@@ -6,6 +6,7 @@ torques beside the model's while axes move, with alarms at pushes.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -65,8 +66,6 @@ def track(
     realtime: RealTime = False,
 ) -> None:
     """Follow trajectories with neither, velocity and both fed forward; the robot moves."""
-    from functools import partial
-
     with working("predicting the torques of the plan"):
         from checked_files.yaml_file import FileError
         from hil.cli.measuring import measure
@@ -156,8 +155,6 @@ def watch(
 
     Exit status 3 where there were alarms.
     """
-    from functools import partial
-
     with working("reading plan and model"):
         from hil.cli.measuring import measure
         from hil.cli.plan_files import load

@@ -112,12 +112,12 @@ def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
 
     Without a model it is the method for what was recorded.
     """
+    method, together = default_method(run.motions)[0], tuple[str, ...]()
     with suppress(FileError):
         origin = read_model_file(run.path / NAME).provenance
         if origin.method in METHODS:
-            together = origin.together_with if origin.method == JOINT else ()
-            return origin.method, tuple(map(Run.open, together))
-    return default_method(run.motions)[0], ()
+            method, together = origin.method, origin.together_with
+    return method, tuple(map(Run.open, together if method == JOINT else ()))
 
 
 def _friction_alone(run: Run) -> bool:
