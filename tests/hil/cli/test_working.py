@@ -58,7 +58,7 @@ LONG = [
     ("payload measure --model RUN -o NEW", "results.load.estimated",
      "reading what the run without the load knows"),
     ("history RUN", "results.history.read_history", "comparing 1 runs"),
-    ("history RUN --identify", "results.identification.identify", "identifying"),
+    ("history RUN --identify", "results.findings.found_in", "identifying"),
     ("validate RUN --model RUN", "results.model.Model.load", "reading the model"),
     ("export RUN --to json -o NEW", "results.model.Model.load", "reading the model"),
     ("accept RUN --draft -o NEW", "results.model.Model.load", "reading the run"),
