@@ -20,7 +20,7 @@ from rich.table import Table
 import hil
 from hil.estimation.signals import signals
 from hil.friction.equation import moving
-from hil.results.torque_parts import PARTS
+from hil.results.identified_robot import PARTS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -22,113 +22,76 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-class _Command(NamedTuple):
-    """A command, or a group of them: its module in this package, and the first line of its help."""
-
-    module: str
-    help: str
-
-
 PANELS = {
     "Robot and plan": {
-        "robot": _Command(
-            "robots", "Show base parameters, their groups, and where they occur in M and g."
-        ),
-        "plan": _Command("planning", "Choose configurations and motions from g(q) and M(q)."),
-        "dry-run": _Command(
-            "planning", "State what a plan takes and what it gives; nothing moves."
-        ),
-        "view": _Command(
-            "viewing",
-            "Write a page that plays a plan or a run in 3-D, or shows a robot; one HTML file.",
-        ),
+        "robot": "Show base parameters, their groups, and where they occur in M and g.",
+        "plan": "Choose configurations and motions from g(q) and M(q).",
+        "dry-run": "State what a plan takes and what it gives; nothing moves.",
+        "view": "Write a page that plays a plan or a run in 3-D, or shows a robot; one HTML file.",
     },
     "Run": {
-        "run": _Command("measuring", "Measure a plan into a folder; the robot moves."),
-        "track": _Command(
-            "tracking",
-            "Follow trajectories with neither, velocity and both fed forward; the robot moves.",
+        "run": "Measure a plan into a folder; the robot moves.",
+        "track": (
+            "Follow trajectories with neither, velocity and both fed forward; the robot moves."
         ),
-        "watch": _Command(
-            "watching",
-            "Compare torques with a model's while a plan moves the robot, and find pushes.",
-        ),
-        "import": _Command(
-            "importing",
-            "Turn recordings of any robot into a run folder; a map states which column is what.",
+        "watch": "Compare torques with a model's while a plan moves the robot, and find pushes.",
+        "import": (
+            "Turn recordings of any robot into a run folder; a map states which column is what."
         ),
     },
     "Results": {
-        "identify": _Command(
-            "results",
-            "Estimate base parameters from runs of any kind; exit status 3 where that failed.",
+        "identify": (
+            "Estimate base parameters from runs of any kind; exit status 3 where that failed."
         ),
-        "validate": _Command(
-            "validating",
-            "Judge a model by a run that it was not made from; exit status 3 where it failed.",
+        "validate": (
+            "Judge a model by a run that it was not made from; exit status 3 where it failed."
         ),
-        "report": _Command("results", "Write a run's report, one HTML file."),
-        "diagnose": _Command(
-            "results",
-            "Test what the robot file leaves out and what it states; writes diagnosis.yaml.",
+        "report": "Write a run's report, one HTML file.",
+        "diagnose": (
+            "Test what the robot file leaves out and what it states; writes diagnosis.yaml."
         ),
-        "payload": _Command(
-            "payload", "Find a load from two runs, without and with it, or measure one in minutes."
+        "payload": "Find a load from two runs, without and with it, or measure one in minutes.",
+        "accept": "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if"
+        " failed.",
+        "history": (
+            "Show parameters and friction of one machine over many runs, and mark what changed."
         ),
-        "accept": _Command(
-            "accepting",
-            "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if"
-            " failed.",
-        ),
-        "history": _Command(
-            "history",
-            "Show parameters and friction of one machine over many runs, and mark what changed.",
-        ),
-        "export": _Command(
-            "exporting",
-            "Write an identified model, or the recordings of a run, as files of other tools.",
-        ),
+        "export": "Write an identified model, or the recordings of a run, as files of other tools.",
     },
     "Drives and commissioning": {
-        "doctor": _Command(
-            "doctor",
-            "Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one"
-            " fails.",
+        "doctor": "Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one"
+        " fails.",
+        "scan": "Find the nodes on a bus and what they lack for measuring; only reads.",
+        "drives": "Write drives files, put found settings back.",
+        "check": "Check every drive against the drives file, at last by a small move of each axis.",
+        "jog": "Move one axis by a small relative way, slowly; no other axis is powered.",
+        "home": (
+            "Let one drive find its reference by its own homing mode; no other axis is powered."
         ),
-        "scan": _Command(
-            "drives", "Find the nodes on a bus and what they lack for measuring; only reads."
-        ),
-        "drives": _Command("drives", "Write drives files, put found settings back."),
-        "check": _Command(
-            "commissioning",
-            "Check every drive against the drives file, at last by a small move of each axis.",
-        ),
-        "jog": _Command(
-            "commissioning",
-            "Move one axis by a small relative way, slowly; no other axis is powered.",
-        ),
-        "home": _Command(
-            "commissioning",
-            "Let one drive find its reference by its own homing mode; no other axis is powered.",
-        ),
-        "monitor": _Command(
-            "monitoring",
-            "Show states, positions, torques and emergencies live; sends nothing unless asked to.",
-        ),
+        "monitor": "Show states, positions, torques and emergencies live; sends nothing unless"
+        " asked to.",
     },
     "Research": {
-        "compare": _Command("results", "Set an estimate against the truth of the virtual plant."),
-        "friction": _Command("friction", "Friction, and how it changes in time."),
-        "trajectory": _Command(
-            "trajectory", "Conventional identification with periodic trajectories."
-        ),
+        "compare": "Set an estimate against the truth of the virtual plant.",
+        "friction": "Friction, and how it changes in time.",
+        "trajectory": "Conventional identification with periodic trajectories.",
     },
-}
-"""Panels of the help, and the commands of each as a user meets them.
+}  # fmt: skip
+"""Panels of the help, the commands of each as a user meets them, and the first line of their help.
 
 The help repeats the commands' own docstrings; a test compares them.
 """
-COMMANDS = {name: command for panel in PANELS.values() for name, command in panel.items()}
+MODULES = {
+    "robot": "robots", "plan": "planning", "dry-run": "planning", "view": "viewing",
+    "run": "measuring", "track": "beside_model", "watch": "beside_model", "import": "importing",
+    "identify": "results", "validate": "judging", "report": "results", "diagnose": "results",
+    "payload": "payload", "accept": "judging", "history": "history", "export": "exporting",
+    "doctor": "doctor", "scan": "drives", "drives": "drives", "check": "commissioning",
+    "jog": "commissioning", "home": "commissioning", "monitor": "monitoring", "compare": "results",
+    "friction": "friction", "trajectory": "trajectory",
+}  # fmt: skip
+"""Module of each command, or group of them, in this package."""
+COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 
 
 class _ImportedLate(TyperGroup):
@@ -153,7 +116,7 @@ class _ImportedLate(TyperGroup):
 
 def imported(name: str) -> Any:
     """Import a command, or a group of them, by its name."""
-    module = import_module(f"{__name__}.{COMMANDS[name].module}")
+    module = import_module(f"{__name__}.{MODULES[name]}")
     return typer.main.get_group(module.commands).commands[name]
 
 
@@ -173,8 +136,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _panel, _commands in PANELS.items():
-    for _name, _stated in _commands.items():
-        app.command(_name, help=_stated.help, rich_help_panel=_panel)(lambda: None)
+    for _name, _text in _commands.items():
+        app.command(_name, help=_text, rich_help_panel=_panel)(lambda: None)
 
 
 @app.callback()

@@ -134,8 +134,9 @@ def _model_with_bodies(
     model: Model, source: Path, given: Given | None, masses: list[str] | None
 ) -> Model:
     """The model with bodies, found now unless the model has them as they are asked for."""
+    from hil.estimation.consistent.nearest import SHAPES
     from hil.export.given_urdf import bodies_of
-    from hil.results.consistency import SHAPES, with_consistent_robot
+    from hil.results.consistency import with_consistent_robot
 
     likely = None if given is None else bodies_of(given, model.robot)
     if model.consistent is not None and not masses and likely is None:

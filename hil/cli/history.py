@@ -92,12 +92,14 @@ def history(
 
 def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:
     """Identify the runs among folders that have no model yet."""
-    from hil.results.identification import identify
+    from hil.estimation.identify import default_method
+    from hil.results.findings import found_in
     from hil.results.model_file import file_of
     from hil.runs.run import Run
 
     for folder in folders:
         if folder.is_dir() and not (path := file_of(folder)).exists():
             now(f"identifying {folder}")
-            identify(Run.open(folder)).save(path)
+            run = Run.open(folder)
+            found_in(run, default_method(run.motions)[0]).model.save(path)
             say(f"model in {path}")

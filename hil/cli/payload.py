@@ -71,21 +71,20 @@ def two_runs(
     with working("reading the runs") as now:
         from hil.results import load as results
         from hil.results import load_file
-        from hil.results.load_verdict import verdict
-        from hil.results.tables import payload as tables
+        from hil.results import load_tables as tables
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
         path = loaded / load_file.NAME
         refuse_unwritable(path)
         runs = Run.open(without), Run.open(loaded)
-        now("estimating both runs anew and the load between them")
+        now("estimating both runs and the load between them")
         found = results.find_payload(*runs, mass, gains=gains)
     say_simulated(*runs)
-    kept = load_file.write_load(loaded, runs[0], runs[1:], found, verdict(found.load))
+    kept = load_file.write_load(loaded, runs[0], runs[1:], found, tables.verdict(found.load))
     show(tables.changes(kept), out)
     show(tables.quantities(kept), out)
-    for sentence in (tables.goodness_of_fit(kept), tables.unseen(kept)):
+    for sentence in (tables.goodness_of_fit(kept), tables.not_shown(kept)):
         show_sentence(sentence, out)
     show(tables.torque_constants(kept), out)
     say(f"load in {path}; hil report {loaded} shows it")
@@ -126,9 +125,9 @@ def measure(
     """Measure a load beside a run without it, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
     from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
-    from hil.results.load import BareRun, FoundLoad, estimate_load, find_load
+    from hil.results.load import BareRun, LoadResult, estimate_load, find_load
     from hil.results.load_file import NAME, write_load
-    from hil.results.load_verdict import advised, verdict
+    from hil.results.load_tables import advised, verdict
     from hil.runs.run import Run
 
     if mass is not None and at_most is not None and mass > at_most:
@@ -164,7 +163,7 @@ def measure(
     with working("estimating the load"):
         load = find_load(bare, runs, mass)
         said = verdict(load, advised(known, [run.planned for run in runs], load))
-        write_load(output, bare_run, runs, FoundLoad(load), said)
+        write_load(output, bare_run, runs, LoadResult(load), said)
     say_simulated(*runs)
     for line in said:
         say(line)

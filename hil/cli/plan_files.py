@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from hil.cli import dry_run_view
-from hil.errors import Mismatch
 from hil.model.robot import ROBOTS, load_robot, refuse_unknown
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace_check import load_workspace, remarks
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from hil.planning.dry_run import DryRun
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
-    from hil.results.model import Model
 
 
 def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tuple[Plan, Robot]:
@@ -82,21 +80,6 @@ def _show_remarks(workspace: Workspace | None, robot: Robot) -> None:
     """Print what is strange about a workspace, though it is accepted."""
     for line in remarks(workspace, robot):
         say(line, style="yellow")
-
-
-def refuse_other_model(model: Model, path: Path, robot: Robot, plan_file: Path) -> None:
-    """Refuse the model of another robot than the plan's.
-
-    Raises
-    ------
-    Mismatch
-    """
-    if model.robot.digest != robot.digest:
-        raise Mismatch(
-            f"{path}: was identified with another robot file than {plan_file} was made for"
-            f" ({model.robot.name} {model.robot.digest[:12]}, {robot.name}"
-            f" {robot.digest[:12]}); give the model of this robot with --model"
-        )
 
 
 def refuse_problems(result: DryRun, plan_file: Path) -> None:

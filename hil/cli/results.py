@@ -60,8 +60,9 @@ def identify(
     begun = perf_counter()
     with working("reading the run") as now:
         from hil.estimation.friction.symmetry import of_local_values
-        from hil.results import identification, kept_findings, model_file
+        from hil.results import identification, model_file
         from hil.results.advice import budget_table
+        from hil.results.findings import identify_and_keep
         from hil.results.tables.friction import symmetry
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.pooling import open_runs, pooled
@@ -78,10 +79,7 @@ def identify(
             if run.imported or any(each.imported for each in more):
                 say(f"{method} method: {reason}")
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
-        if more or run.imported:
-            found = identification.identified(run, method, more).model
-        else:
-            found = kept_findings.identify_and_keep(run, method).model
+        found = identify_and_keep(run, method, more).model
         if consistent or masses:
             from hil.results.consistency import with_consistent_robot
 
@@ -152,7 +150,7 @@ def compare(
         _refuse_unknown(method)
         run, *more = open_runs([folder, *(others or ())])
         run = run.without(without or ())
-        now(f"estimating {run.robot.name} anew, beside the truth")
+        now(f"setting what was estimated of {run.robot.name} beside the truth")
         module.compare(run, truth, out, method or method_for(run, more)[0], more)
 
 

@@ -165,10 +165,9 @@ def _visuals(urdf: Path | None, robot: Robot) -> Sequence[Visual]:
 
 def _model(path: Path, robot: Robot) -> Model:
     from hil.results.model import Model
-    from hil.view.along_motion import refuse_other_robot
 
     model = Model.load(path)
-    refuse_other_robot(model, robot, str(path))
+    model.refuse_other_robot(robot, str(path))
     return model
 
 

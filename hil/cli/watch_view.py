@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from hil.results.watch import Alarm
     from hil.watching.watcher import Watcher
 
-REDRAWN = 0.1
-"""Time between two tables [s]."""
-
 
 class WatchView:
     """Shows alarms as they begin, and on a terminal the torques of all axes.
@@ -45,12 +42,12 @@ class WatchView:
         self._next = 0.0
         self._doing = ""
 
-    def take(self, alarm: Alarm | None) -> None:
-        """Show an alarm; draw the table anew when it is time."""
+    def take(self, alarm: Alarm | None, period: float = 0.1) -> None:
+        """Show an alarm; draw the table anew where it was drawn a period ago [s]."""
         if alarm is not None:
             say(in_words(alarm, self._watcher.unit(alarm)), style="bold red")
         if self._live is not None and time.monotonic() >= self._next:
-            self._next = time.monotonic() + REDRAWN
+            self._next = time.monotonic() + period
             self._live.update(self.table(), refresh=True)
 
     @contextmanager

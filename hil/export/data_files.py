@@ -31,7 +31,7 @@ from hil.friction.law import friction_variance
 from hil.friction.terms import DIRECTED, OF_SPEED
 from hil.friction.warmth import REFERENCE
 from hil.model.base_parameters import base_parameters
-from hil.results.torque_parts import known_friction
+from hil.results.identified_robot import known_friction
 
 if TYPE_CHECKING:
     from hil.export.simple_friction import SimpleFriction

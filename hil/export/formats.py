@@ -12,6 +12,7 @@ from hil.export.mjcf_file import write_mjcf
 from hil.export.python_code import write_python
 from hil.export.recordings.formats import RECORDINGS
 from hil.export.urdf_file import write_urdf
+from hil.results.consistency import statements
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +59,7 @@ def export(
     refuse_unknown(name)
     if name not in SIMULATORS:
         return FORMATS[name](model, origin)
-    costs = model.consistent.statements(model.robot) if model.consistent else ()
+    costs = statements(model.robot, model.consistent) if model.consistent else ()
     return SIMULATORS[name](model, (*origin, *costs), given)
 
 

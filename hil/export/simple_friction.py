@@ -20,8 +20,8 @@ from scipy import optimize
 
 from hil.errors import NotEnoughData
 from hil.friction.law import friction_torque
+from hil.results.identified_robot import known_friction, lacking
 from hil.results.rounding import percent, significant
-from hil.results.torque_parts import known_friction, lacking
 
 if TYPE_CHECKING:
     from hil.arrays import Array

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array
+    from hil.estimation.consistent.result import ConsistentRobot
     from hil.export.simple_friction import SimpleFriction
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
-    from hil.results.consistent_robot import ConsistentRobot
     from hil.results.model import Model
 
 

@@ -15,7 +15,7 @@ from hil.export.expressions import count, needed
 from hil.export.rigid_bodies import of_whole_links
 from hil.export.simple_friction import presliding_left_out
 from hil.model.base_parameters import base_parameters
-from hil.results.torque_parts import lacking
+from hil.results.identified_robot import lacking
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

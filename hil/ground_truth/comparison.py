@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch
-from hil.estimation.identify import estimate
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
+from hil.results.findings import found_in
 from hil.results.model_file import NAME, read_model_file
 from hil.results.prediction import FreeTorques
-from hil.results.provenance import named
 from hil.results.rounding import clock, rounded, signed, unit
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Column, Marked, Part, Table, figures, table
 from hil.results.tables.terminal import show
 from hil.runs.pooling import pooled
 
@@ -107,7 +106,9 @@ def compare(
     method: str = "improved",
     others: Sequence[Run] = (),
 ) -> Comparison:
-    """Estimate runs of the virtual plant anew, compare, print.
+    """Compare what runs of the virtual plant gave with the truth, print.
+
+    What is kept of them is taken, else they are identified, as `hil identify` does.
 
     Parameters
     ----------
@@ -131,9 +132,7 @@ def compare(
         refuse_other_plant(each, truth)
     _refuse_other_model(run, others)
     recordings = list(pooled([run, *others]))
-    with named(run):
-        found = estimate(run.robot, recordings, method)
-    result = comparison(found, run.robot, true)
+    result = comparison(found_in(run, method, others).estimate, run.robot, true)
     render(result, run.robot, console)
     console.print(
         f"{len(recordings)} measurements in {clock(recordings[-1][1].time[-1])} of robot time,"
@@ -176,18 +175,15 @@ def render(result: Comparison, robot: Robot, console: Console) -> None:
 
 def _parameters(result: Comparison, robot: Robot) -> Table:
     base = base_parameters(robot)
-    return Table(
-        title=f"{robot.name}: estimate against truth",
-        columns=(
+    return table(
+        f"{robot.name}: estimate against truth",
+        (
             Column("", symbols=True),
             *figures("truth", "estimate", "std. error", "error", "z"),
-            Column("in 95 %"),
-            Column("unit"),
+            "in 95 %",
+            "unit",
         ),
-        parts=tuple(
-            Part(tuple(_parameter(result, base, k) for k in members))
-            for members in base.groups.values()
-        ),
+        (Part(tuple(_parameter(result, base, k) for k in m)) for m in base.groups.values()),
     )
 
 

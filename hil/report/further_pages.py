@@ -16,10 +16,10 @@ from hil.report.header import when
 from hil.report.page import write_html
 from hil.report.section import Plot
 from hil.results import history_file as tables
-from hil.results.acceptance import table
+from hil.results.acceptance import checked
 from hil.results.history_file import half_width
 from hil.results.rounding import unit
-from hil.results.tables.table import Column, Part, Table
+from hil.results.tables.table import Column, Table, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from hil.results.acceptance import Acceptance
     from hil.results.history import History
     from hil.results.quantities import Kind
-    from hil.results.tables.table import Row
     from hil.runs.run import Run
 
 NOT_KNOWN = "not stated"
@@ -52,17 +51,15 @@ def write_acceptance_page(
         failed=sum(check.word == "failed" for check in found.checks),
         count=len(found.checks),
         facts=facts.items(),
-        tables=[each for each in (table(found), _drives(run)) if each],
+        tables=[each for each in (checked(found), _drives(run)) if each],
         simulated=run.journal.simulated,
     )
 
 
-def _drives(run: Run) -> Table | None:
+def _drives(run: Run) -> Table:
     axes = next((session.axes for session in run.journal.sessions if session.axes), ())
-    rows: tuple[Row, ...] = tuple((axis.name, axis.identity) for axis in axes)
-    if not rows:
-        return None
-    return Table("Drives", (Column("axis"), Column("identity", folds=True)), (Part(rows),))
+    rows = ((axis.name, axis.identity) for axis in axes)
+    return table("Drives", ("axis", Column("identity", folds=True)), rows)
 
 
 _CAPTION = "Values with intervals of 95 %, thin lines with what temperature may add to friction."
@@ -76,7 +73,7 @@ def write_history_page(path: Path, found: History) -> None:
         robot=found.robot.name,
         newest=found.runs[-1].label,
         marked=found.sentences(found.runs[-1]),
-        tables=[table(found) for table in (tables.runs, tables.changes, tables.condition)],
+        tables=[each(found) for each in (tables.runs, tables.changes, tables.condition)],
         plots=list(_history_plots(found)),
         rate=f"{SIGNIFICANT:.0%}",
     )

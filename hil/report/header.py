@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.report.reported_run import IdentifiedRun
 from hil.results.rounding import clock, percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.report.reported_run import ForeignRun, IdentifiedRun, ReportedRun
+    from hil.report.reported_run import ReportedRun
     from hil.results.judgement import Judgement
     from hil.runs.recording_file import Measured
 
@@ -45,18 +46,28 @@ class Header:
     simulated: bool
 
 
-def of_friction(run: ReportedRun) -> Header:
-    """Top of the report of a run about friction alone."""
-    planned = len(run.source.plan.measurements)
-    facts = (
-        ("Measurements", f"{len(run.campaign)} of {planned} planned"),
-        ("Sessions", str(len(run.source.journal.sessions))),
+def of(run: ReportedRun) -> Header:
+    """Top of the report of a run: what it is about, in two sentences where it was identified."""
+    source, journal = run.source, run.source.journal
+    about, verdict, outcome = "friction", "", None
+    facts: Facts = (
+        ("Measurements", f"{len(run.campaign)} of {len(source.motions)} planned"),
+        ("Sessions", str(len(journal.sessions))),
     )
-    return _header(run, "friction", "", facts, None)
+    if isinstance(run, IdentifiedRun):
+        about, outcome = "identified dynamics", run.model.outcome
+        verdict, facts = (_of_motions if run.found.prediction is None else _of_campaign)(run)
+    last = journal.sessions[-1] if journal.sessions else None
+    began, bus = (when(last.started), last.bus) if last else ("unknown", "unknown")
+    bus += ", the virtual plant" if journal.simulated else ""
+    begun = ("Imported", "From") if source.imported else ("Measured", "Bus")
+    facts = (*zip(begun, (began, bus), strict=True), *facts)
+    title = f"{run.robot.name}: {about}"
+    return Header(title, verdict, outcome, facts, source.shortfall, journal.simulated)
 
 
-def of_imported(run: ForeignRun) -> Header:
-    """Top of the report of an imported run, by motions or strokes back and forth."""
+def _of_motions(run: IdentifiedRun) -> tuple[str, Facts]:
+    """Verdict and facts of an imported run, by motions or strokes back and forth."""
     identified, fit = run.model.identified, run.model.back_and_forth or run.model.friction
     left = percent(0.0 if fit is None else fit.overall_residual, 1.0)
     verdict = (
@@ -73,12 +84,12 @@ def of_imported(run: ForeignRun) -> Header:
             f" are left, all axes taken together, away from the reversals.{lost}"
         )
     took = sum(float(each.time[-1] - each.time[0]) for _, each in run.recordings)
-    facts = ("Recordings", str(len(run.recordings))), ("Recorded", duration(took))
-    return _header(run, "identified dynamics", verdict, facts, run.model.outcome)
+    return verdict, (("Recordings", str(len(run.recordings))), ("Recorded", duration(took)))
 
 
-def of_campaign(run: IdentifiedRun) -> Header:
-    """Top of the report of a run whose base parameters are identifiable: it in two sentences."""
+def _of_campaign(run: IdentifiedRun) -> tuple[str, Facts]:
+    """Verdict and facts of a run whose torques of a free motion are predicted."""
+    assert run.found.prediction is not None  # noqa: S101 - asked for before
     relative = percent(float(np.nanmean(run.found.prediction.relative)), 1.0)
     urgent = sum(item.word != "good" for item in run.found.advice)
     attention = f"{urgent} finding{'s require' if urgent > 1 else ' requires'} action, see below."
@@ -89,21 +100,7 @@ def of_campaign(run: IdentifiedRun) -> Header:
     )
     sessions = len(run.source.journal.sessions)
     took = duration(run.robot_time) + (f" in {sessions} sessions" if sessions > 1 else "")
-    facts = (("Measurements", counts(run.campaign)), ("Robot time", took))
-    return _header(run, "identified dynamics", verdict, facts, run.model.outcome)
-
-
-def _header(
-    run: ReportedRun, about: str, verdict: str, facts: Facts, outcome: Judgement | None
-) -> Header:
-    journal, imported = run.source.journal, run.source.imported
-    last = journal.sessions[-1] if journal.sessions else None
-    began, bus = (when(last.started), last.bus) if last else ("unknown", "unknown")
-    bus += ", the virtual plant" if journal.simulated else ""
-    begun = ("Imported", "From") if imported else ("Measured", "Bus")
-    facts = (*zip(begun, (began, bus), strict=True), *facts)
-    title = f"{run.robot.name}: {about}"
-    return Header(title, verdict, outcome, facts, run.source.shortfall, journal.simulated)
+    return verdict, (("Measurements", counts(run.campaign)), ("Robot time", took))
 
 
 def counts(campaign: Sequence[Measured]) -> str:

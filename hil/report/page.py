@@ -18,9 +18,9 @@ from markupsafe import Markup
 from hil.report import header
 from hil.report.carried import carried, downloads
 from hil.report.header import when
-from hil.report.reported_run import ForeignRun, friction_alone, identified, read
+from hil.report.reported_run import IdentifiedRun, read
 from hil.report.section import Plot
-from hil.report.sections import OF_CAMPAIGN, OF_FREE_MOTIONS, OF_FRICTION, OF_STROKES
+from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from hil.report.header import Header
     from hil.report.reported_run import ReportedRun
     from hil.report.section import Picture, Section
-    from hil.results.model import Model
     from hil.runs.run import Run
 
 NAME = "report.html"
@@ -62,26 +61,16 @@ def report(run: Run, figures: Path | None = None) -> Path:
         Measurements that do not suffice.
     """
     whole = read(run)
-    top, sections, model = _content(whole)
+    files: Downloads = ()
+    made: Iterable[Section | None] = (each(whole) for each in OF_FRICTION)
+    if isinstance(whole, IdentifiedRun):
+        made, files = (each(whole) for each in OF_IDENTIFIED), downloads(whole.model)
+    sections = [section for section in made if section is not None]
     path = run.path / NAME
-    write_html(path, NAME, **_values(whole, top, sections, downloads(model) if model else ()))
+    write_html(path, NAME, **_values(whole, header.of(whole), sections, files))
     if figures is not None:
         _write_figures(figures, _plots(sections))
     return path
-
-
-def _content(whole: ReportedRun) -> tuple[Header, list[Section], Model | None]:
-    if friction_alone(whole.source):
-        return header.of_friction(whole), _present(each(whole) for each in OF_FRICTION), None
-    run = identified(whole)
-    if not isinstance(run, ForeignRun):
-        return header.of_campaign(run), _present(each(run) for each in OF_CAMPAIGN), run.model
-    of_kind = OF_FREE_MOTIONS if run.model.back_and_forth is None else OF_STROKES
-    return header.of_imported(run), _present(each(run) for each in of_kind), run.model
-
-
-def _present(sections: Iterable[Section | None]) -> list[Section]:
-    return [section for section in sections if section is not None]
 
 
 def _plots(sections: Iterable[Section]) -> list[Plot]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from hil.results.predicted_torques import PredictedTorque
+    from hil.results.recorded_torque import PredictedTorque
     from hil.results.validation import Validation
     from hil.runs.run import Run
     from hil.watching.trace import Trace

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError, Mismatch
-from hil.estimation.identify import JOINT, METHODS
+from hil.estimation.identify import JOINT, METHODS, default_method
 from hil.planning.measurement import Friction, recorded_as
-from hil.results.kept_findings import keep, kept
+from hil.results.findings import found_in
 from hil.results.model_file import NAME, read_model_file
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -57,7 +57,7 @@ class ReportedRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentifiedRun(ReportedRun):
-    """A run of measurements or trajectories, identified.
+    """A run that was identified.
 
     Attributes
     ----------
@@ -86,71 +86,41 @@ class IdentifiedRun(ReportedRun):
         return [value for value in self.estimate.local if value.kind == kind]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ForeignRun(ReportedRun):
-    """A run of motions that somebody else recorded, identified by a method for these."""
-
-    estimate: Estimate
-    model: Model
-
-
 def read(source: Run) -> ReportedRun:
-    """Read a run and evaluate its friction, if it measured any.
+    """Read a run, evaluate its friction if it measured any, and take what was identified of it.
+
+    What is not kept of the run is identified as `hil identify` does, and kept; a run about friction
+    alone is not identified.
 
     Raises
     ------
     FileError
         A damaged recording.
-    NotEnoughData
-        No recording of friction in a run about friction alone.
+    NotIdentifiable, NotEnoughData
+        Recordings that do not suffice; no recording of friction in a run about friction alone.
     """
     campaign = tuple(source)
     recordings = tuple(recorded(campaign))
-    return ReportedRun(source, campaign, recordings, friction_of_run(source, recordings))
+    own = source, campaign, recordings, friction_of_run(source, recordings)
+    if _friction_alone(source):
+        return ReportedRun(*own)
+    return IdentifiedRun(*own, found_in(source, *_method(source), campaign))
 
 
-def identified(run: ReportedRun) -> IdentifiedRun | ForeignRun:
-    """Take what is kept of a run's estimates, or identify it as `hil identify` does and keep that.
+def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
+    """Method of the model that `hil identify` wrote, and runs of other kinds that it was of, too.
 
-    Raises
-    ------
-    NotIdentifiable, NotEnoughData
-        Recordings that do not suffice.
+    Without a model it is the method for what was recorded.
     """
-    method, found = _method(run.source), kept(run.source)
-    if found is None or found.model.method != method:
-        # a report whose findings are kept needs nothing that is loaded here
-        from hil.results.findings import findings  # noqa: PLC0415
-        from hil.results.identification import identified as identify  # noqa: PLC0415
-
-        others = _together(run.source) if method == JOINT else ()
-        made = identify(run.source, method, others, None if others else run.recordings)
-        if made.estimate.free is not None or made.estimate.back_and_forth is not None:
-            own = run.source, run.campaign, run.recordings, run.friction
-            return ForeignRun(*own, made.estimate, made.model)
-        found = findings(run.source, made, run.campaign, run.recordings)
-        if not others:
-            keep(run.source, found)
-    return IdentifiedRun(run.source, run.campaign, run.recordings, run.friction, found)
-
-
-def _together(run: Run) -> tuple[Run, ...]:
-    """Runs of other kinds that a run was identified together with."""
-    return tuple(
-        Run.open(path) for path in read_model_file(run.path / NAME).provenance.together_with
-    )
-
-
-def _method(run: Run) -> str | None:
-    """Method of the model that `hil identify` wrote; without one, that for what was recorded."""
+    method, together = default_method(run.motions)[0], tuple[str, ...]()
     with suppress(FileError):
-        method = read_model_file(run.path / NAME).provenance.method
-        if method in METHODS:
-            return method
-    return None if run.imported else "improved"
+        origin = read_model_file(run.path / NAME).provenance
+        if origin.method in METHODS:
+            method, together = origin.method, origin.together_with
+    return method, tuple(map(Run.open, together if method == JOINT else ()))
 
 
-def friction_alone(run: Run) -> bool:
+def _friction_alone(run: Run) -> bool:
     """Whether a run measures nothing but friction."""
     return all(isinstance(each, Friction) for each in run.plan.measurements)
 
@@ -165,7 +135,7 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     NotEnoughData
         No recordings of friction in a run about friction alone.
     """
-    if not recorded_as(Friction, recordings) and not friction_alone(run):
+    if not recorded_as(Friction, recordings) and not _friction_alone(run):
         return None
     # of runs that measure friction: other reports need none of this
     from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415

@@ -21,7 +21,7 @@ from hil.errors import Mismatch
 from hil.results.judgement import WORDS, Judgement, Reservation, Word, failed, good
 from hil.results.quantities import Quantity, quantities, reading
 from hil.results.rounding import signed, unit
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from hil.results.model import Model
     from hil.results.quantities import Kind
-    from hil.results.tables.table import Row
     from hil.runs.run import Run
 
 Axis = Annotated[int, Field(ge=1)]
@@ -257,16 +256,18 @@ def write_junit(path: Path, robot: str, measured: str, found: Acceptance) -> Non
     write_file(path, ET.tostring(suite, encoding="utf-8", xml_declaration=True) + b"\n")
 
 
-def table(found: Acceptance) -> Table:
+def checked(found: Acceptance) -> Table:
     """Checks with their values and limits."""
-    rows: tuple[Row, ...] = tuple(
+    return table(
+        "Checks",
+        ("check", *figures("value", "at least", "at most"), "unit", ""),
         (
-            check.subject,
-            *(signed(_text(each)) for each in (check.value, check.least, check.most)),
-            unit(check.unit),
-            check.word if check.word == "good" else Marked(check.word),
-        )
-        for check in found.checks
+            (
+                check.subject,
+                *(signed(_text(each)) for each in (check.value, check.least, check.most)),
+                unit(check.unit),
+                check.word if check.word == "good" else Marked(check.word),
+            )
+            for check in found.checks
+        ),
     )
-    heads = *figures("value", "at least", "at most"), Column("unit"), Column("")
-    return Table("Checks", (Column("check"), *heads), (Part(rows),))

@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.consistent.conditions import BodyBounds
-from hil.estimation.consistent.nearest import nearest_robot
+from hil.estimation.consistent.nearest import SHAPES, nearest_robot
+from hil.estimation.consistent.result import TorqueCost
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.frames import pseudo_inertia
 from hil.planning.free_motion import FreeMotion
-from hil.results.consistent_robot import BindingCondition, ConsistentRobot, LinkBody, TorqueCost
 from hil.results.recorded_torque import processing_of
-from hil.results.rounding import significant
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.rounding import probability, significant
+from hil.results.tables.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from hil.arrays import Array, Mask
-    from hil.estimation.consistent.nearest import NearestRobot
+    from hil.estimation.consistent.conditions import BodyBounds
+    from hil.estimation.consistent.result import ConsistentRobot, LinkBody
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
@@ -34,12 +34,6 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
-
-
-SHAPES = "the links' shapes"
-MOST_RECORDINGS = 100
-SAMPLES = 200
-"""Of a recording, at most: torques' root mean squares need no more."""
 
 
 def with_consistent_robot(
@@ -65,36 +59,16 @@ def with_consistent_robot(
     NotRealisable, InvalidValue
         Bounds that no bodies meet.
     """
-    bounds = bounds or BodyBounds()
-    found = nearest_robot(model.robot, model.values, model.covariance, bounds, likely)
-    kept = ConsistentRobot(
-        values=tuple(found.p.tolist()),
-        change=tuple(found.change.tolist()),
-        distance=found.distance,
-        degrees_of_freedom=found.degrees_of_freedom,
-        p_value=found.p_value,
-        distance_complete=found.distance_complete,
-        thickness=bounds.thickness,
-        masses=dict(bounds.masses),
-        likely=likely_from,
-        open_masses=found.open_masses,
-        links=tuple(
-            LinkBody(parameters=tuple(body.tolist()), thickness=float(t))
-            for body, t in zip(found.bodies, found.thickness, strict=True)
-        ),
-        added=dict(zip(model.robot.added_parameters, found.added.tolist(), strict=True)),
-        binding=tuple(
-            BindingCondition(name=each.name, distance_without=each.distance_without)
-            for each in found.binding
-        ),
-        torque=_torque_costs(model, found, recorded),
-    )
-    return replace(model, consistent=kept)
+    found = nearest_robot(model.robot, model.values, model.covariance, bounds, likely, likely_from)
+    costs = _torque_costs(model, found, recorded)
+    return replace(model, consistent=found.model_copy(update={"torque": costs}))
 
 
-def _torque_costs(model: Model, found: NearestRobot, recorded: Recorded) -> tuple[TorqueCost, ...]:
+def _torque_costs(
+    model: Model, found: ConsistentRobot, recorded: Recorded
+) -> tuple[TorqueCost, ...]:
     n, products = 0, 0.0
-    for q, qd, qdd in islice(_motions(model, recorded), MOST_RECORDINGS):
+    for q, qd, qdd in islice(_motions(model, recorded), 100):
         A = regressor(model.robot, q, qd, qdd)
         products = products + np.einsum("nji,njk->jik", A, A, optimize=True)
         n += len(A)
@@ -112,15 +86,17 @@ def _torque_costs(model: Model, found: NearestRobot, recorded: Recorded) -> tupl
     )
 
 
-def _motions(model: Model, recorded: Recorded) -> Iterator[tuple[Array, Array, Array]]:
-    """Positions, velocities and accelerations of some samples of each recording."""
+def _motions(
+    model: Model, recorded: Recorded, most: int = 200
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Motion of about so many samples of a recording; root mean squares need no more."""
     for motion, recording in recorded:
         try:
             state, used = _state(model, motion, recording)
         except NotEnoughData:
             continue
         some = np.flatnonzero(used)
-        some = some[:: max(1, len(some) // SAMPLES)]
+        some = some[:: max(1, len(some) // most)]
         if len(some):
             yield state[0][some], state[1][some], state[2][some]
 
@@ -140,71 +116,55 @@ def _root(square: float) -> float:
     return float(np.sqrt(max(float(square), 0.0)))
 
 
-_SHOWN = 0.01
-"""Least change of a base parameter that is listed, in standard errors."""
-
-
 def bodies(robot: Robot, found: ConsistentRobot) -> Table:
     """Mass, centre and spread of every link."""
     binding = {each.name: each.distance_without for each in found.binding}
-    rows = [_link(number, body, binding) for number, body in enumerate(found.links, start=1)]
-    return Table(
-        title="Nearest robot that consists of bodies",
-        columns=(
-            Column("link"),
-            *figures("mass, kg", "centre, m", "spread, mm", "without"),
-        ),
-        parts=(Part(tuple(rows)),),
-        explanation=(
-            "Bodies whose base parameters are nearest to the estimate in the metric of its"
-            " covariance. The mass spreads root mean square about its centre, in its three"
-            " principal directions. The last column: the distance if this link need not be a"
-            " body, where that condition binds. What no torque decides, masses among it, is taken"
-            f" from {found.likely}."
-        ),
-        notes=found.statements(robot),
+    return table(
+        "Nearest robot that consists of bodies",
+        ("link", *figures("mass, kg", "centre, m", "spread, mm", "without")),
+        (_link(number, body, binding) for number, body in enumerate(found.links, start=1)),
+        "Bodies whose base parameters are nearest to the estimate in the metric of its"
+        " covariance. The mass spreads root mean square about its centre, in its three"
+        " principal directions. The last column: the distance if this link need not be a"
+        " body, where that condition binds. What no torque decides, masses among it, is taken"
+        f" from {found.likely}.",
+        tuple(statements(robot, found)),
     )
 
 
-def changed_parameters(robot: Robot, found: ConsistentRobot) -> Table:
-    """Base parameters that bodies change."""
+def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01) -> Table:
+    """Base parameters that bodies change, by `least` standard errors and more."""
     base = base_parameters(robot)
-    rows = [
-        (base.names[k], significant(found.values[k], 5), f"{found.change[k]:+.2f}", base.units[k])
-        for k in range(len(found.values))
-        if abs(found.change[k]) > _SHOWN
-    ]
-    return Table(
-        title="Base parameters of these bodies where they differ",
-        columns=(
-            Column("", symbols=True),
-            *figures("value", "change, std. errors"),
-            Column("unit"),
+    each = zip(base.names, found.values, found.change, base.units, strict=True)
+    return table(
+        "Base parameters of these bodies where they differ",
+        (Column("", symbols=True), *figures("value", "change, std. errors"), "unit"),
+        (
+            (name, significant(value, 5), f"{change:+.2f}", unit)
+            for name, value, change, unit in each
+            if abs(change) > least
         ),
-        parts=(Part(tuple(rows)),),
     )
 
 
 def torque_costs(robot: Robot, found: ConsistentRobot) -> Table:
     """What the change means in torques."""
-    rows = [
+    costs = enumerate(found.torque if found.binding else ())
+    return table(
+        "What bodies cost in torque",
+        ("axis", *figures("change", "std. error", "torque"), "unit"),
         (
-            str(axis + 1),
-            significant(each.change, 2),
-            significant(each.standard_error, 2),
-            significant(each.torque, 3),
-            robot.torque_unit(axis),
-        )
-        for axis, each in enumerate(found.torque)
-    ]
-    return Table(
-        title="What bodies cost in torque",
-        columns=(Column("axis"), *figures("change", "std. error", "torque"), Column("unit")),
-        parts=(Part(tuple(rows if found.binding else ())),),
-        explanation=(
-            "Root mean squares over the run's motions: change of the torques, standard error of"
-            " those that the estimate predicts, and these torques of the rigid bodies."
+            (
+                str(axis + 1),
+                significant(each.change, 2),
+                significant(each.standard_error, 2),
+                significant(each.torque, 3),
+                robot.torque_unit(axis),
+            )
+            for axis, each in costs
         ),
+        "Root mean squares over the run's motions: change of the torques, standard error of"
+        " those that the estimate predicts, and these torques of the rigid bodies.",
     )
 
 
@@ -220,3 +180,46 @@ def _link(number: int, body: LinkBody, binding: dict[str, float]) -> Row:
         " ".join(f"{1e3 * x:.3g}" for x in spread),
         "" if without is None else f"{without:.3g}",
     )
+
+
+def statements(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
+    """Distance, what binds and what it costs, in sentences."""
+    if not found.binding:
+        yield (
+            "the identified base parameters belong to bodies as they are: distance 0, no"
+            " condition binds"
+        )
+    else:
+        yield from _distance(robot, found)
+    if found.open_masses:
+        links = ", ".join(map(str, found.open_masses))
+        yield (
+            f"no torque decides the masses of links {links}: they come from {found.likely}, and"
+            " centres and inertias of these links go with them"
+        )
+    if found.binding and found.contradicted:
+        yield (
+            "the data contradict bodies: look for what the model leaves out (hil diagnose), for"
+            " torque constants and rotor inertias that are stated wrongly, or export nothing"
+        )
+
+
+def _distance(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
+    names, order = base_parameters(robot).names, np.argsort(-np.abs(found.change))[:3]
+    binding = [f"{each.name} (without it {each.distance_without:.4g})" for each in found.binding]
+    moved = [f"{names[k]} by {found.change[k]:+.3g}" for k in order if abs(found.change[k]) > 0.1]
+    costs = [
+        f"axis {axis + 1} {each.change:.2g} {robot.torque_unit(axis)} (standard error"
+        f" {each.standard_error:.2g}, torque {each.torque:.3g})"
+        for axis, each in enumerate(found.torque)
+    ]
+    yield (
+        f"nearest robot that consists of bodies: distance {found.distance:.4g}, a chi-square of"
+        f" at most {found.degrees_of_freedom} degrees of freedom, p {probability(found.p_value)};"
+        f" {found.distance_complete:.4g} if the robot file left no link parameter out"
+    )
+    yield f"conditions that bind: {', '.join(binding)}"
+    if moved:
+        yield f"moved most, in standard errors: {', '.join(moved)}"
+    if costs:
+        yield f"torques change, rms over the run's motions: {'; '.join(costs)}"

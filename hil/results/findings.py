@@ -1,25 +1,55 @@
-"""All that a run of measurements gives: what was identified, and what follows from it."""
+"""`findings.json`: all that a run gives, kept beside it for as long as it would be found again.
+
+Estimating takes most of the time of a report, and of the same recordings the same program finds the
+same. So what `hil identify` or `hil report` found is kept with a digest of all that it follows
+from: the recordings byte by byte, robot file, plan, journal, measurements left out, further runs,
+the program and the libraries that it calculates with. Where one of them differs, or the file is
+damaged, a run is estimated anew; the file may be deleted at any time.
+
+It is JSON: records by their names and fields, arrays with all their digits. The robot is not
+written, which has a file of its own.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+import hil
+from checked_files.yaml_file import FileModel
+from hil.errors import FileError, NotEnoughData, NotIdentifiable
+from hil.estimation.identify import JOINT
+from hil.results.provenance import RunStamp
+from hil.runs.atomic_file import write_file
+from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.estimate import Estimate
     from hil.friction.drift import Drift
-    from hil.planning.measurement import RecordedMotion
+    from hil.model.robot import Robot
     from hil.results.identification import Identified
     from hil.results.judgement import Reservation
     from hil.results.model import Model
     from hil.results.prediction import Prediction
-    from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
 
-    Recordings = Sequence[tuple[RecordedMotion, Recording]]
+NAME = "findings.json"
+FOLLOWS_FROM = ("results", "estimation", "friction", "least_squares", "model", "planning", "runs")
+"""Packages of `hil` that findings are made by."""
+LIBRARIES = ("canopen-robot-identification", "numpy", "scipy", "numba", "h5py")
 
 
 class Findings(NamedTuple):
@@ -33,8 +63,8 @@ class Findings(NamedTuple):
     check : Model or None
         By the published method, of the improved one; None where it cannot be made, which needs
         measurements of elements of all groups.
-    prediction : Prediction
-        What the parameters mean in torques.
+    prediction : Prediction or None
+        What the parameters mean in torques; None of motions that somebody else recorded alone.
     advice : tuple of Reservation
         None of recordings that were imported, which cannot be measured again.
     drifts : tuple of Drift
@@ -43,19 +73,65 @@ class Findings(NamedTuple):
 
     estimate: Estimate
     model: Model
-    check: Model | None
-    prediction: Prediction
-    advice: tuple[Reservation, ...]
-    drifts: tuple[Drift, ...]
+    check: Model | None = None
+    prediction: Prediction | None = None
+    advice: tuple[Reservation, ...] = ()
+    drifts: tuple[Drift, ...] = ()
 
 
-def findings(
-    run: Run, found: Identified, campaign: Sequence[Measured], recordings: Recordings
+def found_in(
+    run: Run, method: str, others: Sequence[Run] = (), campaign: Sequence[Measured] | None = None
 ) -> Findings:
-    """Return all that follows from what was identified in a run."""
+    """Take what is kept of a run, or identify and keep it; parameters as `identify_and_keep`."""
+    found = kept(run, others)
+    if found is not None and found.model.method == method:
+        return found
+    return identify_and_keep(run, method, others, campaign)
+
+
+def identify_and_keep(
+    run: Run, method: str, others: Sequence[Run] = (), campaign: Sequence[Measured] | None = None
+) -> Findings:
+    """Identify a run, and keep that and what follows from it.
+
+    Of several runs of one kind nothing is kept: a report of one of them is of it alone.
+
+    Parameters
+    ----------
+    run : Run
+    method : str
+    others : sequence of Run
+        Identified together with it.
+    campaign : sequence of Measured, optional
+        All of the run, where it was read already.
+
+    Raises
+    ------
+    FileError
+        Disk full, read-only folder, or a damaged recording.
+    NotIdentifiable, NotEnoughData
+        As of `hil.results.identification.identified`.
+    """
     # a report whose findings are kept needs nothing that is loaded here
-    from hil.errors import NotEnoughData, NotIdentifiable  # noqa: PLC0415
-    from hil.estimation.friction.history import history  # noqa: PLC0415
+    from hil.results.identification import identified  # noqa: PLC0415
+
+    if others and method != JOINT:
+        made = identified(run, method, others)
+        return Findings(made.estimate, made.model)
+    alone = run.imported and not others  # nothing follows but the model, and it may be large
+    if campaign is None:
+        campaign = () if alone else tuple(run)
+    again = alone or others
+    made = identified(run, method, others, None if again else tuple(recorded(campaign)))
+    found = follow_from(run, made, campaign)
+    with suppress(FileError):  # a folder that takes no files: what was found counts all the same
+        keep(run, found, others)
+    return found
+
+
+def follow_from(run: Run, found: Identified, campaign: Sequence[Measured]) -> Findings:
+    """Return what was identified in a run with all that follows from it."""
+    from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
     from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
     from hil.results.advice import CampaignResult, advice  # noqa: PLC0415
     from hil.results.friction import campaign_drifts  # noqa: PLC0415
@@ -63,20 +139,120 @@ def findings(
     from hil.results.prediction import predict  # noqa: PLC0415
 
     robot, estimate, model, check = run.robot, found.estimate, found.model, None
+    if model.friction is not None or model.back_and_forth is not None:
+        return Findings(estimate, model)
+    recordings = tuple(recorded(campaign))
     if model.method == "improved":
         with suppress(NotIdentifiable, NotEnoughData):
-            published = estimates(robot, recordings, ("published",))["published"]
-            check = model_of(run, published)
+            check = model_of(run, estimates(robot, recordings, ("published",))["published"])
     prediction = predict(estimate, robot)
-    return Findings(
-        estimate=estimate,
-        model=model,
-        check=check,
-        prediction=prediction,
-        advice=()
-        if run.imported
-        else advice(
-            CampaignResult(estimate, prediction, model.error_budget, robot, run.planned, campaign)
-        ),
-        drifts=campaign_drifts(robot, estimate.local, history(robot, recordings)),
-    )
+    drifts = campaign_drifts(robot, estimate.local, history(robot, recordings))
+    if run.imported:
+        return Findings(estimate, model, check, prediction, drifts=drifts)
+    of = CampaignResult(estimate, prediction, model.error_budget, robot, run.planned, campaign)
+    return Findings(estimate, model, check, prediction, advice(of), drifts)
+
+
+def keep(run: Run, found: Findings, others: Sequence[Run] = ()) -> None:
+    """Write what was found in a run into its folder.
+
+    Raises
+    ------
+    FileError
+        Disk full, read-only folder.
+    """
+    content = json.dumps([_plain(each) for each in found])
+    whole = {"state": _state(run, others), "digest": _digest(content), "content": content}
+    write_file(run.path / NAME, json.dumps(whole).encode() + b"\n")
+
+
+def kept(run: Run, others: Sequence[Run] = ()) -> Findings | None:
+    """Read what is kept; None where there is nothing, or it is not what would be found now."""
+    try:
+        whole = json.loads((run.path / NAME).read_bytes())
+        content = whole["content"]
+        if whole["digest"] != _digest(content) or whole["state"] != _state(run, others):
+            return None
+        return Findings(*(_restored(each, run.robot) for each in json.loads(content)))
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, FileError):
+        return None
+
+
+def _state(run: Run, others: Sequence[Run]) -> str:
+    """Digest of all that findings follow from."""
+    follows = [_program()]
+    for each in (run, *others):
+        stamp, journal = RunStamp.of(each), each.journal.model_dump_json()
+        follows += stamp.robot_digest, stamp.plan_digest, stamp.recordings, journal
+        follows += sorted(each.set_aside)
+    return _digest("\n".join(follows))
+
+
+@cache
+def _program() -> str:
+    """Digest of the program and of what it calculates with."""
+    digest = hashlib.sha256()
+    place = Path(hil.__file__).parent
+    for package in FOLLOWS_FROM:
+        for path in sorted((place / package).rglob("*.py")):
+            digest.update(path.read_bytes())
+    for library in LIBRARIES:
+        digest.update(f"{library} {version(library)}\n".encode())
+    return digest.hexdigest()
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold of a record."""
+    found = value
+    if isinstance(value, np.ndarray):
+        found = {"array": value.tolist(), "kind": value.dtype.str}
+    elif isinstance(value, FileModel):
+        found = {"record": _name(value), "fields": value.model_dump(mode="json")}
+    elif isinstance(value, Enum):
+        found = {"record": _name(value), "value": value.value}
+    elif is_dataclass(value) or hasattr(value, "_asdict"):
+        names = [each.name for each in fields(value)] if is_dataclass(value) else value._fields
+        own = {name: _plain(getattr(value, name)) for name in names if name != "robot"}
+        found = {"record": _name(value), "fields": own}
+    elif isinstance(value, tuple):
+        found = [_plain(each) for each in value]
+    elif isinstance(value, dict):
+        found = {"mapping": {key: _plain(each) for key, each in value.items()}}
+    elif isinstance(value, np.generic):
+        found = value.item()
+    return found
+
+
+def _name(value: object) -> str:
+    return f"{type(value).__module__}:{type(value).__qualname__}"
+
+
+def _restored(found: Any, robot: Robot) -> Any:
+    """Return what `_plain` has made JSON of; `robot` is that of models."""
+    if isinstance(found, list):
+        return tuple(_restored(each, robot) for each in found)
+    if not isinstance(found, dict):
+        return found
+    if "array" in found:
+        return np.array(found["array"], dtype=found["kind"])
+    if "mapping" in found:
+        return {key: _restored(each, robot) for key, each in found["mapping"].items()}
+    return _record(found, robot)
+
+
+def _record(found: dict[str, Any], robot: Robot) -> Any:
+    module, _, name = found["record"].partition(":")
+    if not module.startswith("hil."):
+        raise ValueError(f"{module} must be a module of hil")
+    kind = getattr(import_module(module), name)
+    if "value" in found:
+        return kind(found["value"])
+    if issubclass(kind, FileModel):
+        return kind.model_validate(found["fields"])
+    own = {key: _restored(each, robot) for key, each in found["fields"].items()}
+    with_robot = is_dataclass(kind) and "robot" in (each.name for each in fields(kind))
+    return kind(robot=robot, **own) if with_robot else kind(**own)

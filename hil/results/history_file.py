@@ -9,7 +9,7 @@ from scipy import special
 
 from hil.estimation.intervals import SIGNIFICANT
 from hil.results.rounding import probability, rounded, signed, significant, unit
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Column, Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from hil.results.tables.table import Row
 
 
-FORMAT = 1
-
-
 def write_history(path: Path, found: History) -> None:
     """Write a history as JSON, whole or not at all."""
     write_file(path, json.dumps(content(found), indent=2, allow_nan=False).encode() + b"\n")
@@ -34,7 +31,7 @@ def content(found: History) -> dict[str, Any]:
     """What the file holds."""
     newest = found.of(found.runs[-1])
     return {
-        "format": FORMAT,
+        "format": 1,
         "written": now(),
         "robot": found.robot.name,
         "reference": found.reference,
@@ -103,19 +100,22 @@ def half_width(read: Reading) -> float:
 
 def runs(found: History) -> Table:
     """Runs in the order of time, and how much of each is marked."""
-    return Table(
-        title=f"Runs of {found.robot.name}",
-        columns=(Column("run", folds=True), Column("measured"), Column("method"),
-                 *figures("friction, %", "tests", "marked"), Column("named first", folds=True)),
-        parts=(Part(tuple(_run(found, run) for run in found.runs)),),
-        explanation=(
-            f"Each run is compared with {found.reference} and with the one before. Of an unchanged"
-            f" machine anything is marked in at most {SIGNIFICANT:.0%} of the runs. Friction: what"
-            f" that of all axes differs by together from {found.reference}, which is put down to"
-            " the temperature of the machine."
+    return table(
+        f"Runs of {found.robot.name}",
+        (
+            Column("run", folds=True),
+            "measured",
+            "method",
+            *figures("friction, %", "tests", "marked"),
+            Column("named first", folds=True),
         ),
-        notes=found.notes,
-    )  # fmt: skip
+        (_run(found, run) for run in found.runs),
+        f"Each run is compared with {found.reference} and with the one before. Of an unchanged"
+        f" machine anything is marked in at most {SIGNIFICANT:.0%} of the runs. Friction: what"
+        f" that of all axes differs by together from {found.reference}, which is put down to"
+        " the temperature of the machine.",
+        found.notes,
+    )
 
 
 def _run(found: History, run: KnownRun) -> Row:
@@ -138,26 +138,26 @@ def condition(found: History) -> Table:
     first = next(run for run in found.runs if run.label == found.reference)
     last = found.runs[-1]
     marked = {each.quantity for each in found.of(last) if each.marked}
-    rows = (
+    each = zip(found.quantities, first.readings, last.readings, strict=True)
+    return table(
+        "Condition",
         (
-            Marked(quantity.name) if quantity in marked else quantity.name,
-            *_cells(old),
-            *_cells(new),
-            unit(quantity.unit),
-        )
-        for quantity, old, new in zip(found.quantities, first.readings, last.readings, strict=True)
-    )
-    return Table(
-        title="Condition",
-        columns=(Column("quantity", folds=True),
-                 *figures("reference", "± 95 %", "newest", "± 95 %"),
-                 Column("unit")),
-        parts=(Part(tuple(rows)),),
-        explanation=(
-            "Values with intervals of 95 %, of errors that are the run's own; what all runs share"
-            " (torque constants, rotor inertias) does not count. Friction is the level at no load."
+            Column("quantity", folds=True),
+            *figures("reference", "± 95 %", "newest", "± 95 %"),
+            "unit",
         ),
-    )  # fmt: skip
+        (
+            (
+                Marked(quantity.name) if quantity in marked else quantity.name,
+                *_cells(old),
+                *_cells(new),
+                unit(quantity.unit),
+            )
+            for quantity, old, new in each
+        ),
+        "Values with intervals of 95 %, of errors that are the run's own; what all runs share"
+        " (torque constants, rotor inertias) does not count. Friction is the level at no load.",
+    )
 
 
 def _cells(read: Reading | None) -> tuple[str, str]:
@@ -169,18 +169,19 @@ def _cells(read: Reading | None) -> tuple[str, str]:
 
 def changes(found: History) -> Table:
     """What changed significantly; empty where nothing did."""
-    return Table(
-        title="What changed",
-        columns=(Column("run", folds=True), Column("since", folds=True),
-                 Column("quantity", folds=True),
-                 *figures("change", "± 95 %"), Column("unit"), *figures("%", "p"),
-                 Column("may come from", folds=True)),
-        parts=(Part(tuple(_change(each) for each in found.marked)),),
-        explanation=(
-            "The interval holds by how much temperature may move friction; p is the probability of"
-            " such a change by chance, for all that was tested of the run together (Holm)."
+    return table(
+        "What changed",
+        (
+            *(Column(head, folds=True) for head in ("run", "since", "quantity")),
+            *figures("change", "± 95 %"),
+            "unit",
+            *figures("%", "p"),
+            Column("may come from", folds=True),
         ),
-    )  # fmt: skip
+        map(_change, found.marked),
+        "The interval holds by how much temperature may move friction; p is the probability of"
+        " such a change by chance, for all that was tested of the run together (Holm).",
+    )
 
 
 def _change(each: Change) -> Row:

@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import InvalidArray
+from hil.errors import InvalidArray, Mismatch, NotEnoughData
 from hil.estimation.intervals import half_width
 from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import FOR_A_LAW
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.estimation.back_and_forth.result import BackAndForthFit
+    from hil.estimation.consistent.result import ConsistentRobot
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
     from hil.friction.law import FrictionLaw
     from hil.model.robot import Robot
-    from hil.results.consistent_robot import ConsistentRobot
     from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
     from hil.results.provenance import Provenance
 
@@ -96,6 +97,21 @@ class IdentifiedRobot:
         """Whether its identification failed: it should not be used."""
         return self.outcome is not None and self.outcome.word == "failed"
 
+    def refuse_other_robot(self, robot: Robot, source: str) -> None:
+        """Refuse to be used for another robot; `source` names the file that is at odds.
+
+        Raises
+        ------
+        Mismatch
+            The robot files differ; both by name and digest.
+        """
+        if self.robot.digest != robot.digest:
+            raise Mismatch(
+                f"{source}: the model was identified with another robot file ({self.robot.name}"
+                f" {self.robot.digest[:12]}) than that of {robot.name} {robot.digest[:12]}; give"
+                " the model of this robot with --model, or take its robot file"
+            )
+
     @property
     def method(self) -> str:
         """Method by which it was identified."""
@@ -165,3 +181,43 @@ def checked_level(level: float) -> float:
     if not 0 < level < 1:
         raise InvalidArray(f"level {level} must be between 0 and 1: 0.95 stands for 95 %")
     return level
+
+
+PARTS = ("rigid bodies", "motors", "friction")
+"""Parts of the torque that a drive gives; gravity alone is `hil.results.model.Model.gravity`.
+
+    Q = A(q, qd, qdd) p + H qdd + F(q, qd, A p)
+
+Rigid bodies, motors, eq. (6) and (7), and friction (`hil.results.model.Model.torque`).
+"""
+
+
+def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionLaw:
+    """Law of friction of a model.
+
+    Raises
+    ------
+    NotEnoughData
+        It has none; or, where it must be `of_all` axes, none of some.
+    """
+    law = model.friction_law
+    if law is None:
+        raise NotEnoughData(
+            f"the model of {model.robot.name} has no law of friction: take parts={PARTS[:2]}, or"
+            " identify the run anew with: hil identify"
+        )
+    if law.unknown and (of_all or len(law.unknown) == len(law.axes)):
+        raise NotEnoughData(f"the model of {model.robot.name}: {lacking(model)}")
+    return law
+
+
+def lacking(model: IdentifiedRobot) -> str:
+    """State which axes have no law of friction, why, and the remedy; empty where all have one."""
+    axes = model.axes_without_friction
+    if model.friction_law is None or not axes:
+        return ""
+    return (
+        f"no law of friction of axis {', '.join(map(str, axes))}, which fewer than {FOR_A_LAW}"
+        " measurements moved: measure it more often (hil plan --refine RUN) and identify both runs"
+        " together (hil identify RUN --with MORE)"
+    )

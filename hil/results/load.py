@@ -15,7 +15,7 @@ from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
-from hil.estimation.identify import estimate
+from hil.estimation.identify import default_method
 from hil.estimation.loads.evidence import condensed_like, of_free_motions, of_strokes
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
@@ -27,6 +27,7 @@ from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.candidates import weighed
 from hil.planning.design.load import WithoutLoad
 from hil.planning.measurement import shows_element
+from hil.results.findings import found_in
 from hil.results.provenance import named, same_recordings
 from hil.runs.pooling import Pooled, pooled, recorded
 
@@ -43,19 +44,9 @@ if TYPE_CHECKING:
 
     Fit = Callable[..., Load]
 
-ABSENT = 0.01
-"""Chance of a load's figures without a load, above which there is none."""
 SURE = 4.0
 """Standard errors from which on a mass is below zero, or contradicts a stated one: by chance of
 6e-5."""
-FACTOR = 1.5
-"""Between a stated mass and the one found, beyond which torque constants cannot be the reason."""
-NOTABLE = 2.0
-"""Standard errors from which a gain explains a contradiction."""
-BESIDE = 0.001
-"""Chance of a load's first moments across the last axis, were it on it, from which on it is not."""
-_UNKNOWN_FRICTION = 0.1
-"""Friction of an axis without a law of it, as share of its torque limit."""
 
 
 class BareRun:
@@ -103,10 +94,13 @@ class BareRun:
         weight = weighed(information.matrix, information.scatter)
         return WithoutLoad(robot, run.planned, found.p, self._friction(), noise, weight)
 
-    def _friction(self) -> Array:
-        """Highest friction of each axis, slow or fast, shape (n_joints,) [N m or N]."""
+    def _friction(self, unknown_share: float = 0.1) -> Array:
+        """Highest friction of each axis, slow or fast, shape (n_joints,) [N m or N].
+
+        Of an axis without a law it is a share of the torque limit.
+        """
         robot, law = self.run.robot, self.estimate.friction_law
-        unknown: Array = _UNKNOWN_FRICTION * robot.torque_limit
+        unknown: Array = unknown_share * robot.torque_limit
         if law is None:
             return unknown
         qd = np.outer((0.1, 0.5, 1.0, -0.1, -0.5, -1.0), robot.velocity_limit)
@@ -116,7 +110,7 @@ class BareRun:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundLoad:
+class LoadResult:
     """What runs give of a load.
 
     Attributes
@@ -144,7 +138,7 @@ class FoundLoad:
 
 def find_payload(
     without: Run, loaded: Run, mass: float | None = None, *, gains: bool = False
-) -> FoundLoad:
+) -> LoadResult:
     """Find the load between two runs, and estimate each by itself.
 
     Parameters
@@ -182,7 +176,7 @@ def find_payload(
         assumed[list(runs.unknown)] = np.nan
     before, after = (runs.estimated(s, found if gains or runs.is_open else None) for s in (0, 1))
     own = None if runs.is_open else runs.estimated(1, None) if gains else after
-    return FoundLoad(found, before, after, own, by_mass, assumed)
+    return LoadResult(found, before, after, own, by_mass, assumed)
 
 
 def find_load(bare: BareRun, loaded: Sequence[Run], mass: float | None = None) -> Load:
@@ -197,13 +191,17 @@ def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Load:
 
 
 def estimated(run: Run) -> Estimate:
-    """Estimate of a run by itself; errors name it."""
-    with named(run):
-        return estimate(run.robot, recorded(run))
+    """Estimate of a run by itself, as it is kept or as `hil identify` finds it."""
+    return found_in(run, default_method(run.motions)[0]).estimate
 
 
-def require_load(found: Load) -> None:
+def require_load(found: Load, absent: float = 0.01) -> None:
     """Refuse a load that does not stand out of its error, or whose mass is negative.
+
+    Parameters
+    ----------
+    absent : float
+        Chance of the figures without a load, above which there is none.
 
     Raises
     ------
@@ -215,7 +213,7 @@ def require_load(found: Load) -> None:
             f"the mass of the load would be {mass:.4g} ± {error:.2g} kg: these runs are swapped, or"
             " the one without the load carried one; name the run without the load first"
         )
-    if found.present.p_value > ABSENT:
+    if found.present.p_value > absent:
         figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"
         raise NoLoad(
             f"no load stands out of its error: {figure} (p = {found.present.p_value:.2g}); check"
@@ -223,32 +221,8 @@ def require_load(found: Load) -> None:
         )
 
 
-def refuse_other_mass(found: Load, mass: float) -> None:
-    """Refuse a stated mass that no error of torque constants explains.
-
-    Raises
-    ------
-    Mismatch
-    """
-    m, error = found.mass.value, found.mass.standard_error
-    off = SURE * error
-    if error and not mass / FACTOR - off <= m <= mass * FACTOR + off:
-        raise Mismatch(
-            f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs, more than"
-            f" {FACTOR:g} times of either; correct the mass: no torque constant is so far off"
-        )
-
-
-def _found(
-    runs: _Runs, mass: float | None, *, gains: bool = False, constants: bool = False
-) -> tuple[Load, Fit]:
-    """The load, once there is one and its mass is not another one, and how it is fitted.
-
-    Parameters
-    ----------
-    constants : bool
-        Whether a stated mass may show that torque constants are off.
-    """
+def _found(runs: _Runs, mass: float | None, *, gains: bool = False) -> tuple[Load, Fit]:
+    """The load, once there is one and its mass is not another one, and how it is fitted."""
     if gains and mass is None:
         raise InvalidValue("gains are found by the load's mass; state it too")
     with named(runs.loaded[-1]):
@@ -259,19 +233,20 @@ def _found(
         require_load(found)
         if mass is None:
             return found, fit
-        if constants:
-            refuse_other_mass(found, mass)
-        elif not gains:
+        if not gains:
             _refuse_contradiction(runs, fit, found, mass)
         return fit(mass, gains=gains), fit
 
 
-def _beside_axis(runs: _Runs, fit: Fit, found: Load) -> tuple[Fit, Load]:
+def _beside_axis(
+    runs: _Runs, fit: Fit, found: Load, chance_on_it: float = 0.001
+) -> tuple[Fit, Load]:
     """Take in what the robot file leaves out of the last link, where the load calls for it.
 
     A load beside the last axis, taken for one on it, contradicts itself as a loose one does. So its
     first moments across the axis are freed before that is said: it is taken for beside the axis if
-    one of them stands out of its error, and it is rigid then.
+    one of them stands out of its error (by chance, were it on the axis, as rarely as stated), and
+    it is rigid then.
     """
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
     if not newly or runs.unknown:
@@ -283,10 +258,13 @@ def _beside_axis(runs: _Runs, fit: Fit, found: Load) -> tuple[Fit, Load]:
     if not np.all(error > 0) or beside.is_loose:
         return fit, found
     chance = 2 * special.stdtr(beside.degrees[newly], -np.abs(beside.phi[newly]) / error)
-    return (fit_wider, beside) if len(newly) * chance.min() <= BESIDE else (fit, found)
+    return (fit_wider, beside) if len(newly) * chance.min() <= chance_on_it else (fit, found)
 
 
-def _refuse_contradiction(runs: _Runs, fit: Fit, found: Load, mass: float) -> None:
+def _refuse_contradiction(
+    runs: _Runs, fit: Fit, found: Load, mass: float, notable: float = 2.0
+) -> None:
+    """Name gains that explain it by `notable` standard errors: 95 of 100 by chance are nearer."""
     m, error = found.mass.value, found.mass.standard_error
     if not error or abs(m - mass) <= SURE * error:
         return
@@ -294,9 +272,9 @@ def _refuse_contradiction(runs: _Runs, fit: Fit, found: Load, mass: float) -> No
     if runs.alike:
         by_mass = fit(mass, gains=True)
         factors = by_mass.gains / found.gains
-        notable = np.flatnonzero(np.abs(np.log(factors)) > NOTABLE * by_mass.gain_errors)
+        moved = np.flatnonzero(np.abs(np.log(factors)) > notable * by_mass.gain_errors)
         explained = (
-            ", ".join(f"{factors[k]:.3g} times that of axis {k + 1}" for k in notable) or explained
+            ", ".join(f"{factors[k]:.3g} times that of axis {k + 1}" for k in moved) or explained
         )
     raise Mismatch(
         f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs; gains of"

@@ -16,8 +16,9 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator
 
 from checked_files.yaml_file import FileModel, load_yaml
-from hil.estimation.loads.figures import AxisMisfit, Quantity
+from hil.estimation.loads.figures import AxisMisfit, Figure
 from hil.model.base_parameters import base_parameters, link_share
+from hil.model.drive_train_file import USUAL_BOUND
 from hil.model.load import load_columns
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.provenance import RunStamp, same_parameters
@@ -32,16 +33,13 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.estimation.loads.figures import Load
     from hil.model.robot import Robot
-    from hil.results.load import FoundLoad
+    from hil.results.load import LoadResult
     from hil.runs.run import Run
 
 
 NAME, EARLIER = "load.yaml", "payload.yaml"
 DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
 """Kinds of measurement that figures of the paper show."""
-UNIDENTIFIABLE = 0.1
-"""Relative standard error from which on a gain is not identifiable from the load: no better than
-the usual tolerance of a torque constant."""
 
 
 def _drawn(kind: str) -> str:
@@ -50,7 +48,7 @@ def _drawn(kind: str) -> str:
     return kind
 
 
-class Change(FileModel):
+class ParameterChange(FileModel):
     """A column of Table 3: one base parameter without and with the load."""
 
     name: str
@@ -108,7 +106,7 @@ class LoadFile(FileModel):
         Parameters of the load that the robot file takes as zero.
     unidentifiable : tuple of str
         Those that the recordings leave open.
-    changes : tuple of Change
+    changes : tuple of ParameterChange
         Of two runs that each identify the robot, as is all that follows.
     chi_squared, degrees_of_freedom, p_value
         Of what a rigid load leaves of any changes.
@@ -131,10 +129,10 @@ class LoadFile(FileModel):
     mass: float | None
     verdict: tuple[str, ...] = ()
     rigidity: tuple[AxisMisfit, ...] = ()
-    load: tuple[Quantity, ...]
+    load: tuple[Figure, ...]
     unseen: tuple[str, ...]
     unidentifiable: tuple[str, ...] = ()
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ParameterChange, ...] = ()
     chi_squared: float = 0.0
     degrees_of_freedom: int = 0
     p_value: float = 1.0
@@ -163,7 +161,7 @@ def write_load(
     path: Path,
     without: Run,
     loaded: Sequence[Run],
-    found: FoundLoad,
+    found: LoadResult,
     verdict: Sequence[str],
 ) -> LoadFile:
     """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""
@@ -212,14 +210,16 @@ def read_load(folder: Run) -> LoadFile | None:
     return next((load_yaml(path, LoadFile) for path in paths if path.exists()), None)
 
 
-def _changes(robot: Robot, load: Load, before: Estimate, after: Estimate) -> tuple[Change, ...]:
+def _changes(
+    robot: Robot, load: Load, before: Estimate, after: Estimate
+) -> tuple[ParameterChange, ...]:
     """The changes between two estimates; what drives do to both alike cancels."""
     base, shares = base_parameters(robot), link_share(robot, robot.n_joints - 1)
     expected = load_columns(robot).K @ load.phi
     drives = after.drive_effect - before.drive_effect
     variance = np.diag(before.covariance + after.covariance) + (drives**2).sum(axis=1)
     return tuple(
-        Change(
+        ParameterChange(
             name=name,
             unit=base.units[k],
             without=float(before.p[k]),
@@ -234,6 +234,7 @@ def _changes(robot: Robot, load: Load, before: Estimate, after: Estimate) -> tup
 
 
 def _gains(found: Load, assumed: Array) -> tuple[GainRecord, ...]:
+    """Gains; one no better known than a torque constant usually is counts as not identifiable."""
     gain, relative, unknown = found.gains, found.gain_errors, np.isnan(assumed)
     constant = gain * np.where(unknown, 1.0, assumed)
     error = np.where(unknown, np.nan, 1.0 / gain - 1.0)
@@ -242,7 +243,7 @@ def _gains(found: Load, assumed: Array) -> tuple[GainRecord, ...]:
         GainRecord(
             axis=k + 1,
             assumed=_finite(each),
-            told=bool(relative[k] < UNIDENTIFIABLE),
+            told=bool(relative[k] < USUAL_BOUND),
             corrected=_finite(constant[k]),
             standard_error=_finite(constant[k] * relative[k]),
             error=_finite(error[k]),

@@ -19,11 +19,16 @@ from hil.estimation.intervals import combined_degrees, half_width
 from hil.friction.law import friction_torque, friction_variance
 from hil.model import dynamics
 from hil.model.motors import motor_torque
-from hil.results.identified_robot import IdentifiedRobot, checked_level
+from hil.results.identified_robot import (
+    PARTS,
+    IdentifiedRobot,
+    checked_level,
+    known_friction,
+    lacking,
+)
 from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.samples import samples, warmth_along, warmth_of
 from hil.results.tables.model import summary
-from hil.results.torque_parts import PARTS, known_friction, lacking
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -33,9 +38,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.results.tables.terminal import Summary
-
-REVERSAL = 0.005
-"""Share of the velocity limit below which friction that drives are fed changes its direction."""
 
 
 class Model(IdentifiedRobot):
@@ -79,7 +81,7 @@ class Model(IdentifiedRobot):
         q, qd, qdd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
             [rad, rad/s, rad/s^2]; m for prismatic joints.
         parts : collection of str
-            What is added up, all of `hil.results.torque_parts.PARTS` by default:
+            What is added up, all of `hil.results.identified_robot.PARTS` by default:
 
             rigid bodies
                 A(q, qd, qdd) p of eq. (6): inertia, Coriolis and centrifugal forces, gravity, with
@@ -139,7 +141,7 @@ class Model(IdentifiedRobot):
             return total
         return total + friction_torque(self.robot, law, q, qd, rigid, warmth=warmth)
 
-    def drive_torque(self, q: Array, qd: Array, qdd: Array) -> Array:
+    def drive_torque(self, q: Array, qd: Array, qdd: Array, reversal: float = 0.005) -> Array:
         """Torques that drives are to be fed along a planned motion, shape of `q` [N m or N].
 
         Those of `torque`, but friction does not jump at a reversal, for a drive that is fed a jump
@@ -151,13 +153,15 @@ class Model(IdentifiedRobot):
         ----------
         q, qd, qdd : ndarray, shape (n, n_joints)
             Of a planned motion [rad, rad/s, rad/s^2; m for prismatic joints].
+        reversal : float
+            Share of the velocity limit below which friction changes its direction.
 
         Raises
         ------
         NotEnoughData
             The model has no law of friction.
         """
-        width = REVERSAL * self.robot.velocity_limit
+        width = reversal * self.robot.velocity_limit
         speed = np.maximum(np.abs(qd), width)
         back, forth = (self.torque(q, side * speed, qdd, ("friction",)) for side in (-1.0, 1.0))
         share = np.clip(0.5 + qd / (2 * width), 0.0, 1.0)

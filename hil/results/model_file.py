@@ -18,12 +18,12 @@ from pydantic import model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
+from hil.estimation.consistent.result import ConsistentRobot
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, degrees_behind
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
-from hil.results.consistent_robot import ConsistentRobot
 from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
 from hil.results.provenance import Provenance
 
@@ -41,7 +41,6 @@ _AS_IDENTIFIED = (
     "validations", "consistent",
 )  # fmt: skip
 """Fields that the file holds as the model does."""
-_SAME = 1e-6
 
 
 class Parameter(FileModel):
@@ -201,8 +200,10 @@ class ModelFile(FileModel):
         )
 
 
-def read_model_file(path: Path) -> ModelFile:
+def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
     """Read a model's file and refuse one that was cut off or edited, by its first problem.
+
+    What belongs together in it must do so by the share `same`.
 
     Raises
     ------
@@ -222,8 +223,8 @@ def read_model_file(path: Path) -> ModelFile:
             continue
         low, high = each.interval_95
         if not (
-            isclose((low + high) / 2, each.value, rel_tol=_SAME, abs_tol=_SAME * (high - low))
-            and isclose(variance, each.standard_error**2, rel_tol=_SAME)
+            isclose((low + high) / 2, each.value, rel_tol=same, abs_tol=same * (high - low))
+            and isclose(variance, each.standard_error**2, rel_tol=same)
         ):
             line = line_of(text, ("parameters", number, "value"))
             raise FileError(

@@ -14,7 +14,7 @@ A model from free motions was found with its law of friction. Then nothing is fi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +27,7 @@ from hil.friction.law import friction_torque, friction_variance
 from hil.least_squares.solving import orthonormal
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
-from hil.results.recorded_torque import in_si, predict_recording
+from hil.results.recorded_torque import PredictedTorque, in_si, predict_recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -35,48 +35,9 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
-    from hil.planning.measurement import RecordedMotion
+    from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PredictedTorque:
-    """Torque of one axis in one stretch of a recording.
-
-    Attributes
-    ----------
-    measurement : str
-        Its id.
-    axis : int
-        Index from 0.
-    time, qd, measured, predicted, standard_error : ndarray, shape (n,)
-        [s], [rad/s or m/s], [N m or N]; samples that can be used.
-    parameter_error : ndarray, shape (n,)
-        What of the standard error comes from the base parameters [N m or N].
-    stated : ndarray, shape (n,)
-        What of the prediction the model states by itself, as far as nothing fitted in the recording
-        can take its place [N m or N].
-    refitted, refitted_error : ndarray, shape (n,), or None
-        The torque of the bodies with friction fitted in the recording, and its standard error
-        [N m or N]; None where nothing was fitted.
-    own_friction : bool
-        Whether `predicted` has the friction that the model states; it is `refitted` otherwise,
-        where the model states none of this axis.
-    """
-
-    measurement: str
-    axis: int
-    time: Array
-    qd: Array
-    measured: Array
-    predicted: Array
-    standard_error: Array
-    parameter_error: Array
-    stated: Array
-    refitted: Array | None = None
-    refitted_error: Array | None = None
-    own_friction: bool = True
 
 
 def predicted_torques(
@@ -93,36 +54,27 @@ def predicted_torques(
         if not shows_parameters(motion):
             continue
         recording = in_si(model, motion, as_recorded)
-        if model.friction is not None:
-            yield from _with_friction(model, motion.id, recording)
-            continue
-        try:
-            s = signals(recording)
-        except NotEnoughData:
-            continue
-        law = _law_along(model, s)
-        for stretch in stack(model.robot, motion, s):
-            for axis in stretch:
-                yield _of_axis(model, motion.id, axis, s, law)
+        with suppress(NotEnoughData):
+            yield from (_as_recorded if model.friction else _fitted)(model, motion, recording)
 
 
-def _with_friction(model: Model, name: str, recording: Recording) -> Iterator[PredictedTorque]:
-    try:
-        found = predict_recording(model, recording)
-    except NotEnoughData:
-        return
-    for axis in range(model.robot.n_joints):
-        yield PredictedTorque(
-            measurement=name,
-            axis=axis,
-            time=found.time,
-            qd=found.qd[:, axis],
-            measured=found.measured[:, axis],
-            predicted=found.predicted[:, axis],
-            standard_error=found.standard_error[:, axis],
-            parameter_error=found.parameter_error[:, axis],
-            stated=found.predicted[:, axis],
-        )
+def _as_recorded(
+    model: Model, motion: ParameterMotion, recording: Recording
+) -> Iterator[PredictedTorque]:
+    """Torques of all axes by a law of friction that was found with the parameters."""
+    found = predict_recording(model, recording, motion.id)
+    return map(found.of_axis, found.axes)
+
+
+def _fitted(
+    model: Model, motion: ParameterMotion, recording: Recording
+) -> Iterator[PredictedTorque]:
+    """Torques by motions or periods, with friction fitted in each beside the model's own."""
+    s = signals(recording)
+    law = _law_along(model, s)
+    for stretch in stack(model.robot, motion, s):
+        for axis in stretch:
+            yield _of_axis(model, motion.id, axis, s, law)
 
 
 def _law_along(model: Model, s: Signals) -> tuple[Array, Array] | None:
@@ -152,7 +104,7 @@ def _of_axis(
     refitted, refitted_error = rigid + friction + motor, np.sqrt(variance + noise**2)
     return PredictedTorque(
         measurement=name,
-        axis=each.axis,
+        axes=(each.axis,),
         time=s.time[each.index],
         qd=s.qd[each.index, each.axis],
         measured=y + motor,

@@ -25,14 +25,6 @@ if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
 
 
-HARMONICS = 5
-PERIOD = 10.0
-"""Of the fundamental [s]."""
-SAMPLES = 2000
-SHARE = 0.9
-"""Of each limit that the motion uses at most."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ValidationMotion:
     """Positions, velocities, accelerations, each of shape (n, n_joints) [rad, rad/s, rad/s^2]."""
@@ -42,7 +34,16 @@ class ValidationMotion:
     qdd: Array
 
 
-def free_motion(robot: Robot, seed: int = 0, speed: ArrayLike | None = None) -> ValidationMotion:
+def free_motion(
+    robot: Robot,
+    seed: int = 0,
+    speed: ArrayLike | None = None,
+    *,
+    share: float = 0.9,
+    harmonics: int = 5,
+    period: float = 10.0,
+    samples: int = 2000,
+) -> ValidationMotion:
     """One period of a random motion within the limits of `robot`; the same seed, the same motion.
 
     Joints are scaled one by one, so each of them is as fast as the tightest of its limits allows.
@@ -54,11 +55,15 @@ def free_motion(robot: Robot, seed: int = 0, speed: ArrayLike | None = None) -> 
     seed : int
     speed : array_like, shape (n_joints,), optional
         That counts where the limit of the velocity is unknown [rad/s or m/s].
+    share : float
+        Of each limit that the motion uses at most.
+    harmonics, period, samples
+        Number of harmonics, period of the first [s] and number of samples.
     """
     rng = np.random.default_rng(seed)
-    order = 2 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
-    phase = np.outer(np.arange(SAMPLES) * PERIOD / SAMPLES, order)
-    a, b = rng.standard_normal((2, HARMONICS, robot.n_joints)) / order[:, np.newaxis]
+    order = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    phase = np.outer(np.arange(samples) * period / samples, order)
+    a, b = rng.standard_normal((2, harmonics, robot.n_joints)) / order[:, np.newaxis]
     waves = ValidationMotion(
         q=np.sin(phase) @ a - np.cos(phase) @ b,
         qd=(np.cos(phase) * order) @ a + (np.sin(phase) * order) @ b,
@@ -73,7 +78,7 @@ def free_motion(robot: Robot, seed: int = 0, speed: ArrayLike | None = None) -> 
         np.abs(waves.qd).max(axis=0) / velocity,
         np.abs(waves.qdd).max(axis=0) / robot.acceleration_limit,
     ]
-    scale = SHARE / np.fmax.reduce(shares)
+    scale = share / np.fmax.reduce(shares)
     middle = np.nan_to_num(middle)
     return ValidationMotion(middle + scale * waves.q, scale * waves.qd, scale * waves.qdd)
 

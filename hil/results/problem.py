@@ -8,7 +8,7 @@
     fit.torque_parts(recording)["friction"]
 
 Runs may be of any kind, measured here or imported, in any mixture; which recipe they call for is
-`Problem.method`.
+`RegressionProblem.method`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class RegressionProblem:
     """Recordings of one robot, and what is asked of them.
 
     Attributes
@@ -60,7 +60,7 @@ class Problem:
         """Name of the recipe."""
         return self.recipe or method_for(self.runs[0], self.runs[1:])[0]
 
-    def fit(self) -> Fit:
+    def fit(self) -> ModelFit:
         """Find everything together.
 
         Raises
@@ -69,7 +69,7 @@ class Problem:
             Recordings that do not suffice.
         """
         first, *others = self.runs
-        return Fit(identified(first, self.method, others, options=self.options))
+        return ModelFit(identified(first, self.method, others, options=self.options))
 
 
 def regression(
@@ -78,7 +78,7 @@ def regression(
     nuisance: Sequence[str] = DEFAULTS.nuisance,
     covariance: Covariance = DEFAULTS.covariance,
     method: str | None = None,
-) -> Problem:
+) -> RegressionProblem:
     """State what is asked of runs of one robot.
 
     Parameters
@@ -115,11 +115,11 @@ def regression(
             f"friction {friction!r}: 0 of {len(runs)} runs were imported, and friction of what was"
             " measured here is found anew in each measurement; leave it at 'auto'"
         )
-    return Problem(runs, Options(friction, tuple(nuisance), covariance), method)
+    return RegressionProblem(runs, Options(friction, tuple(nuisance), covariance), method)
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ModelFit:
     """What was found, by name.
 
     Base parameters are named as the robot's, in kg m^2, kg m or kg; what belongs to an axis begins

@@ -53,12 +53,6 @@ class Provenance(FileModel):
         return was_simulated(self.simulated, self.bus)
 
 
-SHORT = 16
-"""Characters of a recording's digest that are kept: 64 bits, by chance the same in 1 of 2e19."""
-SAME = 1e-6
-"""Relative difference of parameters up to which they are the same estimate's."""
-
-
 class RunStamp(FileModel):
     """A run as it was when a result was made of it.
 
@@ -118,12 +112,15 @@ def _recordings(folder: Run) -> str:
     return digest.hexdigest()
 
 
-def digests(folder: Run) -> tuple[str, ...]:
-    """Digest of each recording that is not left out, byte by byte: the same of a copy."""
+def digests(folder: Run, length: int = 16) -> tuple[str, ...]:
+    """Digest of each recording that is not left out, byte by byte: the same of a copy.
+
+    16 characters are 64 bits, by chance the same in 1 of 2e19.
+    """
     ids = set(folder.ids)
     taken = (motion for motion in folder.motions if motion.id in ids)
     kept = [digest_of_file(folder.recording_path(motion)) for motion in taken]
-    return tuple(digest[:SHORT] for digest in kept if digest)
+    return tuple(digest[:length] for digest in kept if digest)
 
 
 def recordings_in_common(made: Provenance, run: Run) -> int:
@@ -145,12 +142,12 @@ def same_recordings(one: Run, other: Run) -> bool:
     return one.path.resolve() == other.path.resolve() or _recordings(one) == _recordings(other)
 
 
-def same_parameters(then: Sequence[float], now: Array) -> str:
+def same_parameters(then: Sequence[float], now: Array, same: float = 1e-6) -> str:
     """Return how a result stood beside another estimate than today's; empty if it did not.
 
-    Recordings may be the same and the program another.
+    Recordings may be the same and the program another; `same` is a share of the parameters.
     """
-    if len(then) == len(now) and np.allclose(then, now, rtol=SAME, atol=SAME):
+    if len(then) == len(now) and np.allclose(then, now, rtol=same, atol=same):
         return ""
     return "the parameters of the same recordings are estimated differently now"
 

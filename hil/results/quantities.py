@@ -31,10 +31,6 @@ SHARES = (0.1, 0.7)
 """Where in the range of speeds that all models know levels are stated."""
 ASSUMED = (0.1, 0.8)
 """Range of speeds of a law that states none, as shares of its speed."""
-UNKNOWN_WANDER = 0.05
-"""Share of the level that stands in for the wander of a law that knows none, of free motions."""
-FEWEST = 2.0
-"""Degrees of freedom of a law that does not state its measurements."""
 
 
 class Quantity(NamedTuple):
@@ -90,7 +86,10 @@ def quantities(models: Sequence[IdentifiedRobot]) -> tuple[Quantity, ...]:
 
 
 def reading(
-    model: IdentifiedRobot, quantity: Quantity, least_wander: float = 0.0
+    model: IdentifiedRobot,
+    quantity: Quantity,
+    least_wander: float = 0.0,
+    unknown_wander: float = 0.05,
 ) -> Reading | None:
     """Value of a quantity in a model; None where the model does not know it.
 
@@ -100,6 +99,8 @@ def reading(
     quantity : Quantity
     least_wander : float
         Share of friction's level that temperature may move it by, whatever the campaign showed.
+    unknown_wander : float
+        The same of a law that knows no wander, of free motions.
     """
     if quantity.axis is None:
         return _parameter(model, model.names.index(quantity.name))
@@ -111,7 +112,7 @@ def reading(
         offset = law.terms.get("offset")
         return None if offset is None else Reading(offset.value, offset.standard_error, degrees)
     level, error = level_at(law, quantity.speed)
-    wander = max(law.wander or UNKNOWN_WANDER, least_wander)
+    wander = max(law.wander or unknown_wander, least_wander)
     return Reading(level, error, degrees, wander * abs(level))
 
 
@@ -156,10 +157,13 @@ def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
             yield float(f"{slowest + share * (fastest - slowest):.2g}")
 
 
-def _degrees(model: IdentifiedRobot, law: AxisLaw) -> float:
-    """Degrees of freedom of a law: of its measurements, or of the parameters found with it."""
+def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float:
+    """Degrees of freedom of a law: of its measurements, or of the parameters found with it.
+
+    The fewest are those of a law that states neither.
+    """
     if law.measurements is not None:
-        return max(float(law.measurements - len(law.terms)), FEWEST)
+        return max(float(law.measurements - len(law.terms)), fewest)
     if model.friction is not None:
         return float(np.median(model.degrees_of_freedom))
-    return FEWEST
+    return fewest

@@ -32,39 +32,66 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RecordedTorque:
-    """Torques of one recording, measured and predicted.
+class PredictedTorque:
+    """Torque of a stretch of a recording, measured and predicted: of one axis, or of all.
+
+    Arrays of one axis have shape (n,), of all axes (n, n_joints); samples that can be used.
 
     Attributes
     ----------
+    measurement : str
+        Its id, where it has one.
+    axes : tuple of int
+        Indices from 0.
     time : ndarray, shape (n,)
         [s].
-    qd : ndarray, shape (n, n_joints)
+    qd : ndarray
         Velocities [rad/s or m/s].
-    measured, predicted : ndarray, shape (n, n_joints)
+    measured, predicted : ndarray
         After the low-pass [N m or N].
-    parameter_error : ndarray, shape (n, n_joints)
-        Standard error of the prediction by base parameters and friction, which share their errors,
-        friction's wandering among them [N m or N].
-    residual_error : ndarray, shape (n_joints,)
-        What the model left of the recordings it was made from [N m or N].
+    standard_error : ndarray
+        Of a sample of the prediction: by its parameters, and by what the model left of the
+        recordings that it was made from [N m or N].
+    parameter_error : ndarray
+        What of it comes from the parameters, friction's wandering among them [N m or N].
+    stated : ndarray
+        What of the prediction the model states by itself, as far as nothing fitted in the recording
+        can take its place [N m or N].
+    refitted, refitted_error : ndarray, or None
+        The torque of the bodies with friction fitted in the recording, and its standard error
+        [N m or N]; None where nothing was fitted.
+    own_friction : bool
+        Whether `predicted` has the friction that the model states; it is `refitted` otherwise,
+        where the model states none of this axis.
     """
 
+    measurement: str
+    axes: tuple[int, ...]
     time: Array
     qd: Array
     measured: Array
     predicted: Array
+    standard_error: Array
     parameter_error: Array
-    residual_error: Array
+    stated: Array
+    refitted: Array | None = None
+    refitted_error: Array | None = None
+    own_friction: bool = True
 
     @property
-    def standard_error(self) -> Array:
-        """Of a sample, shape (n, n_joints) [N m or N]."""
-        return np.asarray(np.hypot(self.parameter_error, self.residual_error))
+    def axis(self) -> int:
+        """Index of the one axis that it is of."""
+        (axis,) = self.axes
+        return axis
+
+    def of_axis(self, axis: int) -> PredictedTorque:
+        """Return what all axes have of one of them, where nothing was fitted."""
+        names = ("qd", "measured", "predicted", "standard_error", "parameter_error", "stated")
+        return replace(self, axes=(axis,), **{name: getattr(self, name)[:, axis] for name in names})
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted, shape (n, n_joints)."""
+        """Measured less predicted, shape of both."""
         return self.measured - self.predicted
 
     @property
@@ -79,7 +106,7 @@ class RecordedTorque:
         return float(np.linalg.norm(self.residual)) / total
 
     def interval(self, level: float = 0.95) -> Array:
-        """Intervals of the torque, shape (n, n_joints, 2): lower and upper ends."""
+        """Intervals of the torque, shape (..., 2): lower and upper ends."""
         half = special.ndtri(0.5 + level / 2) * self.standard_error
         return np.stack([self.predicted - half, self.predicted + half], axis=-1)
 
@@ -133,8 +160,8 @@ def along(model: Model, recording: Recording) -> Along:
     )  # fmt: skip
 
 
-def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
-    """Predict the torques of a recording from its positions.
+def predict_recording(model: Model, recording: Recording, name: str = "") -> PredictedTorque:
+    """Predict the torques of all axes of a recording from its positions.
 
     Parameters
     ----------
@@ -142,6 +169,8 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
         Identified from free motions.
     recording : Recording
         Of the same robot; even in time, without a gap.
+    name : str
+        Id of its measurement.
 
     Raises
     ------
@@ -154,20 +183,23 @@ def predict_recording(model: Model, recording: Recording) -> RecordedTorque:
     A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
     rigid = A @ model.values
     torque = rigid + _friction(model, motion, rigid)
-    return RecordedTorque(
+    predicted = motion.passed(torque + motor_torque(model.robot, motion.q, motion.qd, motion.qdd))
+    error = motion.used(_parameter_error(model, motion, A))
+    return PredictedTorque(
+        measurement=name,
+        axes=tuple(range(model.robot.n_joints)),
         time=motion.time,
         qd=motion.used(motion.qd),
         measured=motion.measured,
-        predicted=motion.passed(
-            torque + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
-        ),
-        parameter_error=motion.used(_parameter_error(model, motion, A)),
-        residual_error=np.nan_to_num(model.residual),
+        predicted=predicted,
+        standard_error=np.hypot(error, np.nan_to_num(model.residual)),
+        parameter_error=error,
+        stated=predicted,
     )
 
 
 def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
-    """Torque of a recording by its parts; see `hil.results.problem.Fit.torque_parts`."""
+    """Torque of a recording by its parts; see `hil.results.problem.ModelFit.torque_parts`."""
     robot, p = model.robot, model.values
     motion = along(model, recording)
     q, qd, qdd, still = motion.q, motion.qd, motion.qdd, np.zeros_like(motion.q)

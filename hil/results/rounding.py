@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 
-MOST = 9
-"""Decimals at most."""
 
-
-def decimals(uncertainty: float) -> int:
+def decimals(uncertainty: float, most: int = 9) -> int:
     """Decimals that show an uncertainty with two digits; 4 where there is none."""
     if not math.isfinite(uncertainty) or uncertainty <= 0:
         return 4
-    return min(max(1 - math.floor(math.log10(uncertainty)), 0), MOST)
+    return min(max(1 - math.floor(math.log10(uncertainty)), 0), most)
 
 
 def rounded(value: float, uncertainty: float) -> str:

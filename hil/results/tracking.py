@@ -18,7 +18,7 @@ from hil.errors import NotEnoughData
 from hil.planning.strokes import REST
 from hil.planning.trajectory import Trajectory
 from hil.results.rounding import significant
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Part, Table, figures, table
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -175,39 +175,32 @@ def write_tracking(folder: Path, found: Tracking) -> Path:
     return path
 
 
-WRONG_DELAY = 0.25
-"""SYNC periods by which the stated delay may differ from the one that the recording shows."""
-
-
 def tracking(found: Tracking) -> Table:
     """Following errors of all axes."""
-    by_size = {
-        "rms": {axis.axis: axis.rms for axis in found.axes},
-        "peak": {axis.axis: axis.peak for axis in found.axes},
-    }
-    return Table(
-        title="Following errors, by what is fed forward",
-        columns=(Column("axis"), *figures(*PASSES, "factor"), Column("unit")),
-        parts=tuple(
-            Part(tuple(_row(axis, errors[axis.axis]) for axis in found.axes), name)
-            for name, errors in by_size.items()
+    return table(
+        "Following errors, by what is fed forward",
+        ("axis", *figures(*PASSES, "factor"), "unit"),
+        (
+            Part(tuple(_row(axis, getattr(axis, size)) for axis in found.axes), size)
+            for size in ("rms", "peak")
         ),
-        explanation=(
-            "What was planned less what was measured while the trajectory was in motion, with"
-            " neither velocity nor torque fed forward, with velocity, and with both; factor by"
-            " which torque makes the error of velocity alone smaller."
-        ),
-        notes=notes(found),
+        "What was planned less what was measured while the trajectory was in motion, with"
+        " neither velocity nor torque fed forward, with velocity, and with both; factor by"
+        " which torque makes the error of velocity alone smaller.",
+        notes(found),
     )
 
 
-def notes(found: Tracking) -> tuple[str, ...]:
-    """What the passes show beside their figures, and what restricts these."""
+def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
+    """What the passes show beside their figures, and what restricts these.
+
+    The stated delay may differ by `wrong` SYNC periods from the one that the recording shows.
+    """
     lines = [
         f"median over the axes: velocity makes errors {found.gain('neither', 'velocity'):.3g} times"
         f" smaller, torque beside it {found.gain('velocity', 'both'):.3g} times more"
     ]
-    if abs(found.shown_delay - found.delay) > WRONG_DELAY:
+    if abs(found.shown_delay - found.delay) > wrong:
         lines.append(
             f"the recordings show a delay of {found.shown_delay:.2f} SYNC periods instead of"
             f" {found.delay:g}: repeat with --delay {found.shown_delay:.2f}"

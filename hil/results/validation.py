@@ -42,7 +42,7 @@ from hil.results.model import Model
 from hil.results.outcome import OF_DATA
 from hil.results.provenance import RunStamp, recordings_in_common
 from hil.results.rounding import significant
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Column, Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.results.judgement import Rule
-    from hil.results.predicted_torques import PredictedTorque
+    from hil.results.recorded_torque import PredictedTorque
     from hil.results.tables.table import Row
     from hil.runs.run import Run
 
@@ -422,7 +422,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
     return path
 
 
-def table(found: Validation, notes: tuple[str, ...] = ()) -> Table:
+def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
     """Scores of all axes that the recording moves."""
     heads = ["torque", "residual", "%", "mean, %", "inside, %", "gain"]
     explained, fitted = "", any(each.refitted is not None for each in found.axes)
@@ -432,29 +432,26 @@ def table(found: Validation, notes: tuple[str, ...] = ()) -> Table:
             " All with the friction that the model states, but the gain and the last two columns:"
             " ratio and share inside with friction fitted in this recording."
         )
-    rows: tuple[Row, ...] = tuple(
+    return table(
+        "Torques predicted of this recording",
+        ("axis", *figures(*heads)),
         (
-            str(each.axis),
-            f"{significant(each.torque, 3)} {each.unit}",
-            f"{significant(each.residual, 3)} {each.unit}",
-            significant(100 * each.relative, 2),
-            f"{100 * each.naive:.0f}",
-            f"{100 * each.inside:.0f}",
-            f"{each.gain:.3f}",
-            *(_refitted(each) if fitted else ()),
-        )
-        for each in found.axes
-    )
-    return Table(
-        title="Torques predicted of this recording",
-        columns=(Column("axis"), *figures(*heads)),
-        parts=(Part(rows),),
-        explanation=(
-            "Root mean squares of torque and residual, and their ratio; the same ratio where the"
-            " axis's mean torque is the prediction; share of samples inside the predicted intervals"
-            " of 95 %; factor of what the model states that would fit best." + explained
+            (
+                str(each.axis),
+                f"{significant(each.torque, 3)} {each.unit}",
+                f"{significant(each.residual, 3)} {each.unit}",
+                significant(100 * each.relative, 2),
+                f"{100 * each.naive:.0f}",
+                f"{100 * each.inside:.0f}",
+                f"{each.gain:.3f}",
+                *(_refitted(each) if fitted else ()),
+            )
+            for each in found.axes
         ),
-        notes=notes,
+        "Root mean squares of torque and residual, and their ratio; the same ratio where the"
+        " axis's mean torque is the prediction; share of samples inside the predicted intervals"
+        " of 95 %; factor of what the model states that would fit best." + explained,
+        notes,
     )
 
 
@@ -466,26 +463,18 @@ def _refitted(score: AxisScore) -> Row:
 
 def judgements(kept: Sequence[KeptJudgement]) -> Table:
     """What a model was worth on other recordings."""
-    rows: tuple[Row, ...] = tuple(
+    return table(
+        "Judged by other recordings",
+        ("run", "judgement", *figures("off by, %"), Column("reason", folds=True)),
         (
-            each.run,
-            each.word if each.word == "good" else Marked(each.word),
-            "" if each.relative is None else significant(100 * each.relative, 2),
-            each.clause,
-        )
-        for each in kept
-    )
-    return Table(
-        title="Judged by other recordings",
-        columns=(
-            Column("run"),
-            Column("judgement"),
-            *figures("off by, %"),
-            Column("reason", folds=True),
+            (
+                each.run,
+                each.word if each.word == "good" else Marked(each.word),
+                "" if each.relative is None else significant(100 * each.relative, 2),
+                each.clause,
+            )
+            for each in kept
         ),
-        parts=(Part(rows),),
-        explanation=(
-            "By hil validate: judgement, error of the predicted torques, and the worst of what was"
-            " found."
-        ),
+        "By hil validate: judgement, error of the predicted torques, and the worst of what was"
+        " found.",
     )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileModel
 from hil.results.rounding import clock, significant
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Table, figures, table
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -123,50 +123,53 @@ def write_watched(folder: Path, found: Watched) -> Path:
     return path
 
 
-MOST = 20
-"""Alarms that are listed; all are in the file."""
-MOSTLY = 0.5
-"""Share of the time from which an axis that was blind is named."""
-
-
 def watched(found: Watched) -> Table:
     """How well each axis was seen."""
-    return Table(
-        title="Torque from outside that is seen",
-        columns=(
-            Column("axis"),
+    return table(
+        "Torque from outside that is seen",
+        (
+            "axis",
             *figures("within 20 ms", "% of limit", "within 0.1 s", "% of limit"),
             *figures("still, %", "blind, %", "dim, %"),
         ),
-        parts=(Part(tuple(_row(axis) for axis in found.axes)),),
-        explanation=(
-            "Thresholds of means over windows that end 20 ms and 0.1 s after a push began, medians"
-            " over the time in motion; a dash where an axis has moved too little. Still is the"
-            " share of all the time in which the axis stood, and showed only what exceeds its"
-            " friction. Blind is the share, around reversals and at rest, in which a tenth of the"
-            " torque limit would not be seen within 20 ms, dim that in which a twentieth would not"
-            " be seen within 0.1 s."
-        ),
-        notes=(_sentence(found), *_hardly_watched(found)),
+        map(_row, found.axes),
+        "Thresholds of means over windows that end 20 ms and 0.1 s after a push began, medians"
+        " over the time in motion; a dash where an axis has moved too little. Still is the"
+        " share of all the time in which the axis stood, and showed only what exceeds its"
+        " friction. Blind is the share, around reversals and at rest, in which a tenth of the"
+        " torque limit would not be seen within 20 ms, dim that in which a twentieth would not"
+        " be seen within 0.1 s.",
+        (_sentence(found), *_hardly_watched(found)),
     )
 
 
-def alarms(found: Watched) -> Table:
-    """The first alarms; no rows without any."""
+def alarms(found: Watched, most: int = 20) -> Table:
+    """The first alarms; no rows without any, and all of them are in the file."""
     units = {axis.axis: axis.unit for axis in found.axes}
-    rows = tuple(_alarm(alarm, units[alarm.axis]) for alarm in found.alarms[:MOST])
-    left = len(found.alarms) - MOST
-    return Table(
-        title="Alarms",
-        columns=(Column("axis"), *figures("at, s", "seen", "threshold", "peak"), Column("unit"),
-                 *figures("window, ms", "lasted, s")),
-        parts=(Part(rows),) if rows else (),
-        explanation=(
-            "When an alarm began, the mean torque from outside that showed it and the threshold of"
-            " its window; largest torque until it was over."
+    left = len(found.alarms) - most
+    return table(
+        "Alarms",
+        (
+            "axis",
+            *figures("at, s", "seen", "threshold", "peak"),
+            "unit",
+            *figures("window, ms", "lasted, s"),
         ),
-        notes=(f"{left} more alarms in the file",) if left > 0 else (),
-    )  # fmt: skip
+        (
+            (
+                str(each.axis),
+                f"{each.time:.3f}",
+                *(significant(x, 3) for x in (each.torque, each.threshold, each.peak)),
+                units[each.axis],
+                f"{1e3 * each.window:.0f}",
+                f"{each.lasted:.2f}",
+            )
+            for each in found.alarms[:most]
+        ),
+        "When an alarm began, the mean torque from outside that showed it and the threshold of"
+        " its window; largest torque until it was over.",
+        (f"{left} more alarms in the file",) if left > 0 else (),
+    )
 
 
 def _sentence(found: Watched) -> str:
@@ -178,9 +181,9 @@ def _sentence(found: Watched) -> str:
     return f"{number} {alarm} in {clock(found.watched)}, {found.rate:.3g} an hour; {learned}"
 
 
-def _hardly_watched(found: Watched) -> tuple[str, ...]:
+def _hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
     """Which axes were blind for most of the time, and what would watch them."""
-    blind = [axis for axis in found.axes if found.watched and axis.blind > MOSTLY]
+    blind = [axis for axis in found.axes if found.watched and axis.blind > mostly]
     if not blind:
         return ()
     axes = f"{'axis' if len(blind) == 1 else 'axes'} {', '.join(str(axis.axis) for axis in blind)}"
@@ -192,20 +195,7 @@ def _hardly_watched(found: Watched) -> tuple[str, ...]:
 
 def _row(axis: Sight) -> Row:
     cells: list[str] = []
-    for threshold in (axis.soon, axis.late):
-        if threshold is None:
-            cells += ["–", "–"]
-            continue
-        cells += [
-            f"{significant(threshold, 3)} {axis.unit}",
-            significant(100 * threshold / axis.limit, 2),
-        ]
+    for each in (axis.soon, axis.late):
+        known = f"{significant(each, 3)} {axis.unit}" if each is not None else "–"
+        cells += known, "–" if each is None else significant(100 * each / axis.limit, 2)
     return (str(axis.axis), *cells, *(f"{100 * x:.1f}" for x in (axis.still, axis.blind, axis.dim)))
-
-
-def _alarm(alarm: Alarm, unit: str) -> Row:
-    torques = (significant(x, 3) for x in (alarm.torque, alarm.threshold, alarm.peak))
-    return (
-        str(alarm.axis), f"{alarm.time:.3f}", *torques, unit, f"{1e3 * alarm.window:.0f}",
-        f"{alarm.lasted:.2f}",
-    )  # fmt: skip

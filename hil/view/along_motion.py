@@ -1,4 +1,8 @@
-"""What is computed along a motion: torques by a model, and which link is nearest to which box.
+"""A motion in time: what a run has measured, torques by a model, links nearest to boxes.
+
+The clock of the page is not that of the run: pauses, repetitions and time between sessions are left
+out, and the ways between recordings, of which nothing is recorded, take as long as the dry run
+reckons and are drawn straight.
 
 Distances are by what the safety check computes with. The check bounds them between the instants too
 (`hil.planning.clearance`); here they are those of the capsules at the instants themselves.
@@ -12,17 +16,114 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.errors import FrictionUnknown, Mismatch
+from hil.errors import FrictionUnknown, NotEnoughData
 from hil.planning.clearance import intrusions
-from hil.view.packed import INSTANT, Track, all_simplified
+from hil.planning.free_motion import FreeMotion
+from hil.planning.timetable import SETTLING, travel_time
+from hil.runs.set_points import set_points
+from hil.view.packed import INSTANT, Segment, Track, all_simplified, described
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.arrays import Array
     from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
+    from hil.runs.recording import Recording
+    from hil.runs.run import Run
+
+
+class MeasuredTracks(NamedTuple):
+    """A run in time: tracks of each joint."""
+
+    segments: tuple[Segment, ...]
+    position: tuple[Track, ...]
+    velocity: tuple[Track, ...]
+    torque: tuple[Track, ...]
+    set_point: tuple[Track, ...] | None
+
+
+def measured(run: Run, most: int) -> MeasuredTracks:
+    """Lay all recordings of a run behind each other, with about `most` instants in all.
+
+    Raises
+    ------
+    NotEnoughData
+        There is none.
+    FileError
+        One is damaged.
+    """
+    segments: list[Segment] = []
+    pieces: list[tuple[Array, ...]] = []
+    samples = sum(each.recording.n_samples for each in run)
+    every = max(1, -(-samples // most))  # one of how many samples is shown
+    for motion, recording in ((each.measurement, each.recording) for each in run):
+        begin = segments[-1].end if segments else 0.0
+        if pieces:
+            end = begin + _way(run.robot, motion, pieces[-1][1][-1])
+            segments.append(Segment("travel", f"travel to {motion.id}, not recorded", begin, end))
+            begin = end
+        pieces.append(_piece(motion, recording, begin, every))
+        words, end = described(motion), float(pieces[-1][0][-1])
+        segments.append(Segment(motion.kind, words, begin, end, motion.read, recorded=True))
+    if not pieces:
+        raise NotEnoughData(f"{run.path}: no recordings to show; measure them with --resume")
+    time, q, qd, tau, planned = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    angle = 2e-5  # by which a drawn position may be off [rad or m]
+    known = bool(np.isfinite(planned).all())
+    return MeasuredTracks(
+        tuple(segments),
+        all_simplified(time, q, angle),
+        all_simplified(time, qd),
+        all_simplified(time, tau),
+        all_simplified(time, planned, angle) if known else None,
+    )
+
+
+def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
+    """Duration of the way from `place` to where a motion begins [s]; 1 s where it is not known."""
+    if isinstance(motion, FreeMotion):
+        return 1.0
+    start = np.where(np.isfinite(place), place, motion.start).tolist()
+    return travel_time(robot, start, motion.start, 1.0) + SETTLING
+
+
+def _piece(
+    motion: RecordedMotion, recording: Recording, begin: float, every: int
+) -> tuple[Array, ...]:
+    """Samples of one recording, thinned: time on the page's clock, arrays (n, n_joints).
+
+    Positions, velocities, torques, and set-points, NaN where nothing was planned.
+    """
+    time, kept = recording.time - recording.time[0], slice(None, None, every)
+    planned = set_points(motion, recording)
+    planned = np.full_like(recording.q, np.nan) if planned is None else planned
+    velocity, torque = _velocity(recording, time)[kept], _means(recording.tau, every)
+    return begin + time[kept], recording.q[kept], velocity, torque, planned[kept]
+
+
+def _velocity(recording: Recording, time: Array) -> Array:
+    """As it was recorded, or from positions over some samples on either side."""
+    if recording.qd is not None:
+        return recording.qd
+    n = len(time)
+    reach = min(4, max((n - 1) // 2, 0))
+    if not reach:
+        return np.zeros_like(recording.q)
+    low, high = np.maximum(np.arange(n) - reach, 0), np.minimum(np.arange(n) + reach, n - 1)
+    found: Array = (recording.q[high] - recording.q[low]) / (time[high] - time[low])[:, None]
+    return found
+
+
+def _means(values: Array, every: int) -> Array:
+    """Means of `every` successive rows; what is missing is left out."""
+    there = np.isfinite(values)
+    starts = np.arange(0, len(values), every)
+    sums = np.add.reduceat(np.where(there, values, 0.0), starts)
+    counts = np.add.reduceat(there.astype(float), starts)
+    return np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
 
 
 class Predicted(NamedTuple):
@@ -45,22 +146,6 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
     of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
     words = f"predicted, without friction{of}" if lack else "predicted"
     return Predicted(all_simplified(time, np.concatenate(torque)), words)
-
-
-def refuse_other_robot(model: Model, robot: Robot, source: str) -> None:
-    """Refuse a model of another robot file.
-
-    Raises
-    ------
-    Mismatch
-        Both by name and digest.
-    """
-    if model.robot.digest != robot.digest:
-        raise Mismatch(
-            f"{source}: was identified with another robot file ({model.robot.name}"
-            f" {model.robot.digest[:12]}) than that of {robot.name} {robot.digest[:12]}; give the"
-            " model of this robot with --model"
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

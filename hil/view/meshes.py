@@ -110,10 +110,6 @@ def _numbers(words: list[str], path: Path) -> list[float]:
     return found
 
 
-SIDES = 24
-"""Of what is round."""
-
-
 def box(size: Sequence[float]) -> Array:
     """Triangles (12, 3, 3) of a box about the origin with edges `size` (3,) [m]."""
     half = np.asarray(size) / 2
@@ -133,15 +129,15 @@ def cylinder(radius: float, length: float) -> Array:
     )
 
 
-def sphere(radius: float) -> Array:
+def sphere(radius: float, sides: int = 24) -> Array:
     """Triangles (n, 3, 3) of a ball about the origin [m]."""
-    angles = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)
+    angles = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 1)
     return _turned([(radius * np.cos(a), radius * np.sin(a)) for a in angles.tolist()])
 
 
-def _turned(outline: Sequence[tuple[float, float]]) -> Array:
+def _turned(outline: Sequence[tuple[float, float]], sides: int = 24) -> Array:
     """Triangles of what an outline (distance from z, height) passes by turning about z."""
-    angles = np.linspace(0.0, 2 * np.pi, SIDES + 1)
+    angles = np.linspace(0.0, 2 * np.pi, sides + 1)
     rings = [
         np.column_stack([r * np.cos(angles), r * np.sin(angles), 0 * angles + z])
         for r, z in outline
@@ -149,7 +145,7 @@ def _turned(outline: Sequence[tuple[float, float]]) -> Array:
     found = [
         corners
         for low, high in pairwise(rings)
-        for i in range(SIDES)
+        for i in range(sides)
         for corners in ([low[i], low[i + 1], high[i + 1]], [low[i], high[i + 1], high[i]])
     ]
     return np.array(found)

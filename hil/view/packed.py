@@ -106,8 +106,6 @@ def deflated(data: object) -> str:
     return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
 
 
-SHARE = 1e-3
-"""By how much a drawn velocity or torque may be off, as share of the greatest that occurs."""
 INSTANT = 1e-4
 """Resolution of time in a page [s]."""
 
@@ -163,10 +161,12 @@ def simplified(time: Array, value: Array, tolerance: float) -> Track:
     return Track(np.array(t)[chosen], np.array(x)[chosen])
 
 
-def all_simplified(time: Array, values: Array, tolerance: float | None = None) -> tuple[Track, ...]:
-    """Simplify each column of values (n, n_joints); by default within `SHARE` of its greatest."""
+def all_simplified(
+    time: Array, values: Array, tolerance: float | None = None, share: float = 1e-3
+) -> tuple[Track, ...]:
+    """Simplify each column of values (n, n_joints); by default within a share of its greatest."""
     greatest = np.where(np.isfinite(values), np.abs(values), 0.0).max(axis=0, initial=1e-9)
-    allowed = SHARE * greatest if tolerance is None else np.full_like(greatest, tolerance)
+    allowed = share * greatest if tolerance is None else np.full_like(greatest, tolerance)
     return tuple(
         simplified(time, column, most)
         for column, most in zip(values.T, allowed.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""The page: one HTML file with everything in it, no server, no network, below `LARGEST` bytes.
+"""The page: one HTML file with everything in it, no server, no network, of 3 MB at most.
 
 Its scripts are bundled from `web/` beforehand (`make view-bundle`); here the data joins them. Where
 a page becomes too large, fewer instants are shown.
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
     from hil.view.scene import Scene
 
 ASSETS = Path(__file__).parent / "assets"
-LARGEST = 3_000_000
-"""Of a page [bytes]."""
 MOST = (100_000, 50_000, 25_000, 12_000, 6_000)
 """Instants that are shown, tried one after the other."""
 MARK = '<meta name="generator" content="hil view">'
 """By which a page is known for one that may be written anew."""
 
 
-def write_page(path: Path, make: Callable[[int], Scene]) -> int:
+def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_000) -> int:
     """Write the page of a scene; return its size in bytes.
 
     Parameters
     ----------
     make : callable
         Makes the scene with a number of instants.
+    largest : int
+        Size from which on a page is too large [bytes].
 
     Raises
     ------
@@ -52,11 +52,11 @@ def write_page(path: Path, make: Callable[[int], Scene]) -> int:
     for most in MOST:
         content = html(make(most)).encode()
         size = len(content)
-        if size < LARGEST:
+        if size < largest:
             write_file(path, content)
             return size
     raise InvalidValue(
-        f"{path}: the page has {size / 1e6:.1f} MB, at most {LARGEST / 1e6:.0f} MB; show fewer"
+        f"{path}: the page has {size / 1e6:.1f} MB, at most {largest / 1e6:.0f} MB; show fewer"
         " measurements, or leave --urdf out"
     )
 

@@ -34,14 +34,11 @@ if TYPE_CHECKING:
 
     Rows = list[tuple[float, float, float]]
 
-MOST_KNOTS = 1_000_000
-"""Of all joints together; a page with more does not open in reasonable time."""
-
 
 class Planned(NamedTuple):
     """A plan in time."""
 
-    motion: Motion
+    motion: KnotMotion
     segments: tuple[Segment, ...]
 
 
@@ -120,15 +117,15 @@ class _Passage:
         self._place = end
 
 
-def _refuse_endless(plan: Plan) -> None:
-    """Refuse more knots than a page can hold, before they are computed."""
+def _refuse_endless(plan: Plan, most: float = 1e6) -> None:
+    """Refuse more knots of all joints than a page opens with in reasonable time, beforehand."""
     least = sum(_knots(measurement) for measurement in plan.measurements)
     rounds = plan.warm_up.duration / SETTLING if plan.warm_up else 0.0
     knots = least + 4 * len(plan.measurements[0].q) * (rounds + len(plan.measurements))
-    if knots > MOST_KNOTS:
+    if knots > most:
         raise InvalidValue(
             f"a page of this plan would have {knots:.3g} corners of strokes, at most"
-            f" {MOST_KNOTS:.3g} can be shown; lower cycles, exercise or warm_up, or divide the plan"
+            f" {most:.3g} can be shown; lower cycles, exercise or warm_up, or divide the plan"
         )
 
 
@@ -148,7 +145,7 @@ KNOTS = 24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class KnotMotion:
     """Knots of all joints; joints stand still beyond their last one."""
 
     tracks: tuple[Track, ...]
@@ -207,9 +204,9 @@ class MotionBuilder:
             for at, profile in partner_strokes(measurement, partner):
                 self.move(partner.index, profile, begin + at)
 
-    def finish(self) -> Motion:
+    def finish(self) -> KnotMotion:
         """Return the motion."""
-        return Motion(tuple(Track(*np.array(knots).T) for knots in self._knots))
+        return KnotMotion(tuple(Track(*np.array(knots).T) for knots in self._knots))
 
     def _exercise(self, measurement: Strokes, begin: float) -> None:
         """Pairs of strokes, as many as end before the recording."""

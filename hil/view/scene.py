@@ -9,8 +9,7 @@ import numpy as np
 
 from hil.model.capsules import capsules
 from hil.planning.workspace import narrowed
-from hil.view.along_motion import distances, predicted, smallest
-from hil.view.measured import measured
+from hil.view.along_motion import distances, measured, predicted, smallest
 from hil.view.packed import shown_kinds
 from hil.view.planned import planned
 from hil.view.visuals import robot_data, workspace_data
@@ -24,8 +23,7 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
     from hil.runs.run import Run
-    from hil.view.along_motion import Distances, Predicted
-    from hil.view.measured import Measured
+    from hil.view.along_motion import Distances, MeasuredTracks, Predicted
     from hil.view.packed import Segment, Track
     from hil.view.visuals import Visual
 
@@ -50,7 +48,7 @@ class Scene:
         None for a robot that stands.
     planned : tuple of Track, optional
         Position of each joint as planned, or as set-points were.
-    measured : Measured, optional
+    measured : MeasuredTracks, optional
     predicted : Predicted, optional
     distances : Distances, optional
     notes : tuple of str
@@ -65,7 +63,7 @@ class Scene:
     visuals: Sequence[Visual] = ()
     segments: tuple[Segment, ...] = ()
     planned: tuple[Track, ...] | None = None
-    measured: Measured | None = None
+    measured: MeasuredTracks | None = None
     predicted: Predicted | None = None
     distances: Distances | None = None
     notes: tuple[str, ...] = ()
@@ -201,7 +199,7 @@ def of_run(
     )
 
 
-def _along(found: Measured, model: Model | None) -> Predicted | None:
+def _along(found: MeasuredTracks, model: Model | None) -> Predicted | None:
     """Torques by a model along what was measured, at the knots of its velocities."""
     if model is None:
         return None

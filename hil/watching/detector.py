@@ -16,7 +16,7 @@ sample takes the next one, which is all the delay there is.
 Windows of several lengths are looked at: short ones see strong pushes soon, long ones weak pushes.
 Each has a threshold,
 
-    sqrt((SIGMAS * scatter)^2 + (2 * standard error)^2) + turning,
+    sqrt((sigmas * scatter)^2 + (2 * standard error)^2) + turning,
 
 from how such means scatter on this machine (`hil.watching.scatter`), from the model's own interval
 (base parameters, and friction as it is followed, `hil.watching.friction`), and from what
@@ -49,19 +49,8 @@ if TYPE_CHECKING:
 
     Flags = NDArray[np.bool_]
 
-SIGMAS = 7.0
-BLOCK = 0.25
-"""Time after which what is learned counts: friction, scatter, presliding distances [s]."""
 SLOW = 0.01
 """Share of the velocity limit below which an axis may be at rest."""
-SURE = 0.05
-"""Doubt of friction's direction up to which a sample shows how friction and scatter are."""
-DOUBTFUL = 1.0
-"""Share of a threshold above which nothing is learned from a block."""
-ANY = 2.0
-"""Share of the torque limit from which a threshold means that nothing is seen."""
-LONGEST_DOUBT = 10.0
-"""Time after which what lasts is learned all the same: a load, or friction that has changed [s]."""
 
 
 class Judged(NamedTuple):
@@ -110,6 +99,10 @@ class Detector:
         With a law of friction.
     period : float
         Time between two samples [s].
+    sigmas : float
+        Standard deviations of the scatter that a threshold holds.
+    block : float
+        Time after which what is learned counts: friction, scatter, presliding distances [s].
 
     Attributes
     ----------
@@ -122,7 +115,9 @@ class Detector:
         The model has no law of friction.
     """
 
-    def __init__(self, model: Model, period: float) -> None:
+    def __init__(
+        self, model: Model, period: float, *, sigmas: float = 7.0, block: float = 0.25
+    ) -> None:
         robot, n = model.robot, model.robot.n_joints
         self.windows = np.array(window_lengths(period))
         self._model, self._period = model, period
@@ -135,7 +130,8 @@ class Detector:
         self._time, self._q, self._tau = np.empty(0), np.empty((0, n)), np.empty((0, n))
         self._since = 0
         self._learned: list[_Learned] = []
-        self._length, self._in_block = max(1, round(BLOCK / period)), 0
+        self._length, self._in_block = max(1, round(block / period)), 0
+        self._sigmas = sigmas
         self._doubted = np.zeros(n)
 
     @property
@@ -206,11 +202,12 @@ class Detector:
         wrong = np.maximum(turn.doubt, rest)
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
-        threshold = np.sqrt((SIGMAS * self._scatter.bound) ** 2 + error) + bands
-        threshold[threshold > ANY] = np.inf
+        threshold = np.sqrt((self._sigmas * self._scatter.bound) ** 2 + error) + bands
+        threshold[threshold > 2.0] = np.inf  # twice the torque limit: nothing is seen
         moving = speed > SLOW
-        doubtful: Flags = np.asarray(np.any(np.abs(means) > DOUBTFUL * threshold, axis=1))
-        self._learned.append(_Learned(columns, left, means, doubtful, moving & (turn.doubt < SURE)))
+        doubtful: Flags = np.asarray(np.any(np.abs(means) > threshold, axis=1))
+        sure = moving & (turn.doubt < 0.05)  # of friction's direction
+        self._learned.append(_Learned(columns, left, means, doubtful, sure))
         return Judged(
             time, measured, predicted, -means * self._limit, threshold * self._limit, moving
         )
@@ -231,8 +228,12 @@ class Detector:
         means = (sums[:, ends] - sums[:, ends - self.windows]) / self.windows[:, np.newaxis]
         return means[0], means[1]
 
-    def _learn(self) -> None:
-        """Let what a block has shown count."""
+    def _learn(self, longest: float = 10.0) -> None:
+        """Let what a block has shown count.
+
+        What lasts for the `longest` time [s] is learned all the same: a load, or friction that has
+        changed.
+        """
         shown = [np.concatenate(values) for values in zip(*self._learned, strict=True)]
         columns, left, means, doubtful, sure = shown
         self._learned.clear()
@@ -242,7 +243,7 @@ class Detector:
         self._doubted = np.where(doubted, self._doubted + duration, 0.0)
         if self._since < self.windows[-1] + len(left):
             return
-        used = sure & ((self._doubted == 0) | (self._doubted > LONGEST_DOUBT))
+        used = sure & ((self._doubted == 0) | (self._doubted > longest))
         self._scatter.take(means, used)
         self._level.follow(columns, left, used, duration)
         self._turning.settle()

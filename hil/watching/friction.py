@@ -26,7 +26,7 @@ import numpy as np
 
 from hil.friction.direction import Direction
 from hil.friction.law import friction_torque, friction_variance
-from hil.results.torque_parts import known_friction
+from hil.results.identified_robot import known_friction
 
 if TYPE_CHECKING:
     from hil.arrays import Array
@@ -34,10 +34,6 @@ if TYPE_CHECKING:
 
 
 NODES = 401
-FASTEST = 1.25
-"""Share of the velocity limit up to which the tables reach; faster is as fast as that."""
-ANGLES = 16
-"""Angles of the motor over which ripple is averaged out."""
 
 
 class FrictionTables:
@@ -46,6 +42,8 @@ class FrictionTables:
     Parameters
     ----------
     model : Model
+    fastest : float
+        Share of the velocity limit up to which the tables reach; faster is as fast as that.
 
     Attributes
     ----------
@@ -60,10 +58,10 @@ class FrictionTables:
         The model has no law of friction.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, fastest: float = 1.25) -> None:
         self._model = model
         self._law = known_friction(model, of_all=True)
-        reach = FASTEST * model.robot.velocity_limit
+        reach = fastest * model.robot.velocity_limit
         self._per_node = (NODES - 1) / reach
         speeds = np.linspace(0.0, 1.0, NODES)[:, np.newaxis] * reach
         free, loaded = self._both_ways(speeds, 0.0), self._both_ways(speeds, 1.0)
@@ -95,7 +93,8 @@ class FrictionTables:
         forth, back = (self._one_way(sign, speeds, load) for sign in (1.0, -1.0))
         return np.stack([forth + back, forth - back]) / 2
 
-    def _one_way(self, sign: float, speeds: Array, load: float) -> Array:
+    def _one_way(self, sign: float, speeds: Array, load: float, angles: int = 16) -> Array:
+        """Friction in one direction; ripple is averaged out over angles of the motor."""
         robot = self._model.robot
         turn = 2 * np.pi / np.nan_to_num(robot.gear_ratio, nan=1.0)
         direction = [Direction(np.full(NODES, sign), np.zeros(NODES))] * robot.n_joints
@@ -104,7 +103,7 @@ class FrictionTables:
             friction_torque(
                 robot, self._law, np.tile(share * turn, (NODES, 1)), sign * speeds, loads, direction
             )
-            for share in np.arange(ANGLES) / ANGLES
+            for share in np.arange(angles) / angles
         ]
         return np.asarray(np.mean(ways, axis=0))
 
@@ -117,16 +116,10 @@ class FrictionTables:
 
 SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])
 """Shares of the velocity limit at which friction is unknown; faster is as fast as the last."""
-ALIKE = 2.0
-"""Places in the row of speeds after which what is said has half gone over into something else."""
 LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
 """Standard deviations at the beginning, at least: shares of the level, and of the torque limit."""
-EXTRAPOLATED = 0.2
-"""That of the shape far below the speeds that a law was found from."""
 LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
 """Standard deviations of what they wander in a minute."""
-ERROR = 0.004
-"""Share of the torque limit by which the mean of a block errs that is no friction."""
 N_UNKNOWNS = len(SPEEDS) + 1
 """Friction beside the law's at each of the speeds, and the offset."""
 
@@ -145,7 +138,7 @@ class FrictionLevel:
     def __init__(self, uncertainty: Array, slowest: Array) -> None:
         self._x = np.zeros((len(uncertainty), N_UNKNOWNS))
         below = np.clip(1.0 - SPEEDS / np.maximum(slowest, 1e-9)[:, np.newaxis], 0.0, 1.0)
-        shape = np.maximum(SHAPE, EXTRAPOLATED * below)
+        shape = np.maximum(SHAPE, 0.2 * below)  # far below the speeds that a law was found from
         self._covariance = np.stack(
             [
                 _covariance(max(LEVEL, own), spread, OFFSET)
@@ -166,7 +159,9 @@ class FrictionLevel:
         spread = np.einsum("njk,jkl,njl->nj", columns, self._covariance, columns)
         return np.einsum("njk,jk->nj", columns, self._x), np.sqrt(spread)
 
-    def follow(self, columns: Array, left: Array, used: Array, duration: float) -> None:
+    def follow(
+        self, columns: Array, left: Array, used: Array, duration: float, error: float = 0.004
+    ) -> None:
         """Take one block of samples.
 
         Parameters
@@ -177,9 +172,11 @@ class FrictionLevel:
         used : ndarray of bool, shape (n, n_joints)
         duration : float
             Of the block [s].
+        error : float
+            Share of the torque limit by which the mean of a block errs that is no friction.
         """
         walk = self._wander * duration / 60
-        weight = used / (ERROR**2 * len(left))
+        weight = used / (error**2 * len(left))
         information = np.einsum("njk,nj,njl->jkl", columns, weight, columns)
         shown = np.einsum("njk,nj,nj->jk", columns, weight, left)
         before = self._covariance + walk
@@ -204,11 +201,14 @@ def columns_of(direction: Array, level: Array, speed: Array) -> Array:
     return columns
 
 
-def _covariance(level: float, shape: Array, offset: float) -> Array:
-    """Of the unknowns, shape (n_unknowns, n_unknowns); `shape` is of each speed."""
+def _covariance(level: float, shape: Array, offset: float, alike: float = 2.0) -> Array:
+    """Of the unknowns, shape (n_unknowns, n_unknowns); `shape` is of each speed.
+
+    After `alike` places in the row of speeds it has half gone over into something else.
+    """
     found = np.zeros((N_UNKNOWNS, N_UNKNOWNS))
     number = np.arange(len(SPEEDS))
     apart = np.abs(np.subtract.outer(number, number))
-    found[:-1, :-1] = level**2 + np.outer(shape, shape) * 0.5 ** (apart / ALIKE)
+    found[:-1, :-1] = level**2 + np.outer(shape, shape) * 0.5 ** (apart / alike)
     found[-1, -1] = offset**2
     return found

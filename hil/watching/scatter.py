@@ -12,21 +12,16 @@ if TYPE_CHECKING:
     from hil.arrays import Array
 
 
-MEMORY = 120.0
-"""Time over which squares are averaged [s]."""
-ENOUGH = 15.0
-"""Time of motion from which squares can be trusted [s]."""
 SURE = 3.0
 """Standard deviations by which fewer squares may by chance be too small."""
-LONGEST = 0.1
-"""Time that the longest window takes [s]."""
-SHORTEST = 2
-"""Samples of the shortest window."""
 
 
-def window_lengths(period: float) -> tuple[int, ...]:
-    """Lengths of the windows, each about a third longer than the one before [samples]."""
-    lengths, longest = [SHORTEST], max(round(LONGEST / period), SHORTEST)
+def window_lengths(period: float, seconds: float = 0.1, shortest: int = 2) -> tuple[int, ...]:
+    """Lengths of the windows, each about a third longer than the one before [samples].
+
+    The longest takes so many `seconds`, the `shortest` so many samples.
+    """
+    lengths, longest = [shortest], max(round(seconds / period), shortest)
     while lengths[-1] < longest:
         lengths.append(min(max(lengths[-1] + 1, round(1.35 * lengths[-1])), longest))
     return tuple(lengths)
@@ -42,13 +37,23 @@ class Scatter:
     n_joints : int
     period : float
         Time between two samples [s].
+    memory, enough : float
+        Time over which squares are averaged, and time of motion from which they can be trusted [s].
     """
 
-    def __init__(self, lengths: NDArray[np.int_], n_joints: int, period: float) -> None:
+    def __init__(
+        self,
+        lengths: NDArray[np.int_],
+        n_joints: int,
+        period: float,
+        *,
+        memory: float = 120.0,
+        enough: float = 15.0,
+    ) -> None:
         self._lengths = lengths
         self._squares = np.zeros((len(lengths), n_joints))
         self._weights = np.zeros(n_joints)
-        self._most, self._enough = MEMORY / period, ENOUGH / period
+        self._most, self._enough = memory / period, enough / period
 
     @property
     def rms(self) -> Array:
@@ -59,7 +64,7 @@ class Scatter:
     def bound(self) -> Array:
         """What the root mean squares may really be, shape (n_windows, n_joints).
 
-        Of an axis that has moved for less than `ENOUGH`: a mean of n squares, those of windows that
+        Of an axis that has moved for too short a time: a mean of n squares, those of windows that
         do not overlap, is by chance as small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true
         one (Wilson and Hilferty, Proc. Natl. Acad. Sci. 17, 1931). Infinite where that says
         nothing.

@@ -11,13 +11,7 @@ if TYPE_CHECKING:
     from hil.watching.detector import Judged
 
 
-SHOWN = 1.0
-"""Time that is shown [s]."""
-AFTER = 0.6
-"""What of it follows the alarm [s]."""
-
-
-class Stretch(NamedTuple):
+class TraceStretch(NamedTuple):
     """Torques of one axis over a short time.
 
     Attributes
@@ -43,15 +37,19 @@ class Trace:
     n_joints : int
     period : float
         Time between two samples [s].
+    shown, after : float
+        Time that is shown, and what of it follows the alarm [s].
     """
 
-    def __init__(self, n_joints: int, period: float) -> None:
-        self._length = round(SHOWN / period)
+    def __init__(
+        self, n_joints: int, period: float, shown: float = 1.0, after: float = 0.6
+    ) -> None:
+        self._length, self._after = round(shown / period), after
         self._last: tuple[Array, ...] = (np.empty(0), *[np.empty((0, n_joints))] * 3)
         self._period = period
         self._n = n_joints
         self._wanted: dict[int, float] = {}
-        self._kept: dict[int, Stretch] = {}
+        self._kept: dict[int, TraceStretch] = {}
 
     @property
     def waiting(self) -> bool:
@@ -71,7 +69,7 @@ class Trace:
             )
         )  # fmt: skip
         for axis, alarm in tuple(self._wanted.items()):
-            if self._last[0][-1] >= alarm + AFTER:
+            if self._last[0][-1] >= alarm + self._after:
                 self._kept[axis] = self._stretch(axis, alarm)
                 del self._wanted[axis]
 
@@ -80,7 +78,7 @@ class Trace:
         if axis not in self._kept:
             self._wanted.setdefault(axis, alarm)
 
-    def stretches(self) -> tuple[Stretch, ...]:
+    def stretches(self) -> tuple[TraceStretch, ...]:
         """One of each axis; empty where nothing was watched."""
         if not len(self._last[0]):
             return ()
@@ -89,6 +87,6 @@ class Trace:
             for axis in range(self._n)
         )
 
-    def _stretch(self, axis: int, alarm: float) -> Stretch:
+    def _stretch(self, axis: int, alarm: float) -> TraceStretch:
         time, *torques = self._last
-        return Stretch(alarm, time, *(each[:, axis] for each in torques))
+        return TraceStretch(alarm, time, *(each[:, axis] for each in torques))

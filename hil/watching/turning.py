@@ -35,21 +35,6 @@ if TYPE_CHECKING:
 
 DISTANCES = 5e-5 * 2.0 ** np.arange(9)
 """Presliding distances that are tried [rad or m]."""
-TURNED = 0.05
-"""Difference of directions between neighbours in the row from which an axis counts as turning."""
-ENOUGH = 25
-"""Samples in the middle of turning from which a distance is taken."""
-STILL = 0.1
-"""Time within the shortest distance after which an axis stands still [s]."""
-UNSEEN = 1e3
-"""Doubt while an axis turns before enough turning was seen: nothing is seen meanwhile."""
-DAMPING_DOUBT = 0.3
-"""Doubt of the damping, as a share of it.
-
-The customary damping goes with the root of the stiffness, so a distance that is wrong by a place in
-the row makes 0.41 of it; 0.5 blinds more and 0.3 raises no alarm (`benchmarks/pushes.py` with seeds
-31 to 33; eight minutes of strokes with seeds 964 and 965).
-"""
 
 
 class Turned(NamedTuple):
@@ -79,9 +64,11 @@ class Turning:
         Presliding distances that the model holds, 0 where it holds none [rad or m].
     period : float
         Time between two samples [s].
+    still : float
+        Time within the shortest distance after which an axis stands still [s].
     """
 
-    def __init__(self, known: Array, period: float) -> None:
+    def __init__(self, known: Array, period: float, still: float = 0.1) -> None:
         n = len(known)
         self._row = np.zeros((len(DISTANCES), n))
         self._squares, self._products, self._slips = np.zeros((3, len(DISTANCES), n))
@@ -91,7 +78,7 @@ class Turning:
         self._taken = nearest.argmin(axis=0)
         self._damping = np.zeros(n)
         self._axes = np.arange(n)
-        self._recent = np.zeros((max(2, round(STILL / period)), n))
+        self._recent = np.zeros((max(2, round(still / period)), n))
         self._open = np.ones(n)
 
     @property
@@ -104,7 +91,9 @@ class Turning:
         """Dampings that are taken, shape (n_joints,) [N m s/rad or N s/m]."""
         return self._damping
 
-    def take(self, step: Array, qd: Array, friction: Array, level: Array) -> Turned:
+    def take(
+        self, step: Array, qd: Array, friction: Array, level: Array, damping_doubt: float = 0.3
+    ) -> Turned:
         """Take samples in their order.
 
         Parameters
@@ -115,23 +104,28 @@ class Turning:
             [rad/s or m/s].
         friction, level : ndarray, shape (n, n_joints)
             What friction was, and its level by the law [N m or N].
+        damping_doubt : float
+            Of the damping, as a share of it. The customary damping goes with the root of the
+            stiffness, so a distance that is wrong by a place in the row makes 0.41 of it; 0.5
+            blinds more and 0.3 raises no alarm (`benchmarks/pushes.py` with seeds 31 to 33; eight
+            minutes of strokes with seeds 964 and 965).
         """
         still = self._still(step)
         rows, unknown = self._directions(step, still)
         slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
-        turning = np.abs(rows[:, -1] - rows[:, 0]) > TURNED
+        turning = np.abs(rows[:, -1] - rows[:, 0]) > 0.05  # directions of neighbours differ
         self._learn(turning & ~still & (level > 0), rows, slip, friction, level)
         slower, faster = self._neighbours
         apart = np.abs(rows[:, slower, self._axes] - rows[:, faster, self._axes])
         damping = self._damping * slip[:, self._taken, self._axes]
         doubt = np.maximum(apart, unknown)
-        doubt += DAMPING_DOUBT * np.abs(damping) / np.maximum(level, 1e-9)
-        doubt[turning & ~self._shown] = UNSEEN
+        doubt += damping_doubt * np.abs(damping) / np.maximum(level, 1e-9)
+        doubt[turning & ~self._shown] = 1e3  # nothing is seen before enough turning was
         return Turned(rows[:, self._taken, self._axes], damping, doubt)
 
-    def settle(self) -> None:
-        """Take the distance and damping that fit best of each axis whose turning has been seen."""
-        self._shown = self._seen >= ENOUGH
+    def settle(self, enough: int = 25) -> None:
+        """Take the distance and damping that fit best of each axis, after `enough` samples."""
+        self._shown = self._seen >= enough
         damping = self._products.clip(0.0) / np.maximum(self._slips, 1e-12)
         best = (self._squares - damping * self._products).argmin(axis=0)
         self._taken = np.where(self._shown & ~self._known, best, self._taken)

@@ -23,14 +23,6 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 
-OVER = 0.25
-"""Time without a sign after which an alarm is over [s]."""
-EVERY = 8
-"""Samples of which one counts for medians."""
-MANY = 100_000
-"""Thresholds that are kept for medians at most."""
-
-
 class Watcher:
     """Watches all axes.
 
@@ -174,8 +166,10 @@ class Watcher:
             begun += self._raised(judged, row, ratio[row], signs[row])
         return begun
 
-    def _raised(self, judged: Judged, row: int, ratio: Array, signs: Array) -> Iterator[Alarm]:
-        """Begin alarms, go on with others and end those that are over."""
+    def _raised(
+        self, judged: Judged, row: int, ratio: Array, signs: Array, over: float = 0.25
+    ) -> Iterator[Alarm]:
+        """Begin alarms, go on with others and end those that gave no sign for a time [s]."""
         now = float(judged.time[row])
         for axis in np.flatnonzero(signs).tolist():
             self._signs[axis] = now
@@ -188,7 +182,7 @@ class Watcher:
             self.alarms[number] = self._gone_on(
                 self.alarms[number], float(judged.outside[row, self._soon, axis])
             )
-            if now - self._signs[axis] > OVER:
+            if now - self._signs[axis] > over:
                 del self._open[axis]
 
     def _alarm(self, judged: Judged, row: int, axis: int, window: int) -> Alarm:
@@ -206,16 +200,17 @@ class Watcher:
         lasted = round(float(self._signs[alarm.axis - 1]) - alarm.time, 6)
         return alarm.model_copy(update={"peak": max(alarm.peak, seen, key=abs), "lasted": lasted})
 
-    def _count(self, judged: Judged) -> None:
+    def _count(self, judged: Judged, every: int = 8, most: int = 100_000) -> None:
+        """Count how well was seen; for medians one of `every` sample, so many at most."""
         pairs = judged.threshold[:, [self._soon, self._late]]
         self._unseen += (pairs > self._sizes).sum(axis=0)
         self._still += (~judged.moving).sum(axis=0)
-        counted = slice(-self._judged % EVERY, None, EVERY)
+        counted = slice(-self._judged % every, None, every)
         self._judged += len(judged.time)
         self._thresholds += list(
             np.where(judged.moving[counted, np.newaxis], pairs[counted], np.nan)
         )
-        if len(self._thresholds) > MANY:
+        if len(self._thresholds) > most:
             del self._thresholds[::2]
 
     def _sight(self, axis: int) -> Sight:

@@ -28,8 +28,7 @@ has lost the rank r, and the one of most degrees gives the greatest p-value.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special
@@ -38,6 +37,7 @@ from hil.errors import NotRealisable
 from hil.estimation.absent_parameters import complete
 from hil.estimation.consistent.conditions import BodyBounds, conditions, tightened
 from hil.estimation.consistent.likely_bodies import likely_bodies
+from hil.estimation.consistent.result import BindingCondition, ConsistentRobot, LinkBody
 from hil.estimation.consistent.space import Space
 from hil.model.frames import pseudo_inertia
 
@@ -58,69 +58,8 @@ _ROUNDED = 0.25
 """Share of the thickness that rounding must leave; it takes some of links of a few grams."""
 
 
-class Binding(NamedTuple):
-    """A condition that the estimate does not meet.
-
-    Attributes
-    ----------
-    name : str
-    rank : int
-        Directions in which its matrix has lost its rank.
-    distance_without : float
-        d^2 if this condition is dropped and all others hold.
-    """
-
-    name: str
-    rank: int
-    distance_without: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NearestRobot:
-    """Bodies, and what they cost.
-
-    Attributes
-    ----------
-    p : ndarray, shape (n_base,)
-        Base parameters p' of the bodies.
-    change : ndarray, shape (n_base,)
-        p' - p in standard errors.
-    bodies : ndarray, shape (n_joints, 10)
-        Standard parameters of each link, in its frame.
-    added : ndarray, shape (n_added,)
-        Of drive trains and springs (`hil.model.added_parameters`).
-    thickness : ndarray, shape (n_joints,)
-        Least spread of each link's mass about its centre [m].
-    open_masses : tuple of int
-        Links, from 1, whose mass no torque decides; it is that of a likely body then.
-    distance : float
-        d^2.
-    distance_complete : float
-        d^2 if the data may give any value to the link parameters that the robot file leaves out.
-    binding : tuple of Binding
-        The conditions that the estimate does not meet, those that cost most first.
-    """
-
-    p: Array
-    change: Array
-    bodies: Array
-    added: Array
-    thickness: Array
-    open_masses: tuple[int, ...]
-    distance: float
-    distance_complete: float
-    binding: tuple[Binding, ...]
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Of the chi-square that d^2 is compared with, see the module."""
-        return min(sum(b.rank * (b.rank + 1) // 2 for b in self.binding), len(self.p))
-
-    @property
-    def p_value(self) -> float:
-        """Greatest chance of so great a distance where the conditions hold in truth."""
-        degrees = self.degrees_of_freedom
-        return float(special.chdtrc(degrees, self.distance)) if degrees else 1.0
+SHAPES = "the links' shapes"
+"""Where likely bodies come from by default."""
 
 
 def nearest_robot(
@@ -129,7 +68,8 @@ def nearest_robot(
     covariance: Array,
     bounds: BodyBounds | None = None,
     likely: Array | None = None,
-) -> NearestRobot:
+    likely_from: str = SHAPES,
+) -> ConsistentRobot:
     """Find the nearest robot that consists of bodies.
 
     Parameters
@@ -141,6 +81,7 @@ def nearest_robot(
     bounds : BodyBounds, optional
     likely : ndarray, shape (n_joints, 10), optional
         Bodies that the links are likely to be; by default from their shapes, of whatever scale.
+        `likely_from` says where they come from.
 
     Raises
     ------
@@ -163,16 +104,24 @@ def nearest_robot(
             f" {1e3 * bounds.thickness:.2g} mm: the estimate is too far from any bodies"
         )
     outside = distance > INSIDE**2
-    return NearestRobot(
-        p=nearest,
-        change=(nearest - p) / np.sqrt(np.maximum(np.diag(covariance), 1e-300)),
-        bodies=bodies,
-        added=phi[bodies.size :],
-        thickness=thickness,
-        open_masses=space.open_masses,
+    binding, degrees = _binding(space, asked, first) if outside else ((), 0)
+    return ConsistentRobot(
+        values=tuple(nearest.tolist()),
+        change=tuple(((nearest - p) / np.sqrt(np.maximum(np.diag(covariance), 1e-300))).tolist()),
         distance=distance,
+        degrees_of_freedom=degrees,
+        p_value=float(special.chdtrc(degrees, distance)) if degrees else 1.0,
         distance_complete=_distance(space.with_absent(robot), asked) if outside else distance,
-        binding=_binding(space, asked, first) if outside else (),
+        thickness=bounds.thickness,
+        masses=dict(bounds.masses),
+        likely=likely_from,
+        open_masses=space.open_masses,
+        links=tuple(
+            LinkBody(parameters=tuple(body.tolist()), thickness=float(own))
+            for body, own in zip(bodies, thickness, strict=True)
+        ),
+        added=dict(zip(robot.added_parameters, phi[bodies.size :].tolist(), strict=True)),
+        binding=binding,
     )
 
 
@@ -187,16 +136,17 @@ def _distance(space: Space, asked: Sequence[Condition]) -> float:
     return space.distance(space.nearest(asked))
 
 
-def _binding(space: Space, asked: Sequence[Condition], first: Solved) -> tuple[Binding, ...]:
+def _binding(
+    space: Space, asked: Sequence[Condition], first: Solved
+) -> tuple[tuple[BindingCondition, ...], int]:
+    """Conditions that bind, and degrees of freedom by the ranks that their matrices have lost."""
     spectra = [np.linalg.eigvalsh(each) for each in first.multipliers]
     greatest = max(values[-1] for values in spectra)
-    found = [
-        Binding(
-            name=each.name,
-            rank=int(np.sum(values > BINDING * greatest)),
-            distance_without=_distance(space, [other for other in asked if other is not each]),
-        )
-        for each, values in zip(asked, spectra, strict=True)
-        if values[-1] > BINDING * greatest
-    ]
-    return tuple(sorted(found, key=lambda each: each.distance_without))
+    found, degrees = [], 0
+    for each, values in zip(asked, spectra, strict=True):
+        if rank := int(np.sum(values > BINDING * greatest)):
+            without = _distance(space, [other for other in asked if other is not each])
+            found.append(BindingCondition(name=each.name, distance_without=without))
+            degrees += rank * (rank + 1) // 2
+    found.sort(key=lambda each: each.distance_without)
+    return tuple(found), min(degrees, space.placement.shape[1])

@@ -29,7 +29,7 @@ _STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
 _DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}
 
 
-class Quantity(FileModel):
+class Figure(FileModel):
     """One figure of a load."""
 
     name: str
@@ -112,7 +112,7 @@ class Load:
     misfit: tuple[AxisMisfit, ...]
 
     @property
-    def mass(self) -> Quantity:
+    def mass(self) -> Figure:
         """Mass [kg]; a stated one has no standard error."""
         return self._quantity("mass", _unit(MASS, 10), "kg")
 
@@ -133,7 +133,7 @@ class Load:
         """Whether the axes' torques contradict a load that is rigid and fixed, or no body is so."""
         return self.rigid_chance <= LOOSE or self.is_no_body
 
-    def quantities(self) -> list[Quantity]:
+    def quantities(self) -> list[Figure]:
         """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
         present = [k for k in range(10) if self.covariance[k, k] > 0]
         found = [self.mass] if MASS in present or self.stated_mass is not None else []
@@ -152,12 +152,12 @@ class Load:
         moments = (LINK_PARAMETERS[j] for j in _STEINER.get(name, _DEVIATION.get(name, ())))
         return not any(moment in self.unidentifiable for moment in moments)
 
-    def _centre(self, k: int, axis: str) -> Quantity:
+    def _centre(self, k: int, axis: str) -> Figure:
         m = self.phi[MASS]
         gradient = _unit(k, 10) / m - _unit(MASS, 10) * self.phi[k] / m**2
         return self._at(f"centre {axis}", float(self.phi[k] / m), gradient, "m")
 
-    def least_inertia(self) -> tuple[Quantity, float] | None:
+    def least_inertia(self) -> tuple[Figure, float] | None:
         """Moment about the centre that is least likely a body's, and its chance of being one.
 
         No moment of inertia is negative, so for all pairs of axes (Iii + Ijj) / 2 >= |Iij|. None
@@ -180,7 +180,7 @@ class Load:
             found.append((figure, min(1.0, len(_DEVIATION) * float(chance))))
         return min(found, key=lambda each: each[1])
 
-    def _central(self, k: int, name: str) -> Quantity:
+    def _central(self, k: int, name: str) -> Figure:
         """About the centre of mass, axes parallel to the frame's."""
         value, gradient = self._about_centre(k, name)
         return self._at(f"{name} about the centre", value, gradient, "kg m2")
@@ -200,14 +200,14 @@ class Load:
             )
         return float(value), gradient
 
-    def _quantity(self, name: str, gradient: Array, unit: str) -> Quantity:
+    def _quantity(self, name: str, gradient: Array, unit: str) -> Figure:
         return self._at(name, float(gradient @ self.phi), gradient, unit)
 
-    def _at(self, name: str, value: float, gradient: Array, unit: str) -> Quantity:
+    def _at(self, name: str, value: float, gradient: Array, unit: str) -> Figure:
         error = float(np.sqrt(gradient @ self.covariance @ gradient))
         freedom = self._degrees_of(gradient)
         half = half_width(np.array(error**2), np.zeros(()), freedom, 0.95)
-        return Quantity(
+        return Figure(
             name=name, value=value, standard_error=error, half_width=float(half), unit=unit
         )
 

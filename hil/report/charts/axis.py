@@ -23,7 +23,7 @@ STEPS = (1.0, 2.0, 2.5, 5.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class Scale:
     """Values from `low` to `high` along the lengths from `begin` to `end`."""
 
     low: float
@@ -98,7 +98,7 @@ def _extents(items: Sequence[Item], along: bool) -> Iterator[Array]:
                 yield values + error
 
 
-def text_of(marks: Mapping[float, str], axis: Axis) -> list[tuple[float, str]]:
+def text_of(marks: Mapping[float, str], axis: Scale) -> list[tuple[float, str]]:
     """Places of marks on an axis, and what is written there."""
     places = axis.place(list(marks)).tolist() if marks else []
     return list(zip(places, marks.values(), strict=True))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import escape
 
-from hil.report.charts.axis import Axis
+from hil.report.charts.axis import Scale
 from hil.report.charts.chart import NAMES, Line, Points, Rule
 from hil.results.rounding import signed
 
@@ -52,7 +52,7 @@ def text(x: float, y: float, words: str, kind: str, *, turned: bool = False) -> 
     return f'<text class="{kind}" x="{number(x)}" y="{number(y)}"{turn}>{typeset}</text>'
 
 
-def item_on(item: Item, x: Axis, y: Axis) -> Iterator[str]:
+def item_on(item: Item, x: Scale, y: Scale) -> Iterator[str]:
     """Draw an item by a pair of axes."""
     if isinstance(item, Line):
         yield _line(item, x.place(item.x), y.place(item.y))
@@ -77,8 +77,8 @@ def key(item: Item) -> Iterator[str]:
                 along=item.along,
                 size=item.size,
             ),
-            Axis(0, 1, 0, 26),
-            Axis(0, 1, 12, 0),
+            Scale(0, 1, 0, 26),
+            Scale(0, 1, 12, 0),
         )
     elif isinstance(item, Line | Rule):
         yield _line(item if isinstance(item, Line) else _as_line(item), [1.0, 25.0], [6.0, 6.0])
@@ -106,7 +106,7 @@ def _path(x: ArrayLike, y: ArrayLike) -> str:
     return "".join(words)
 
 
-def _points(item: Points, x: Axis, y: Axis) -> Iterator[str]:
+def _points(item: Points, x: Scale, y: Scale) -> Iterator[str]:
     across, up = x.place(item.x).tolist(), y.place(item.y).tolist()
     yield f"<g{_colour(item.colour)}>"
     if item.error is not None:
@@ -119,7 +119,7 @@ def _points(item: Points, x: Axis, y: Axis) -> Iterator[str]:
     yield "</g>"
 
 
-def _bars(item: Points, x: Axis, y: Axis) -> str:
+def _bars(item: Points, x: Scale, y: Scale) -> str:
     """Commands of a path of all bars of points."""
     value = np.asarray(item.x if item.along else item.y, dtype=float)
     error = np.nan_to_num(np.asarray(item.error, dtype=float))

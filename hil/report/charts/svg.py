@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from hil.report.charts.axis import Axis, shown, text_of
+from hil.report.charts.axis import Scale, shown, text_of
 from hil.report.charts.chart import Matrix
 from hil.report.charts.elements import SCALE, item_on, key, matrix_in, number, text
 
@@ -51,7 +51,7 @@ def drawn(panel: Panel) -> Iterator[str]:
             return
     both = [*panel.items, *(panel.below.items if panel.below else ())]
     reach = shown(both, panel.x_range, along=True, decades=panel.decades)
-    x = Axis(*reach, panel.left, panel.width - RIGHT, panel.decades)
+    x = Scale(*reach, panel.left, panel.width - RIGHT, panel.decades)
     marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
     top = bottom = TOP
@@ -67,10 +67,10 @@ def drawn(panel: Panel) -> Iterator[str]:
     yield text((x.begin + x.end) / 2, bottom + 29, panel.x_label, "middle")
 
 
-def _field(panel: Panel, x: Axis, top: float, along: list[float]) -> Iterator[str]:
+def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[str]:
     """Draw the field inside a pair of axes, with the marks of the vertical one."""
     bottom = top + panel.height
-    y = Axis(*shown(panel.items, panel.y_range, along=False, decades=False), bottom, top)
+    y = Scale(*shown(panel.items, panel.y_range, along=False, decades=False), bottom, top)
     marks = y.marks(max(2, int(panel.height / 26.0)))  # about so far apart
     up = text_of(marks if panel.rows is None else panel.rows, y)
     across = f"{number(x.begin)} {{}}H{number(x.end)}"

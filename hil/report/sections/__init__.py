@@ -13,12 +13,13 @@ from hil.report.sections import elements, friction, imported, kept, of_run, para
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.report.reported_run import ForeignRun, IdentifiedRun, ReportedRun
+    from hil.report.reported_run import IdentifiedRun, ReportedRun
     from hil.report.section import Section
 
-OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
+OF_IDENTIFIED: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
     kept.validation,
     parameters.parameters,
+    imported.identified,
     of_run.advice,
     elements.measured_and_modelled,
     kept.load,
@@ -33,23 +34,9 @@ OF_CAMPAIGN: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
     of_run.derivation,
     of_run.sessions,
 )
-"""Of a run whose base parameters are identifiable."""
+"""Of a run that was identified, by whatever method: each shows what there is of its subject."""
 OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
     friction.friction,
     of_run.sessions,
 )
 """Of a run about friction alone."""
-OF_FREE_MOTIONS: tuple[Callable[[ForeignRun], Section | None], ...] = (
-    kept.validation,
-    imported.free_motions,
-    kept.bodies,
-    kept.load,
-    of_run.sessions,
-)
-"""Of a run that was imported."""
-OF_STROKES: tuple[Callable[[ForeignRun], Section | None], ...] = (
-    kept.validation,
-    imported.back_and_forth,
-    of_run.sessions,
-)
-"""Of a run of axes that move back and forth by themselves, which was imported."""

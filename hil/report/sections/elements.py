@@ -50,8 +50,10 @@ def _elements_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
     )
 
 
-def torques(run: IdentifiedRun) -> Section:
+def torques(run: IdentifiedRun) -> Section | None:
     """Residuals of all measurements, over angles too, and predicted torques."""
+    if run.found.prediction is None:
+        return None
     kinds = {value.kind for value in run.estimate.local}
     over_angles = (
         _over_angles_plot(name, kind, run)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from hil.estimation.friction.symmetry import of_local_values
 from hil.report.section import Plot, Section
 from hil.report.sections import friction_plots as plots
+from hil.results.identified_robot import lacking
 from hil.results.tables import friction as tables
 from hil.results.tables.friction import campaign_friction
-from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from hil.results.friction_file import FrictionResult
 
 
-def friction_over_campaign(run: IdentifiedRun) -> Section:
+def friction_over_campaign(run: IdentifiedRun) -> Section | None:
     """The law, levels by measurement, time constants and symmetry where they are identifiable."""
+    if run.found.prediction is None:
+        return None
     local = run.estimate.local
     return Section(
         "Friction over the campaign",

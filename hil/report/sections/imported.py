@@ -14,9 +14,6 @@ from hil.report.charts.axis import drawn
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, in_turn
 from hil.report.section import Plot, Section
 from hil.results.recorded_torque import in_si, predict_recording
-from hil.results.tables import back_and_forth as strokes
-from hil.results.tables import free_motion
-from hil.results.tables import parameters as tables
 from hil.results.tables.friction import campaign_friction
 
 if TYPE_CHECKING:
@@ -26,79 +23,58 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.result import FrictionCurve
     from hil.model.robot import Robot
     from hil.report.charts.chart import Item
-    from hil.report.reported_run import ForeignRun
-    from hil.results.recorded_torque import RecordedTorque
+    from hil.report.reported_run import IdentifiedRun
+    from hil.results.recorded_torque import PredictedTorque
 
 
-def free_motions(run: ForeignRun) -> Section:
-    """Tables, what was chosen, and the longest recording beside its prediction."""
-    model = run.model
-    longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
-    torque = predict_recording(model, in_si(model, longest, recording))
-    plot = Plot(
-        "torques",
-        partial(measured_and_predicted, torque, run.robot),
-        "Measured and predicted torque of every axis over time, and their difference.",
-        f"Recording {longest.id}: torques after the low-pass, measured and as the model with its"
-        " friction predicts them; below, what is left.",
-    )
-    return Section(
-        "Parameters, friction and torques",
-        "free_motions.html",
-        {
-            "parameters": tables.parameters(model),
-            "laws": free_motion.friction(model),
-            "left": free_motion.left_by_fit(model),
-            "statements": () if model.friction is None else free_motion.statements(model.friction),
-            "lengths": run.robot.file.lengths,
-        },
-        (plot,),
-        leads=True,
-    )
-
-
-def back_and_forth(run: ForeignRun) -> Section | None:
-    """Tables and what was chosen, half-sums beside the model, half-differences as curves."""
-    model = run.model
-    if (fit := model.back_and_forth) is None:
+def identified(run: IdentifiedRun) -> Section | None:
+    """All that `hil identify` shows of the model, and plots of what it was found from."""
+    if run.found.prediction is not None:
         return None
-    plots = (
-        Plot(
+    shown = run.model.summary()
+    values = {
+        "tables": (*shown.tables, campaign_friction(run.model)),
+        "remarks": shown.remarks,
+        "lengths": run.robot.file.lengths,
+    }
+    plots = tuple(_plots(run))
+    return Section("Parameters, friction and torques", "identified.html", values, plots, leads=True)
+
+
+def _plots(run: IdentifiedRun) -> Iterator[Plot]:
+    model, robot = run.model, run.robot
+    if model.friction is not None:
+        longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
+        torque = predict_recording(model, in_si(model, longest, recording))
+        yield Plot(
+            "torques",
+            partial(measured_and_predicted, torque, robot),
+            "Measured and predicted torque of every axis over time, and their difference.",
+            f"Recording {longest.id}: torques after the low-pass, measured and as the model with"
+            " its friction predicts them; below, what is left.",
+        )
+    if run.estimate.half_sums:
+        yield Plot(
             "half-sums",
-            partial(shown_half_sums, run.estimate.half_sums, run.robot),
+            partial(shown_half_sums, run.estimate.half_sums, robot),
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
             "Half the sum of the torques forth and back over the position, less what differs by"
             " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
             " with standard errors, of the recordings with the longest ways, each in a colour;"
             " lines are the model.",
-        ),
-        Plot(
+        )
+    if model.back_and_forth is not None:
+        yield Plot(
             "friction-curves",
-            partial(friction_curves, fit.curves, run.robot),
+            partial(friction_curves, model.back_and_forth.curves, robot),
             "Friction of each axis over its speed with intervals of 95 %.",
             "Half the difference of the torques, less the rigid bodies' part of it: friction over"
             " the speed, means over the pairs with intervals of 95 %. Dashed: Coulomb and viscous"
             " alone.",
-        ),
-    )
-    return Section(
-        "Parameters, friction and torques",
-        "back_and_forth.html",
-        {
-            "parameters": tables.parameters(model),
-            "curves": strokes.curves(fit),
-            "plain": strokes.plain(fit, run.robot),
-            "law": campaign_friction(model),
-            "left": free_motion.left_by_fit(model),
-            "statements": tuple(strokes.statements(fit)),
-            "lengths": run.robot.file.lengths,
-        },
-        plots,
-        leads=True,
-    )
+        )
 
 
-def measured_and_predicted(torque: RecordedTorque, robot: Robot) -> Chart:
+def measured_and_predicted(torque: PredictedTorque, robot: Robot) -> Chart:
     """Torques of one recording over time, axis by axis, with their residual."""
     shown, time, hole = drawn(torque.time)
     measured = torque.measured[shown] + hole[:, np.newaxis]

@@ -20,7 +20,7 @@ from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, 
 from hil.report.charts.svg import file
 from hil.report.section import Picture, Plot, Section, picture_uri
 from hil.report.sections.elements import residuals_over_angles
-from hil.results import consistency, load_file
+from hil.results import consistency, load_file, load_tables
 from hil.results import diagnosis as kept_diagnosis
 from hil.results.diagnosis import load_diagnosis
 from hil.results.load_file import DRAWN, read_load
@@ -28,7 +28,6 @@ from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.provenance import same_parameters
 from hil.results.rounding import signed
-from hil.results.tables import payload as load_tables
 from hil.results.validation import judgements
 from hil.runs.atomic_file import own_folder, write_file
 
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.report.charts.chart import Item
-    from hil.report.reported_run import ForeignRun, IdentifiedRun
+    from hil.report.reported_run import IdentifiedRun
     from hil.results.diagnosis import Diagnosis, DiagnosisFile
     from hil.results.load_file import ElementRecord, LoadFile
     from hil.runs.run import Run
@@ -56,7 +55,7 @@ K = TypeVar("K", bound=_Kept)
 
 
 def current(
-    read: Callable[[Run], K | None], run: IdentifiedRun | ForeignRun, name: str, command: str
+    read: Callable[[Run], K | None], run: IdentifiedRun, name: str, command: str
 ) -> tuple[K | None, str]:
     """Read a result of the run, or why it is not shown.
 
@@ -85,7 +84,7 @@ def current(
     return kept, ""
 
 
-def kept_model(run: IdentifiedRun | ForeignRun) -> Model | None:
+def kept_model(run: IdentifiedRun) -> Model | None:
     """Read the model that is kept in the run's folder; None where it is not that of this report."""
     path = run.source.path / NAME
     if not path.exists():
@@ -97,7 +96,7 @@ def kept_model(run: IdentifiedRun | ForeignRun) -> Model | None:
     return None if same_parameters(kept.values.tolist(), run.model.values) else kept
 
 
-def validation(run: IdentifiedRun | ForeignRun) -> Section | None:
+def validation(run: IdentifiedRun) -> Section | None:
     """Judgements of the kept model, if it is the one of this report, and the newest's picture."""
     kept = kept_model(run)
     if kept is None or not kept.validations:
@@ -121,7 +120,7 @@ def validation(run: IdentifiedRun | ForeignRun) -> Section | None:
     )
 
 
-def bodies(run: IdentifiedRun | ForeignRun) -> Section | None:
+def bodies(run: IdentifiedRun) -> Section | None:
     """Bodies that the kept model has, as long as it is the one of this report."""
     kept = kept_model(run)
     if kept is None or kept.consistent is None:
@@ -138,7 +137,7 @@ def bodies(run: IdentifiedRun | ForeignRun) -> Section | None:
     )
 
 
-def load(run: IdentifiedRun | ForeignRun) -> Section | None:
+def load(run: IdentifiedRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
     found, note = current(read_load, run, load_file.NAME, f"hil payload WITHOUT {run.source.path}")
     if found is None and not note:

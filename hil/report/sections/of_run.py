@@ -9,18 +9,13 @@ from hil.friction import equation
 from hil.least_squares import window
 from hil.report.section import Section
 from hil.results.tables.parameters import drive_train
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.report.reported_run import IdentifiedRun, ReportedRun
     from hil.results.judgement import Reservation
     from hil.runs.journal import Session
-
-COLUMNS = (
-    Column("where"),
-    Column("finding", folds=True),
-)
 
 
 def advice(run: IdentifiedRun) -> Section | None:
@@ -39,17 +34,11 @@ def advice(run: IdentifiedRun) -> Section | None:
 def _findings(items: list[Reservation]) -> Table:
     """Findings under their remedies, each of which is stated once."""
     remedies = dict.fromkeys(item.remedy for item in items)
-    return Table(
-        "",
-        COLUMNS,
-        tuple(
-            Part(
-                tuple((item.subject, item.reason) for item in items if item.remedy == remedy),
-                f"Remedy: {remedy}",
-            )
-            for remedy in remedies
-        ),
+    parts = (
+        Part(tuple((e.subject, e.reason) for e in items if e.remedy == each), f"Remedy: {each}")
+        for each in remedies
     )
+    return table("", ("where", Column("finding", folds=True)), parts)
 
 
 def drive_trains(run: IdentifiedRun) -> Section | None:
@@ -76,24 +65,21 @@ def sessions(run: ReportedRun) -> Section:
 
 
 def _session(session: Session, robot: Robot) -> Table:
-    rows = (
-        (
-            axis.name,
-            axis.identity,
-            f"{axis.torque_resolution:.3g}",
-            f"{axis.position_resolution:.3g}",
-        )
-        for axis in session.axes
+    units = robot.torque_units, robot.position_units
+    resolutions = (
+        f"{what} resolution, {unit}"
+        for what, unit in zip(("torque", "position"), units, strict=True)
     )
-    return Table(
-        title="",
-        columns=(
-            Column("axis"),
-            Column("drive", folds=True),
-            *figures(
-                f"torque resolution, {robot.torque_units}",
-                f"position resolution, {robot.position_units}",
-            ),
+    return table(
+        "",
+        ("axis", Column("drive", folds=True), *figures(*resolutions)),
+        (
+            (
+                axis.name,
+                axis.identity,
+                f"{axis.torque_resolution:.3g}",
+                f"{axis.position_resolution:.3g}",
+            )
+            for axis in session.axes
         ),
-        parts=(Part(tuple(rows)),),
     )

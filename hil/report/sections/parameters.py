@@ -26,8 +26,10 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
-def parameters(run: IdentifiedRun) -> Section:
+def parameters(run: IdentifiedRun) -> Section | None:
     """Base parameters by group, and what their intervals mean in torques."""
+    if run.found.prediction is None:
+        return None
     plot = Plot(
         "intervals",
         partial(intervals, run.model, run.found.check, run.found.prediction),

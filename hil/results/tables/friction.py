@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.friction.law import friction_torque, friction_variance
 from hil.results.rounding import probability, signed, significant, uncertain
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,27 +21,24 @@ if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.tables.table import Row
 
-AXIS = Column("axis")
-
 
 def models(result: FrictionResult) -> Table:
     """Every model of every axis with its errors; parameters that the data leave open are notes."""
-    return Table(
-        title=_title(result),
-        columns=(
-            AXIS,
-            Column("model"),
+    return table(
+        f"{result.robot.name}: {len(result.points)} friction measurements, gravity by"
+        f" {result.gravity}",
+        (
+            "axis",
+            "model",
             *figures(f"rms, {result.robot.torque_units}", "held out"),
-            Column("chosen"),
+            "chosen",
             Column("parameters with std. errors", folds=True),
         ),
-        parts=tuple(Part(tuple(_models(fit))) for fit in result.axes),
-        explanation=(
-            "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
-            " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
-            " none beats by more than chance at speeds held out."
-        ),
-        notes=tuple(
+        (Part(tuple(_models(fit))) for fit in result.axes),
+        "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
+        " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
+        " none beats by more than chance at speeds held out.",
+        tuple(
             f"axis {fit.axis + 1}, {kind}: {word}"
             for fit in result.axes
             for kind, model in fit.models.items()
@@ -50,23 +47,11 @@ def models(result: FrictionResult) -> Table:
     )
 
 
-def _title(result: FrictionResult) -> str:
-    measurements = f"{len(result.points)} friction measurements"
-    return f"{result.robot.name}: {measurements}, gravity by {result.gravity}"
-
-
-def _models(fit: AxisCurves) -> list[Row]:
-    return [
-        (
-            "" if number else str(fit.axis + 1),
-            kind,
-            significant(model.error, 3),
-            significant(model.held_out_error or 0.0, 3),
-            "yes" if kind == fit.chosen else "",
-            _parameters(model),
-        )
-        for number, (kind, model) in enumerate(fit.models.items())
-    ]
+def _models(fit: AxisCurves) -> Iterator[Row]:
+    for number, (kind, model) in enumerate(fit.models.items()):
+        errors = (significant(each, 3) for each in (model.error, model.held_out_error or 0.0))
+        chosen = "yes" if kind == fit.chosen else ""
+        yield "" if number else str(fit.axis + 1), kind, *errors, chosen, _parameters(model)
 
 
 def _parameters(model: FrictionModel) -> str:
@@ -79,24 +64,20 @@ def _parameters(model: FrictionModel) -> str:
 
 def campaign_friction(model: IdentifiedRobot) -> Table:
     """Law of each axis and its friction at two speeds; empty where none was found."""
-    law = model.friction_law
-    if law is None or model.friction is not None:
-        return Table("", (), ())
-    rows = [_law(model, axis, own) for axis, own in enumerate(law.axes) if own is not None]
-    return Table(
-        title="Friction over the campaign",
-        columns=(
-            AXIS,
+    law = None if model.friction else model.friction_law
+    laws = enumerate(law.axes if law else ())
+    return table(
+        "Friction over the campaign",
+        (
+            "axis",
             Column("law", folds=True),
             *figures("speeds", "at slowest", "at fastest", "wander, %"),
         ),
-        parts=(Part(tuple(rows)),),
-        explanation=(
-            f"Friction forward at no load [{model.robot.torque_units}] with the standard error that"
-            " counts in predicted torques, at the slowest and the fastest of the speeds"
-            f" [{model.robot.position_units} per s]; how far its level was from the law in any one"
-            " measurement."
-        ),
+        (_law(model, axis, own) for axis, own in laws if own is not None),
+        f"Friction forward at no load [{model.robot.torque_units}] with the standard error that"
+        " counts in predicted torques, at the slowest and the fastest of the speeds"
+        f" [{model.robot.position_units} per s]; how far its level was from the law in any one"
+        " measurement.",
     )
 
 
@@ -120,29 +101,26 @@ def _law(model: IdentifiedRobot, axis: int, own: AxisLaw) -> Row:
 
 def symmetry(tests: Mapping[int, Symmetry]) -> Table:
     """Whether friction is the same in both directions, by axis from 0."""
-    return Table(
-        title="Is friction the same in both directions?",
-        columns=(
-            AXIS,
+    return table(
+        "Is friction the same in both directions?",
+        (
+            "axis",
             *figures("n", "asymmetry, %", "std. error", "p (none)", "p (bound)"),
             Column("verdict", folds=True),
         ),
-        parts=(Part(tuple(_symmetry(axis, test) for axis, test in tests.items())),),
-        explanation=(
-            "The difference in n measurements as a share of the friction level; p-values of no"
-            " asymmetry at all, and of one within the bound."
+        (
+            (
+                str(axis + 1),
+                str(test.measurements),
+                *uncertain(100 * test.asymmetry, 100 * test.standard_error),
+                probability(test.p_zero),
+                probability(test.p_bound),
+                test.verdict,
+            )
+            for axis, test in tests.items()
         ),
-    )
-
-
-def _symmetry(axis: int, test: Symmetry) -> Row:
-    return (
-        str(axis + 1),
-        str(test.measurements),
-        *uncertain(100 * test.asymmetry, 100 * test.standard_error),
-        probability(test.p_zero),
-        probability(test.p_bound),
-        test.verdict,
+        "The difference in n measurements as a share of the friction level; p-values of no"
+        " asymmetry at all, and of one within the bound.",
     )
 
 
@@ -152,37 +130,25 @@ def drift(drifts: Iterable[Drift]) -> Table:
     Those that are not identifiable are named below, by the reason, which is mostly the same.
     """
     found = list(drifts)
-    rows = (Part(tuple(_drift(each))) for each in found)
-    return Table(
-        title="Friction's variance in time",
-        columns=(
-            AXIS,
-            Column("time constant"),
-            *figures("value, s", "std. error", "effect"),
-        ),
-        parts=tuple(part for part in rows if part.rows),
-        explanation=(
-            "Time constants, estimated from the friction level over time: of warming up (effect:"
-            " the change of the level by warming up as far as the axis did), of the lubricant's"
-            " settling at rest (from stirred to settled), and of its stirring up again in motion at"
-            " half the speed limit."
-        ),
-        notes=tuple(_unidentifiable(found)),
+    parts = (Part(tuple(_drift(each))) for each in found)
+    return table(
+        "Friction's variance in time",
+        ("axis", "time constant", *figures("value, s", "std. error", "effect")),
+        (part for part in parts if part.rows),
+        "Time constants, estimated from the friction level over time: of warming up (effect:"
+        " the change of the level by warming up as far as the axis did), of the lubricant's"
+        " settling at rest (from stirred to settled), and of its stirring up again in motion at"
+        " half the speed limit.",
+        tuple(_unidentifiable(found)),
     )
 
 
 def _drift(found: Drift) -> Iterator[Row]:
-    effects = (found.warm_effect, found.rest_effect, None)
-    axis = str(found.axis + 1)
+    effects, axis = (found.warm_effect, found.rest_effect, None), str(found.axis + 1)
     for constant, effect in zip(found.constants, effects, strict=True):
         if not constant.word:
             share = "" if effect is None else signed(f"{100 * effect:.1f}") + " %"
-            yield (
-                axis,
-                constant.name,
-                *uncertain(constant.value, constant.standard_error),
-                share,
-            )
+            yield axis, constant.name, *uncertain(constant.value, constant.standard_error), share
             axis = ""
 
 

@@ -5,12 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.friction.ripple import ripple_left_out
-from hil.results.tables import back_and_forth
-from hil.results.tables.free_motion import friction, left_by_fit, statements
+from hil.results.identified_robot import lacking
 from hil.results.tables.friction import campaign_friction
+from hil.results.tables.imported import (
+    curves,
+    friction,
+    left_by_fit,
+    plain,
+    statements,
+    statements_of_strokes,
+)
 from hil.results.tables.parameters import parameters, residuals
 from hil.results.tables.terminal import Summary
-from hil.results.torque_parts import lacking
 
 if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
@@ -23,9 +29,9 @@ def summary(model: IdentifiedRobot) -> Summary:
         tables = parameters(model), friction(model), left_by_fit(model)
         return Summary(tables, (*statements(model.friction), *remarks))
     if (strokes := model.back_and_forth) is not None:
-        curves, plain = back_and_forth.curves(strokes), back_and_forth.plain(strokes, model.robot)
-        found = parameters(model), curves, plain, left_by_fit(model)
-        return Summary(found, (*back_and_forth.statements(strokes), *remarks))
+        own = curves(strokes), plain(strokes, model.robot)
+        found = parameters(model), *own, left_by_fit(model)
+        return Summary(found, (*statements_of_strokes(strokes), *remarks))
     if lack := lacking(model):
         remarks = (*remarks, lack)
     if model.method == "improved" and (ripple := ripple_left_out(model.robot)):

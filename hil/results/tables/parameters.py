@@ -11,7 +11,7 @@ from hil.estimation.drive_train import compliance_units
 from hil.estimation.simultaneous import SIGNIFICANT
 from hil.model.base_parameters import base_parameters
 from hil.results.rounding import percent, rounded, signed, significant, uncertain, unit
-from hil.results.tables.table import Column, Marked, Part, Table, figures
+from hil.results.tables.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,22 +42,24 @@ def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> 
     freedom, and what the standard errors mean in torques.
     """
     base = base_parameters(model.robot)
-    rows = [_parameter(model, k, prediction) for k in range(len(base))]
-    return Table(
-        title=_title(model),
-        columns=(
+    return table(
+        _title(model),
+        (
             NAME,
             *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "%"),
-            *((Column("of torque"),) if prediction else ()),
-            Column("unit"),
+            *(("of torque",) if prediction else ()),
+            "unit",
             Column("expression", folds=True, symbols=True),
         ),
-        parts=tuple(
-            Part(tuple(rows[k] for k in members), _group(group, model.condition))
+        (
+            Part(
+                tuple(_parameter(model, k, prediction) for k in members),
+                _group(group, model.condition),
+            )
             for group, members in base.groups.items()
             if members
         ),
-        explanation=EXPLANATION if prediction else "",
+        EXPLANATION if prediction else "",
     )
 
 
@@ -101,15 +103,11 @@ def _effect(prediction: Prediction, k: int) -> str:
 
 def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:
     """Two models of one run side by side; differences beyond `DISAGREEMENT` stand out."""
-    return Table(
-        title=f"{model.robot.name}: {model.method} and {check.method} method",
-        columns=(
-            NAME,
-            Column("unit"),
-            *figures(model.method, "std. error", check.method, "std. error"),
-            *figures("difference", "in std. errors"),
-        ),
-        parts=tuple(
+    heads = model.method, "std. error", check.method, "std. error", "difference", "in std. errors"
+    return table(
+        f"{model.robot.name}: {model.method} and {check.method} method",
+        (NAME, "unit", *figures(*heads)),
+        (
             Part(tuple(_method(model, check, k) for k in members))
             for members in base_parameters(model.robot).groups.values()
             if members
@@ -134,40 +132,34 @@ def _method(model: IdentifiedRobot, check: IdentifiedRobot, k: int) -> Row:
 
 def residuals(model: IdentifiedRobot) -> Table:
     """What the method's models leave of each axis's torque."""
-    axes, unit = range(model.robot.n_joints), model.robot.torque_units
-    return Table(
-        title="Torque left by the fit",
-        columns=(Column("axis"), *figures(f"limit, {unit}", f"rms, {unit}", "% of limit")),
-        parts=(Part(tuple(_residual(model, axis) for axis in axes)),),
-        explanation=(
-            "Root mean square of what the local models of inertia and coupling leave of the torque."
+    unit = model.robot.torque_units
+    each = zip(model.residual.tolist(), model.robot.torque_limit.tolist(), strict=True)
+    return table(
+        "Torque left by the fit",
+        ("axis", *figures(f"limit, {unit}", f"rms, {unit}", "% of limit")),
+        (
+            (str(axis), f"{limit:g}", "not measured", "")
+            if math.isnan(left)
+            else (str(axis), f"{limit:g}", significant(left, 3), percent(left, limit))
+            for axis, (left, limit) in enumerate(each, start=1)
         ),
+        "Root mean square of what the local models of inertia and coupling leave of the torque.",
     )
-
-
-def _residual(model: IdentifiedRobot, axis: int) -> Row:
-    left, limit = float(model.residual[axis]), float(model.robot.torque_limit[axis])
-    if np.isnan(left):
-        return str(axis + 1), f"{limit:g}", "not measured", ""
-    return str(axis + 1), f"{limit:g}", significant(left, 3), percent(left, limit)
 
 
 def predicted(prediction: Prediction, robot: Robot) -> Table:
     """Torques of a free motion and their standard error, joint by joint."""
-    each = zip(prediction.torque, prediction.standard_error, strict=True)
+    each = zip(prediction.torque.tolist(), prediction.standard_error.tolist(), strict=True)
     unit = robot.torque_units
-    return Table(
-        title="Predicted torques",
-        columns=(Column("axis"), *figures(f"rms, {unit}", f"std. error, {unit}", "%")),
-        parts=(Part(tuple(_predicted(k, float(t), float(e)) for k, (t, e) in enumerate(each))),),
-        explanation=(
-            "Rigid-body torques on a free motion that uses the limits, and their standard error."
+    return table(
+        "Predicted torques",
+        ("axis", *figures(f"rms, {unit}", f"std. error, {unit}", "%")),
+        (
+            (str(axis), significant(torque, 3), significant(error, 2), percent(error, torque))
+            for axis, (torque, error) in enumerate(each, start=1)
         ),
+        "Rigid-body torques on a free motion that uses the limits, and their standard error.",
     )
-
-
-def _predicted(axis: int, torque: float, error: float) -> Row:
-    return str(axis + 1), significant(torque, 3), significant(error, 2), percent(error, torque)
 
 
 def drive_train(estimate: Estimate, robot: Robot) -> Table:
@@ -175,21 +167,9 @@ def drive_train(estimate: Estimate, robot: Robot) -> Table:
 
     Marked are compliances and friction of the load that the estimate takes into account.
     """
-    return Table(
-        title="Drive trains, with standard errors",
-        columns=(
-            Column("axis"),
-            *figures(
-                "lag, ms",
-                "±",
-                f"compliance, {compliance_units(robot)}",
-                "±",
-                "load friction, %",
-                "±",
-            ),
-        ),
-        parts=(Part(tuple(_axes(estimate))),) if estimate.drive_train else (),
-    )
+    compliance = f"compliance, {compliance_units(robot)}"
+    heads = "lag, ms", "±", compliance, "±", "load friction, %", "±"
+    return table("Drive trains, with standard errors", ("axis", *figures(*heads)), _axes(estimate))
 
 
 def _axes(estimate: Estimate) -> Iterator[Row]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 Row = tuple[str, ...]
 
@@ -88,3 +91,18 @@ class Table:
 def figures(*heads: str) -> tuple[Column, ...]:
     """Columns of figures."""
     return tuple(Column(head, "right") for head in heads)
+
+
+def table(
+    title: str,
+    columns: Iterable[str | Column],
+    rows: Iterable[Row | Part],
+    explanation: str = "",
+    notes: tuple[str, ...] = (),
+) -> Table:
+    """Make a table of rows, or of parts; a text heads plain cells."""
+    made = tuple(Column(each) if isinstance(each, str) else each for each in columns)
+    given = tuple(rows)
+    parts = tuple(each for each in given if isinstance(each, Part))
+    own = tuple(each for each in given if not isinstance(each, Part))
+    return Table(title, made, (*parts, Part(own)) if own else parts, explanation, notes)

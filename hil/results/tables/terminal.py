@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from hil.results.tables.table import Table
 
 
-LEAST = 12
-"""Characters that a column which folds keeps, if its cells have so many."""
 BETWEEN = 3
 """Characters between two columns."""
 
@@ -83,14 +81,14 @@ def show_remark(text: str, console: Console) -> None:
     console.print(Text(text, style="yellow"), highlight=False, soft_wrap=True)
 
 
-def _widths(table: Table, folding: list[bool], broken: bool) -> list[int]:
-    """Characters that each column needs at least, with what is between columns."""
+def _widths(table: Table, folding: list[bool], broken: bool, least: int = 12) -> list[int]:
+    """Characters that each column needs, with what is between columns; what folds needs `least`."""
     found = []
     for k, (column, folds) in enumerate(zip(table.columns, folding, strict=True)):
         head = _broken(column.head) if broken else column.head
         cells = [*head.split("\n"), *(row[k] for row in table.rows)]
         longest = max(map(cell_len, cells))
-        found.append(BETWEEN + (min(longest, LEAST) if folds else longest))
+        found.append(BETWEEN + (min(longest, least) if folds else longest))
     return found
 
 
@@ -102,8 +100,6 @@ def _style(cell: str) -> str:
     return "bold red" if isinstance(cell, Marked) else ""
 
 
-WIDTH = 100
-"""Of the plain text [characters]."""
 STYLE = "<style>.wide th, .wide td { text-align: left } .wide .number { text-align: right }</style>"
 """Of a notebook, which aligns all cells to the right by itself."""
 
@@ -125,7 +121,7 @@ class Summary:
 
     def __str__(self) -> str:
         text = io.StringIO()
-        Console(file=text, width=WIDTH, color_system=None).print(self)
+        Console(file=text, width=100, color_system=None).print(self)
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
     def __repr__(self) -> str:

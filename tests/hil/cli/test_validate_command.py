@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import pytest
 from small_run import empty_plots, write_run
 
-from hil.cli.validating import _refuse_other_robot
 from hil.errors import Mismatch
 from hil.model.robot import parse_robot
 from hil.results.identification import identify
@@ -124,8 +123,8 @@ def test_a_model_of_another_robot_is_refused(
     first, other = folders
     text = manutec.text.replace("torque_limit: 945", "torque_limit: 946")
     stranger = replace(Model.load(first), robot=parse_robot(text, "other.yaml"))
-    with pytest.raises(Mismatch, match="was recorded with another robot file"):
-        _refuse_other_robot(stranger, Run.open(other))
+    with pytest.raises(Mismatch, match="identified with another robot file"):
+        stranger.refuse_other_robot(Run.open(other).robot, str(other))
     status, _, err = hil("validate", other, "--model", tmp_path)
     assert status == 1
     assert "make it with: hil identify" in err

@@ -19,7 +19,7 @@ from hil.ground_truth.comparison import compare, comparison
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.identification import identify
-from hil.results.prediction import SHARE, free_motion
+from hil.results.prediction import free_motion
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 
@@ -221,7 +221,7 @@ class TestValidationMotion:
             np.abs(motion.qd).max(axis=0) / manutec.velocity_limit,
             np.abs(motion.qdd).max(axis=0) / manutec.acceleration_limit,
         ])  # fmt: skip
-        assert used.max(axis=0) == pytest.approx(np.full(6, SHARE))
+        assert used.max(axis=0) == pytest.approx(np.full(6, 0.9))
 
     def test_velocity_and_acceleration_are_those_of_the_position(self, manutec):
         motion = free_motion(manutec)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.report.charts.axis import Axis
+from hil.report.charts.axis import Scale
 from hil.report.charts.chart import Chart, Line, Panel, Points, Rule
 from hil.report.charts.svg import file, panels
 
@@ -26,29 +26,29 @@ POINTS = Points([0.0, 1.0], [2.0, 3.0], label="measured <&>", error=[0.1, 0.1], 
     ],
 )
 def test_marks_are_round_values_within_the_range(low: float, high: float, written: str) -> None:
-    assert list(Axis(low, high, 0.0, 100.0).marks(3).values()) == written
+    assert list(Scale(low, high, 0.0, 100.0).marks(3).values()) == written
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 12))
 def test_there_are_never_more_marks_than_there_is_room_for(
     low: float, width: float, most: int
 ) -> None:
-    marks = Axis(low, low + width, 0.0, 1.0).marks(most)
+    marks = Scale(low, low + width, 0.0, 1.0).marks(most)
     assert len(marks) <= most
     slack = 1e-6 * width + 1e-9 * abs(low)
     assert all(low - slack <= value <= low + width + slack for value in marks)
 
 
 def test_decades_are_marked_by_powers_and_by_fives_where_they_are_few() -> None:
-    assert list(Axis(0.02, 1.0, 0.0, 1.0, decades=True).marks(5).values()) == ["0.1", "1"]
-    assert list(Axis(0.1, 1.0, 0.0, 1.0, decades=True).marks(5).values()) == [
+    assert list(Scale(0.02, 1.0, 0.0, 1.0, decades=True).marks(5).values()) == ["0.1", "1"]
+    assert list(Scale(0.1, 1.0, 0.0, 1.0, decades=True).marks(5).values()) == [
         "0.1", "0.2", "0.5", "1",
     ]  # fmt: skip
 
 
 def test_a_value_stands_by_its_share_of_the_range() -> None:
-    np.testing.assert_allclose(Axis(-1.0, 1.0, 10.0, 30.0).place([-1.0, 0.0, 1.0]), [10, 20, 30])
-    np.testing.assert_allclose(Axis(1.0, 100.0, 0.0, 2.0, decades=True).place([10.0]), [1.0])
+    np.testing.assert_allclose(Scale(-1.0, 1.0, 10.0, 30.0).place([-1.0, 0.0, 1.0]), [10, 20, 30])
+    np.testing.assert_allclose(Scale(1.0, 100.0, 0.0, 2.0, decades=True).place([10.0]), [1.0])
 
 
 def test_points_carry_the_ids_of_their_measurements() -> None:

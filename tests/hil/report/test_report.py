@@ -24,8 +24,8 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.page import report
 from hil.results.advice import CampaignResult, advice, error_budget
+from hil.results.findings import kept
 from hil.results.identification import identify
-from hil.results.kept_findings import kept
 from hil.results.prediction import predict
 from hil.results.rounding import decimals, percent, rounded, significant
 from hil.results.tables.html import symbols
@@ -84,7 +84,7 @@ def as_it_was(copy, folder, page, monkeypatch):
     """A copy whose recordings stay as they are, and so what is found in them."""
     del page  # with which it was kept
     found = kept(folder)
-    monkeypatch.setattr("hil.report.reported_run.kept", lambda _: found)
+    monkeypatch.setattr("hil.results.findings.kept", lambda *_: found)
     return copy
 
 

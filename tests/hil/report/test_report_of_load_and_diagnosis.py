@@ -20,7 +20,7 @@ from hil.report.page import report
 from hil.report.sections.kept import current
 from hil.results.diagnosis import NAME, DiagnosisFile, diagnose, write_diagnosis
 from hil.results.load_file import LoadFile, read_load
-from hil.results.tables.payload import changes, quantities, torque_constants
+from hil.results.load_tables import changes, quantities, torque_constants
 from hil.results.tables.terminal import show
 from hil.runs.run import Run
 

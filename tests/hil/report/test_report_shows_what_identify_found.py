@@ -95,7 +95,7 @@ def test_a_report_shows_what_identify_found(
     assert model.outcome is not None
     assert model.outcome.word == WORDS.get(kind, model.outcome.word)
 
-    # that a report of what is kept is the same is tests/hil/results/test_kept_findings.py's
+    # that a report of what is kept is the same is tests/hil/results/test_findings.py's
     (tmp_path / "run" / "findings.json").unlink(missing_ok=True)
     empty_plots(monkeypatch)
     text = page.report(Run.open(tmp_path / "run")).read_text()

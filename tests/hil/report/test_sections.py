@@ -89,12 +89,7 @@ def sections_with_templates() -> dict[str, list[str]]:
 
 
 def test_every_section_is_listed_and_has_a_template_of_its_own() -> None:
-    listed = (
-        *sections.OF_CAMPAIGN,
-        *sections.OF_FRICTION,
-        *sections.OF_FREE_MOTIONS,
-        *sections.OF_STROKES,
-    )
+    listed = (*sections.OF_IDENTIFIED, *sections.OF_FRICTION)
     made = sections_with_templates()
     assert {f"{each.__module__.rpartition('.')[2]}.{each.__name__}" for each in listed} == set(made)
     templates = [name for named in made.values() for name in named]
@@ -121,7 +116,7 @@ def test_a_further_section_is_shown_with_its_table_and_its_plot_once_it_is_liste
 
     (tmp_path / "added.html").write_text(ADDED)
     monkeypatch.setattr(page, "TEMPLATES", (*page.TEMPLATES, tmp_path))
-    monkeypatch.setattr(page, "OF_CAMPAIGN", (added,))
+    monkeypatch.setattr(page, "OF_IDENTIFIED", (added,))
     written = page.report(Run.open(mixed), tmp_path / "figures").read_text()
     (shown,) = Outline(written).sections
     assert shown == "An added sectionmanutec-r15Jointsaxisof allNothing at all."
@@ -149,7 +144,6 @@ def test_every_tag_is_closed_every_plot_has_an_id_of_its_own_and_no_section_is_e
     assert not found.open
     assert len(set(found.ids)) == len(found.ids)
     assert read[1].count("<figure") == len([i for i in found.ids if i.startswith("plot-")])
-    assert (
-        len(found.sections) == len(sections.OF_CAMPAIGN) - 4
-    )  # no load, diagnosis, validation, bodies
+    # no load, diagnosis, validation, bodies, and nothing of imports
+    assert len(found.sections) == len(sections.OF_IDENTIFIED) - 5
     assert all(len(text) > 100 for text in found.sections)

@@ -23,10 +23,10 @@ from hil.estimation.intervals import combined_degrees, degrees_behind, half_widt
 from hil.friction.law import FrictionLaw
 from hil.model import dynamics
 from hil.results.identification import identify
+from hil.results.identified_robot import PARTS
 from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.tables.html import symbols
-from hil.results.torque_parts import PARTS
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,11 @@ from twin_recordings import TwinRecorder, brick, in_units
 from checked_files.yaml_file import load_yaml
 from hil import cli
 from hil.errors import Mismatch, NoLoad
+from hil.model.drive_train_file import USUAL_BOUND
 from hil.report.page import report
 from hil.results.diagnosis import diagnose
 from hil.results.load import find_payload
-from hil.results.load_file import UNIDENTIFIABLE, LoadFile
+from hil.results.load_file import LoadFile
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def test_wrong_gains_are_found_by_the_mass_and_the_load_with_them(runs: Path) ->
     found = found_in(runs, "wrong-", MASS, gains=True)
     assert found.by_mass is not None
     gains, error = found.by_mass.gains, found.by_mass.gain_errors
-    told = error < UNIDENTIFIABLE
+    told = error < USUAL_BOUND
     assert told[[0, 1, 3]].all()
     z = (gains / GAINS - 1.0) / error
     assert np.abs(z[told]).max() < 4

@@ -14,7 +14,7 @@ from trajectory_run import recorded, some_trajectory
 import hil
 from hil.errors import Mismatch, NotEnoughData, UnknownName
 from hil.planning.free_motion import FreeMotion
-from hil.results.problem import Problem
+from hil.results.problem import RegressionProblem
 from hil.results.recorded_torque import predict_recording
 from hil.runs.run import Run
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from hil.least_squares.regression import Covariance
     from hil.model.robot import Robot
-    from hil.results.problem import Fit
+    from hil.results.problem import ModelFit
 
 
 @pytest.fixture(scope="module")
@@ -46,24 +46,24 @@ def imported(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 @pytest.fixture(scope="module")
-def measured(strokes: Run) -> Fit:
+def measured(strokes: Run) -> ModelFit:
     """Strokes by themselves."""
     return hil.regression(strokes).fit()
 
 
 @pytest.fixture(scope="module")
-def free(imported: Run) -> Fit:
+def free(imported: Run) -> ModelFit:
     """The import by itself."""
     return hil.regression(imported).fit()
 
 
 @pytest.fixture(scope="module")
-def both(strokes: Run, imported: Run) -> Fit:
+def both(strokes: Run, imported: Run) -> ModelFit:
     """Both kinds as one regression."""
     return hil.regression(strokes, imported).fit()
 
 
-def variances(fit: Fit) -> np.ndarray:
+def variances(fit: ModelFit) -> np.ndarray:
     """Of the base parameters."""
     return np.diag(fit.estimate.covariance)
 
@@ -74,7 +74,7 @@ def test_what_recordings_call_for_is_stated(strokes: Run, imported: Run) -> None
     assert hil.regression(strokes, imported).method == "joint"
 
 
-def test_a_mixture_finds_the_parameters_that_both_share(both: Fit) -> None:
+def test_a_mixture_finds_the_parameters_that_both_share(both: ModelFit) -> None:
     z = (both.estimate.p - TABLE_3_A) / both.estimate.standard_error
     # 14 of Student's t with few degrees of freedom
     assert np.abs(z).max() < 6.0
@@ -85,12 +85,14 @@ def test_a_mixture_finds_the_parameters_that_both_share(both: Fit) -> None:
     assert np.mean(inside) >= 0.85
 
 
-def test_a_mixture_knows_more_than_either_part(both: Fit, measured: Fit, free: Fit) -> None:
+def test_a_mixture_knows_more_than_either_part(
+    both: ModelFit, measured: ModelFit, free: ModelFit
+) -> None:
     for part in (measured, free):
         assert np.mean(np.log(variances(both) / variances(part))) < 0.0
 
 
-def test_all_that_was_found_has_a_name(both: Fit, manutec: Robot) -> None:
+def test_all_that_was_found_has_a_name(both: ModelFit, manutec: Robot) -> None:
     assert both.names[:3] == ("p1", "p2", "p3")
     assert "axis 2 Coulomb" in both.params
     assert "axis 2 lag" in both.params
@@ -114,7 +116,7 @@ def test_parts_of_the_torque_add_up(
     assert len(parts["time"]) == len(total)
 
 
-def test_parts_of_the_torque_add_up_to_the_prediction(free: Fit, imported: Run) -> None:
+def test_parts_of_the_torque_add_up_to_the_prediction(free: ModelFit, imported: Run) -> None:
     (recording,) = [each.recording for each in imported]
     left = predict_recording(free.model, recording).residual
     np.testing.assert_allclose(free.torque_parts(recording)["left"], left, atol=1e-9)
@@ -133,7 +135,9 @@ def test_a_law_may_be_stated(imported: Run) -> None:
 
 
 @pytest.mark.parametrize("covariance", ["jackknife", "clusters", "white"])
-def test_errors_are_stated_as_asked(measured: Fit, strokes: Run, covariance: Covariance) -> None:
+def test_errors_are_stated_as_asked(
+    measured: ModelFit, strokes: Run, covariance: Covariance
+) -> None:
     other = hil.regression(strokes, covariance=covariance).fit()
     np.testing.assert_array_equal(measured.estimate.p, other.estimate.p)
     assert not np.allclose(variances(measured), variances(other), rtol=1e-3)
@@ -152,4 +156,4 @@ def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
         hil.regression(strokes, friction="Stribeck")
     with pytest.raises(Mismatch, match="0 of 1 runs were imported"):
         hil.regression(strokes, friction="arc tangent")
-    assert isinstance(hil.regression(strokes), Problem)
+    assert isinstance(hil.regression(strokes), RegressionProblem)

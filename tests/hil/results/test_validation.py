@@ -13,7 +13,7 @@ from small_run import write_run
 from hil.estimation.signals import signals
 from hil.results.identification import identify
 from hil.results.judgement import INSIDE, Judgement
-from hil.results.predicted_torques import PredictedTorque, predicted_torques
+from hil.results.predicted_torques import predicted_torques
 from hil.results.validation import AxisScore, ValidationRecord, judged, validate
 from hil.runs.pooling import pooled
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.results.model import Model
+    from hil.results.recorded_torque import PredictedTorque
     from hil.runs.run import Run
 
 
@@ -226,7 +227,7 @@ def test_the_worst_word_stands() -> None:
 def test_the_recording_of_the_model_s_own_plan_is_remarked_upon(
     manutec: Robot, tmp_path: Path
 ) -> None:
-    from hil.cli.validating import _notes
+    from hil.cli.judging import _notes
 
     run = write_run(tmp_path / "run", manutec)
     assert "this very plan" in _notes(identify(run), run)[0]

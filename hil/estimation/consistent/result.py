@@ -8,14 +8,9 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.intervals import SIGNIFICANT
-from hil.model.base_parameters import base_parameters
-from hil.results.rounding import probability
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from hil.arrays import Array
-    from hil.model.robot import Robot
 
 
 class LinkBody(FileModel):
@@ -65,12 +60,13 @@ class ConsistentRobot(FileModel):
     Attributes
     ----------
     values : tuple of float
-        Base parameters.
+        Base parameters p' of the bodies.
     change : tuple of float
         Of each from the estimate, in standard errors.
     distance : float
-        Squared, in the metric of the estimate's covariance: a chi-square.
+        d^2, in the metric of the estimate's covariance: a chi-square.
     degrees_of_freedom : int
+        Of the chi-square that d^2 is compared with (`hil.estimation.consistent.nearest`).
     p_value : float
         Greatest chance of so great a distance of an estimate of bodies.
     distance_complete : float
@@ -85,8 +81,9 @@ class ConsistentRobot(FileModel):
         Links, from 1, whose mass no torque decides.
     links : tuple of LinkBody
     added : dict of str to float
-        Rotor inertias and springs, by name.
+        Rotor inertias and springs, by name (`hil.model.added_parameters`).
     binding : tuple of BindingCondition
+        Those that cost most first.
     torque : tuple of TorqueCost
         Axis by axis; empty where no motion was at hand.
     """
@@ -120,47 +117,3 @@ class ConsistentRobot(FileModel):
     def contradicted(self) -> bool:
         """Whether the data contradict these bodies beyond chance."""
         return self.p_value < SIGNIFICANT
-
-    def statements(self, robot: Robot) -> tuple[str, ...]:
-        """Distance, what binds and what it costs, in sentences."""
-        return tuple(self._statements(robot))
-
-    def _statements(self, robot: Robot) -> Iterator[str]:
-        if not self.binding:
-            yield (
-                "the identified base parameters belong to bodies as they are: distance 0, no"
-                " condition binds"
-            )
-        else:
-            yield from self._distance(robot)
-        if self.open_masses:
-            links = ", ".join(map(str, self.open_masses))
-            yield (
-                f"no torque decides the masses of links {links}: they come from {self.likely}, and"
-                " centres and inertias of these links go with them"
-            )
-        if self.binding and self.contradicted:
-            yield (
-                "the data contradict bodies: look for what the model leaves out (hil diagnose), for"
-                " torque constants and rotor inertias that are stated wrongly, or export nothing"
-            )
-
-    def _distance(self, robot: Robot) -> Iterator[str]:
-        names, order = base_parameters(robot).names, np.argsort(-np.abs(self.change))[:3]
-        binding = [f"{each.name} (without it {each.distance_without:.4g})" for each in self.binding]
-        moved = [f"{names[k]} by {self.change[k]:+.3g}" for k in order if abs(self.change[k]) > 0.1]
-        costs = [
-            f"axis {axis + 1} {each.change:.2g} {robot.torque_unit(axis)} (standard error"
-            f" {each.standard_error:.2g}, torque {each.torque:.3g})"
-            for axis, each in enumerate(self.torque)
-        ]
-        yield (
-            f"nearest robot that consists of bodies: distance {self.distance:.4g}, a chi-square of"
-            f" at most {self.degrees_of_freedom} degrees of freedom, p {probability(self.p_value)};"
-            f" {self.distance_complete:.4g} if the robot file left no link parameter out"
-        )
-        yield f"conditions that bind: {', '.join(binding)}"
-        if moved:
-            yield f"moved most, in standard errors: {', '.join(moved)}"
-        if costs:
-            yield f"torques change, rms over the run's motions: {'; '.join(costs)}"

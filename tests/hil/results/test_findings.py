@@ -13,11 +13,9 @@ from small_run import write_run
 
 from checked_files.yaml_file import FileModel
 from hil.report.page import report
-from hil.results import kept_findings
-from hil.results.findings import findings
+from hil.results import findings
+from hil.results.findings import NAME, follow_from, keep, kept
 from hil.results.identification import identified
-from hil.results.kept_findings import NAME, keep, kept
-from hil.runs.pooling import recorded
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -35,7 +33,7 @@ def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 @pytest.fixture(scope="module")
 def found(run: Run) -> Findings:
     campaign = tuple(run)
-    made = findings(run, identified(run), campaign, tuple(recorded(campaign)))
+    made = follow_from(run, identified(run), campaign)
     keep(run, made)
     return made
 
@@ -94,7 +92,7 @@ def test_so_does_a_measurement_left_out(copy: Path) -> None:
 
 
 def test_and_another_program(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept_findings, "_program", lambda: "another one")
+    monkeypatch.setattr(findings, "_program", lambda: "another one")
     assert kept(Run.open(copy)) is None
 
 

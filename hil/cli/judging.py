@@ -1,0 +1,169 @@
+"""`hil validate` judges a model by another recording; `hil accept` a run by limits, in series."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hil.cli.arguments import RealTime, RobotsBus, RunPath, expand_records
+from hil.cli.measuring import OnBus
+from hil.cli.measuring import measure as measure_plan
+from hil.cli.outputs import (
+    REFUSED,
+    output_option,
+    place_to_write,
+    refuse_existing,
+    refuse_no_folder,
+    refuse_unwritable,
+    say_judgement,
+    say_simulated,
+)
+from hil.terminal.console import out, say, working
+from hil.terminal.printable import printable
+
+if TYPE_CHECKING:
+    from hil.results.model import Model
+    from hil.runs.run import Run
+
+commands = typer.Typer()
+PAGE, JUNIT = "acceptance.html", "acceptance.xml"
+
+
+@commands.command()
+@expand_records
+def validate(
+    folder: RunPath,
+    model_path: Annotated[
+        Path,
+        typer.Option(
+            "--model", help="Model to judge: its file, or the folder of the run that gave it."
+        ),
+    ],
+    measure: Annotated[
+        bool,
+        typer.Option("--measure", help="Measure another motion into the folder first; it moves."),
+    ] = False,
+    *,
+    where: RobotsBus,
+    realtime: RealTime = False,
+) -> None:
+    """Judge a model by a run that it was not made from; exit status 3 where it failed."""
+    with working("reading the model"):
+        from hil.results.model import Model
+        from hil.results.model_file import file_of
+        from hil.results.validation import NAME
+        from hil.runs.run import Run
+
+        refuse_unwritable(folder / NAME)
+        model_path = file_of(model_path)
+        model = Model.load(model_path)
+    if measure:
+        from hil.model.robot import refuse_unknown
+        from hil.planning.design.trajectories import design_validation
+
+        refuse_unknown(model.robot)
+        with working("choosing a motion"):
+            plan = design_validation(model.robot)
+        how = OnBus(**vars(where), realtime=realtime)
+        measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
+    _judge(model, model_path, Run.open(folder))
+
+
+def _judge(model: Model, model_path: Path, run: Run) -> None:
+    from hil.report.pictures import Drawn, write_validation_plot
+    from hil.results.predicted_torques import predicted_torques
+    from hil.results.tables.terminal import show
+    from hil.results.validation import of_own_recordings, scores, write_validation
+    from hil.results.validation import validate as judge
+    from hil.runs.pooling import pooled
+
+    model.refuse_other_robot(run.robot, str(run.path))
+    with working("predicting the torques of the recordings"):
+        drawn = Drawn(predicted_torques(model, pooled([run])))
+        found = of_own_recordings(model, run) or judge(model, drawn)
+        file = write_validation(run, model, model_path, found)
+    say_simulated(run)
+    if found.axes:
+        show(scores(found, _notes(model, run)), out)
+    say_judgement(found)
+    if found.axes:
+        say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
+    say(f"validation in {file}")
+    if found.word == "failed":
+        raise typer.Exit(REFUSED)
+
+
+def _notes(model: Model, run: Run) -> tuple[str, ...]:
+    """What restricts the scores."""
+    if model.provenance.plan_digest != run.plan.digest:
+        return ()
+    return ("the model was made from this very plan: record another motion to judge it",)
+
+
+@commands.command()
+def accept(
+    folder: RunPath,
+    output: Annotated[
+        Path, output_option(place_to_write, "Folder of page and JUnit XML; file of a draft.")
+    ],
+    limits: Annotated[
+        Path | None, typer.Option("--limits", help="File of limits that the run is judged by.")
+    ] = None,
+    draft: Annotated[
+        bool, typer.Option("--draft", help="Write limits from this run, which is a good one.")
+    ] = False,
+    factor: Annotated[
+        float, typer.Option(min=1.0, max=1000.0, help="Factor by which a draft widens intervals.")
+    ] = 3.0,
+    serial: Annotated[str, typer.Option(help="Serial number of the robot.")] = "",
+    operator: Annotated[str, typer.Option(help="Name of whoever accepts the robot.")] = "",
+) -> None:
+    """Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if failed."""
+    if draft == (limits is not None):
+        raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
+    if draft:
+        _draft(folder, output, factor)
+        return
+    assert limits is not None  # noqa: S101 - see above
+    stated = {"Serial number": printable(serial), "Operator": printable(operator)}
+    if not _accepted(folder, output, limits, stated):
+        raise typer.Exit(REFUSED)
+
+
+def _draft(folder: Path, output: Path, factor: float) -> None:
+    from hil.results.acceptance import draft, write_limits
+    from hil.results.model import Model
+    from hil.runs.run import Run
+
+    refuse_existing(output)
+    refuse_no_folder(output)
+    with working("reading the run"):
+        found = draft(Run.open(folder), Model.load(folder), factor)
+    write_limits(output, found)
+    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; set them to what the"
+        " series may vary by")  # fmt: skip
+
+
+def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) -> bool:
+    from checked_files.yaml_file import load_yaml
+    from hil.report.further_pages import write_acceptance_page
+    from hil.results.acceptance import Limits, checked, judge, write_junit
+    from hil.results.model import Model
+    from hil.results.tables.terminal import show
+    from hil.runs.atomic_file import file_errors
+    from hil.runs.run import Run
+
+    bounds = load_yaml(limits, Limits)
+    with file_errors(output, "made"):
+        output.mkdir(parents=True, exist_ok=True)
+    with working("judging the run by the limits"):
+        run, model = Run.open(folder), Model.load(folder)
+        found = judge(run, model, bounds)
+        write_acceptance_page(output / PAGE, run, found, stated)
+    write_junit(output / JUNIT, run.robot.name, model.provenance.measured, found)
+    say_simulated(run)
+    show(checked(found), out)
+    say_judgement(found, f"page in {output / PAGE}")
+    return found.word != "failed"

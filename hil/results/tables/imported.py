@@ -1,0 +1,241 @@
+"""Friction, residuals and what was chosen, of estimates from imports: motions, and strokes.
+
+Of free motions friction is a law, of axes that move back and forth by themselves a curve.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.results.rounding import probability, significant, uncertain
+from hil.results.tables.table import Column, Part, Table, figures, table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.estimation.back_and_forth.result import BackAndForthFit, CurvePoint, FrictionCurve
+    from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.friction.law import AxisLaw, CoupledFriction, TermValue
+    from hil.model.robot import Robot
+    from hil.results.identified_robot import IdentifiedRobot
+    from hil.results.tables.table import Row
+
+
+def friction(model: IdentifiedRobot) -> Table:
+    """Law of friction of each axis, its coefficients, and what other laws predict."""
+    fit = model.friction
+    laws = () if fit is None else (_axis(model, axis) for axis in range(len(fit.axes)))
+    return table(
+        "Friction",
+        (
+            "axis",
+            Column("law", folds=True),
+            Column("coefficients with std. errors", folds=True),
+            Column("as Coulomb and viscous alone", folds=True),
+            Column("held out, other laws", folds=True),
+        ),
+        (*laws, *(() if fit is None else map(_coupled, fit.coupled))),
+        "Terms of the velocity: viscous friction per unit of velocity, all others as the torque"
+        " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
+        " that none beats by more than chance on blocks held out; of others the error is stated"
+        " over that of the law chosen. Presliding is the way over which friction turns round"
+        " after a reversal. Levels are those of friction at instants spread evenly over the"
+        " time recorded, over their mean. Ripple of motors is not listed.",
+    )
+
+
+def _axis(model: IdentifiedRobot, axis: int) -> Row:
+    assert model.friction is not None  # noqa: S101 - the table is empty without
+    law, position = model.friction.axes[axis], model.robot.position_unit(axis)
+    written = partial(_coefficient, law, model.robot.torque_unit(axis), position)
+    others = (each for each in law.terms.items() if not each[0].startswith(("cosine", "sine")))
+    named = [written(*each) for each in others]
+    if law.presliding:
+        named.append(f"presliding over {significant(law.presliding, 2)} {position}")
+    if law.level:
+        levels = ", ".join(significant(100 * each, 3) for each in law.level)
+        named.append(f"level {levels} %")
+    plain = ", ".join(written(*each) for each in law.plain.items())
+    return str(axis + 1), law.law, ", ".join(named), plain, _others(law)
+
+
+def _coefficient(law: AxisLaw, unit: str, position: str, term: str, value: TermValue) -> str:
+    scale = 1.0 / law.speed if term == "viscous" else 1.0
+    shown, error = uncertain(scale * value.value, scale * value.standard_error)
+    unit = f"{unit} s/{position}" if term == "viscous" else "" if term == "load" else unit
+    return f"{term} {shown} ± {error} {unit}".rstrip()
+
+
+def _others(law: AxisLaw, most: int = 3) -> str:
+    """The best alternatives to a law, with their errors."""
+    others = sorted((error, name) for name, error in law.held_out.items() if name != law.law)
+    return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:most])
+
+
+def _coupled(each: CoupledFriction) -> Row:
+    parts = (
+        f"{name} {' ± '.join(uncertain(term.value, term.standard_error))}"
+        for name, term in (("Coulomb", each.coulomb), ("viscous", each.viscous))
+    )
+    motors = f"{each.motor} and {each.joint}"
+    return motors, f"motor {each.motor}, coupled", ", ".join(parts), "", ""
+
+
+def left_by_fit(model: IdentifiedRobot) -> Table:
+    """Residuals of imports, axis by axis and of all axes together."""
+    fit = model.friction or model.back_and_forth
+    if fit is None:
+        return table("", (), ())
+    samples = "all samples" if model.friction else "strokes away from their reversals"
+    rows = [
+        (str(axis), significant(left, 3), "" if share is None else significant(100 * share, 3))
+        for axis, (left, share) in enumerate(
+            zip(model.residual.tolist(), fit.relative_residual, strict=True), start=1
+        )
+        if np.isfinite(left)
+    ]
+    together = significant(float(np.sqrt(np.nansum(model.residual**2))), 3)
+    return table(
+        f"Torque left by the fit, {samples}",
+        ("axis", *figures("rms, N m or N", "% of the torque")),
+        (*rows, ("all", together, significant(100 * fit.overall_residual, 3))),
+        "Root mean square of the residual after the low-pass, and over the torque's.",
+    )
+
+
+def statements(fit: FreeMotionFit) -> Iterator[str]:
+    """What was chosen, what was tested, and what restricts the estimate."""
+    zone = (
+        f"samples slower than {100 * fit.dead_zone:g} % of an axis's speed were not fitted"
+        if fit.dead_zone
+        else "no dead zone"
+    )
+    yield (
+        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
+    )
+    yield _velocities(fit)
+    for axis, each in enumerate(fit.lag, start=1):
+        if each.value:
+            value, error = uncertain(1e3 * each.value, 1e3 * each.standard_error)
+            yield (
+                f"torque of axis {axis} recorded {value} ± {error} ms after the position; the lag"
+                " is taken back, in residuals and predictions of recordings too"
+            )
+    for gain in fit.gains:
+        value, error = uncertain(gain.value, gain.standard_error)
+        yield (
+            f"gain of axis {gain.axis}, unknown in the map: {value} ± {error} {gain.unit} for one"
+            " unit of the signal"
+        )
+    yield _bias(fit)
+    if fit.least_inertia > 0:
+        yield "the mass matrix is positive definite along the motion"
+    else:
+        yield (
+            "the mass matrix is not positive definite along the motion: no simulator runs with"
+            " these parameters"
+        )
+    yield from fit.remarks
+
+
+def _velocities(fit: FreeMotionFit) -> str:
+    """Which velocities were taken, and why; axes of the same reason together."""
+    n = len(fit.axes)
+    alike: dict[tuple[bool, str], list[str]] = {}
+    for axis, reason in enumerate(fit.velocity_reasons or ("",) * n, start=1):
+        alike.setdefault((axis in fit.recorded_velocity, reason), []).append(str(axis))
+    sentences = []
+    for (recorded, reason), axes in alike.items():
+        which = f"axis {', '.join(axes)}" if len(axes) < n else "all axes"
+        why = f" ({reason})" if reason else ""
+        sentences.append(f"{which} {'as recorded' if recorded else 'from the position'}{why}")
+    return f"velocity of {'; of '.join(sentences)}"
+
+
+def _bias(fit: FreeMotionFit) -> str:
+    if fit.bias_test is None:
+        return "too few blocks for the test whether noise of the motion shifts least squares"
+    tested = (
+        f"test of Durbin, Wu and Hausman, p {probability(fit.bias_test.p_value)}, at most"
+        f" {fit.bias_test.shift:.2g} standard errors"
+    )
+    if fit.bias_test.biased:
+        return (
+            f"noise of the positions shifts least squares ({tested}): state a lower cut_off in the"
+            " map, or take --method 'instrumental variables'"
+        )
+    return f"noise of the positions does not shift least squares ({tested})"
+
+
+def curves(fit: BackAndForthFit) -> Table:
+    """Friction of each axis over its speed."""
+    return table(
+        "Friction over the speed",
+        ("axis", *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs")),
+        (Part(tuple(_point(curve, point) for point in curve.points)) for curve in fit.curves),
+        "Half the difference of the torques forth and back at the same position, less the rigid"
+        " bodies' part of it. Mean over the pairs of strokes; the interval is that of the mean"
+        " and comes from the scatter between pairs, drift included.",
+    )
+
+
+def _point(curve: FrictionCurve, point: CurvePoint) -> Row:
+    speed, pairs, half = significant(point.speed, 3), str(point.pairs), point.half_width
+    if half is None:
+        return str(curve.axis), speed, significant(point.friction, 3), "", pairs
+    return str(curve.axis), speed, *uncertain(point.friction, half), pairs
+
+
+def plain(fit: BackAndForthFit, robot: Robot) -> Table:
+    """What classical laws would be, and what differs by direction."""
+    return table(
+        "Friction in the usual terms, for comparison",
+        (
+            "axis",
+            Column("as offset, Coulomb and viscous alone", folds=True),
+            Column("the same forth and back, and no rigid body's", folds=True),
+        ),
+        (_plain(robot, curve) for curve in fit.curves),
+        "The first by least squares over samples at all speeds, base parameters given. The"
+        " second is part of the fit: a constant, which may be an offset of the torque, and a"
+        " part that grows with the speed. Torque ripple is not listed.",
+    )
+
+
+def _plain(robot: Robot, curve: FrictionCurve) -> Row:
+    axis = curve.axis - 1
+    unit = robot.torque_unit(axis)
+    units = {"viscous": f"{unit} s/{robot.position_unit(axis)}"}
+    classical = [
+        f"{name} {_value(term)} {units.get(name, unit)}" for name, term in curve.plain.items()
+    ]
+    constant, per_speed = curve.by_direction
+    even = f"{_value(constant)} {unit}, {_value(per_speed)} {units['viscous']}"
+    return str(curve.axis), ", ".join(classical), even
+
+
+def _value(term: TermValue) -> str:
+    return " ± ".join(uncertain(term.value, term.standard_error))
+
+
+def statements_of_strokes(fit: BackAndForthFit) -> Iterator[str]:
+    """What was chosen, what was not identified, and what restricts the estimate."""
+    low, high = (f"{each:.3g}" for each in fit.cut_off)
+    cut_off = low if low == high else f"{low} to {high}"
+    yield (
+        f"{fit.pairs} pairs of strokes; friction is any odd function of the velocity, of each pair"
+        f" its own; cut-off {cut_off} Hz ({fit.cut_off_reason})"
+    )
+    if fit.not_identified:
+        yield (
+            f"not identified: {', '.join(fit.not_identified)}, zero in the model; it holds for one"
+            " axis that moves by itself at configurations like the recorded ones. Couplings show"
+            " where several axes move: import such recordings as free motions"
+        )
+    if fit.combinations:
+        sums = "; ".join(f"{each.name} for {each.stands_for}" for each in fit.combinations)
+        yield f"identified as sums with these: {sums}"
+    yield from fit.remarks
