@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from hil.export.functions import Function
     from hil.results.model import Model
 
-LONGEST = 84
-"""Characters of what is still written into another expression."""
 SUM, PRODUCT, ATOM = 1, 2, 3
 """How strongly a text holds together."""
 
@@ -71,7 +69,8 @@ def assignments(
     for node in nodes:
         text, hold = _text(node, texts, syntax)
         if hold < ATOM or node.operands:
-            shared = uses[node.index] > 1 or len(text) > LONGEST
+            # longer than 84 characters: not written into another expression any more
+            shared = uses[node.index] > 1 or len(text) > 84
             if shared and node.operation != "negative":
                 named.append(Assignment(f"t{len(named)}", text))
                 text, hold = named[-1].name, ATOM

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     Place = tuple[str | int, ...]
 
-_SAME_GEAR = 1e-6
-"""Relative difference that digits of a file leave."""
 _REMEDY = "parameters of another machine cannot be compared"
 
 
@@ -146,7 +144,8 @@ def _of_axis(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[Place, str
             " says; parameters of other frames cannot be compared",
         )
     gear, known = axis.drive.gear_ratio, float(robot.gear_ratio[k])
-    if abs(gear - known) > _SAME_GEAR * known:  # never where the robot file leaves it unknown
+    # 1e-6: the relative difference that digits of a file leave; never where the gear is unknown
+    if abs(gear - known) > 1e-6 * known:
         yield (
             ("axes", k, "drive", "gear_ratio"),
             f"{gear:g} must be {known:g}, as the robot file says: with another gear every position"

@@ -35,16 +35,6 @@ LONGEST = 60.0
 """Of a motion [s]."""
 SHORTEST = 1.0
 """Of a motion, and of a block [s]."""
-BLOCK = 30.0
-"""Longest block [s]."""
-BLOCKS = 8
-"""Of a whole recording, at least, where blocks of `SHORTEST` allow it."""
-UNDER_WAY = 0.05
-"""Speed from which on the axis is under way, as share of its greatest."""
-_SHORT = 0.2
-"""Share of the longest stroke below which one is none."""
-_MEAN_OVER = 0.02
-"""Time over which speeds are means, for encoders that are coarse [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +125,8 @@ def pieces_of(stretch: Stretch) -> list[Piece]:
 
 def block_counts(durations: Sequence[float]) -> list[int]:
     """Number of blocks of each motion of a recording, from their durations [s]."""
-    longest = min(BLOCK, max(SHORTEST, sum(durations) / BLOCKS))
+    # blocks last 30 s at most; of a whole recording 8 at least, where blocks of `SHORTEST` allow it
+    longest = min(30.0, max(SHORTEST, sum(durations) / 8))
     return [
         max(1, min(math.ceil(duration / longest - 1e-6), math.floor(duration / SHORTEST + 1e-6)))
         for duration in durations
@@ -157,10 +148,12 @@ def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
     period : float
         [s].
     """
-    half = max(1, round(_MEAN_OVER / period / 2))
+    # speeds are means over 0.02 s, for encoders that are coarse
+    half = max(1, round(0.02 / period / 2))
     speed = np.zeros(len(q))
     speed[half:-half] = (q[2 * half :] - q[: -2 * half]) / (2 * half * period)
-    direction = np.where(np.abs(speed) > UNDER_WAY * np.max(np.abs(speed)), np.sign(speed), 0)
+    # under way: from a twentieth of the greatest speed on
+    direction = np.where(np.abs(speed) > 0.05 * np.max(np.abs(speed)), np.sign(speed), 0)
     runs = _runs(direction)
     merged: list[list[int]] = []
     for begin, end, sign in runs:
@@ -173,7 +166,7 @@ def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
     return [
         (begin, end, sign > 0)
         for (begin, end, sign), way in zip(merged, ways, strict=True)
-        if way > _SHORT * longest
+        if way > 0.2 * longest
     ]
 
 

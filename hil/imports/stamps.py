@@ -37,10 +37,6 @@ if TYPE_CHECKING:
 GAP = 0.02
 """Longest time between two rows that is bridged [s]; 2.5 periods where these are longer."""
 GAP_PERIODS = 2.5
-_DISORDER = 0.01
-"""Share of rows out of order up to which they are sorted, and beyond which a column is no time."""
-_MOST = 0.9
-"""Share of the steps that are about a period where the period is their mean."""
 
 
 class WrongStamps(Exception):
@@ -153,7 +149,8 @@ def _refined(times: list[Array], period: float) -> float:
     """Mean of all steps of about a period, if most are; of all steps otherwise."""
     steps = np.concatenate([np.diff(t) for t in times])
     about = np.abs(steps - period) < period / 2
-    mean = float(np.mean(steps[about] if np.mean(about) > _MOST else steps))
+    # the period is the mean of steps about it where nine in ten are
+    mean = float(np.mean(steps[about] if np.mean(about) > 0.9 else steps))
     return mean if abs(mean - period) < EVEN * period else period
 
 
@@ -171,7 +168,8 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
     if not len(back):
         return rows
     worst = int(back[np.argmin(steps[back])])
-    if steps[worst] < -10 * period or len(back) > max(1, _DISORDER * len(rows)):
+    # rows out of order up to 1 % are sorted; beyond, a column is no time
+    if steps[worst] < -10 * period or len(back) > max(1, 0.01 * len(rows)):
         raise WrongStamps(
             f"time runs backwards at {len(back)} of {len(rows)} rows, from {time[worst]:.6g} s to"
             f" {time[worst + 1]:.6g} s at row {rows[worst + 1] + 1}; choose another column of time,"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from drivers.drive_bus import DriveError
 from hil.live import lines
@@ -24,7 +24,6 @@ from hil.terminal.progress import Pace
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from contextlib import AbstractContextManager
-    from types import TracebackType
     from typing import Self
 
     from rich.console import Console
@@ -38,9 +37,8 @@ if TYPE_CHECKING:
     Take = Callable[[Event], None]
     Display = Callable[[Console], AbstractContextManager[Take]]
 
-SAMPLE_RATE = 25
-"""Samples that are passed on in a second, at most."""
-_EVERY = 1 / SAMPLE_RATE
+_EVERY = 1 / 25
+"""Least time between samples that are passed on [s], enough for the eye."""
 
 
 class Feed:
@@ -202,14 +200,9 @@ class FedBus(BusInFront):
             raise
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: Any) -> None:
         """Stop the axes and power off."""
-        super().__exit__(exc_type, exc, traceback)
+        super().__exit__(*raised)
         self._feed.off()
 
     def sample(self) -> Sample:

@@ -15,7 +15,7 @@ off
     The axes are stopped and without power.
 sample
     ``t``: the bus's time [s]; ``q``, ``tau``, ``flags`` (`drivers.drive_bus.SampleFlag`), a number
-    an axis each. At most `hil.live.feed.SAMPLE_RATE` a second, and none while a reader is behind.
+    an axis each. At most 25 a second (`hil.live.feed`), and none while a reader is behind.
 event
     The sequencer's: ``name`` of its class in `hil.measuring.events`, ``doing`` in words, ``notice``
     that the operator must see or "", ``t`` and ``total``: the bus's time and what it will be at the

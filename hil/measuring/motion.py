@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from hil.planning.strokes import Partner, Strokes
     from hil.runs.recording import Recording
 
-LONGEST_STAND = 5.0
-"""Time at rest between two reports of a preparation [s]."""
-
 
 def record(bus: DriveBus, measurement: Strokes) -> Recording:
     """Carry out the strokes of a measurement and record every sample.
@@ -80,7 +77,8 @@ def rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[fl
     """
     begin, rest = locate(bus).time, measurement.rest or 0.0
     while (now := locate(bus).time) - begin < rest:
-        now = stand(bus, min(LONGEST_STAND, rest - (now - begin))).time
+        # reports at least every 5 s
+        now = stand(bus, min(5.0, rest - (now - begin))).time
         yield now - begin, now
     while (now := locate(bus).time) - begin < measurement.preparation:
         for number in (0, 1):

@@ -35,11 +35,6 @@ GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal
 In this order: the elements that show a group hold no parameters of the groups behind it.
 """
 
-_CONFIGURATIONS = 12
-"""Random configurations that are looked at, of which one would do."""
-_PART = 1e-6
-"""Of a parameter in a direction, from which on it counts."""
-
 
 @dataclass(frozen=True)
 class Dependencies:
@@ -98,7 +93,8 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
-    configurations = random.uniform(-np.pi, np.pi, (_CONFIGURATIONS, robot.n_joints))
+    # 12 random configurations, of which one would do
+    configurations = random.uniform(-np.pi, np.pi, (12, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
     added = np.moveaxis(added_inertias(robot), 0, -1)
     mass = [np.concatenate([each, added], axis=-1) for each, _ in found]
@@ -148,5 +144,6 @@ def _hidden(gravity: Array) -> Mask:
     varying = (gravity - gravity.mean(axis=0))[:, :, found] / size[found]
     _, values, directions = np.linalg.svd(varying.reshape(-1, int(found.sum())))
     rank = int(np.sum(values > ROUNDED_OFF))
-    found[found] = np.linalg.norm(directions[rank:], axis=0) > _PART
+    # a parameter counts from a millionth of it in a direction on
+    found[found] = np.linalg.norm(directions[rank:], axis=0) > 1e-6
     return found

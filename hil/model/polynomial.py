@@ -33,10 +33,6 @@ Monomial = tuple[str, ...]
 
 _LENGTH_MAX = 200
 """Longest expression that a file may write; nested products of sums have no end otherwise."""
-_TERMS_MAX = 100
-"""Most terms that a product may have."""
-_ROUNDING = 1e-12
-"""Coefficients this near to a whole number are meant to be it."""
 
 
 class Polynomial:
@@ -101,8 +97,9 @@ class Polynomial:
     def tidied(self) -> Polynomial:
         """Return the polynomial without what rounding left of terms that cancel."""
         near = {monomial: float(round(c)) for monomial, c in self.terms.items()}
+        # coefficients within 1e-12 of a whole number are meant to be it
         return Polynomial(
-            {m: near[m] if abs(c - near[m]) < _ROUNDING else c for m, c in self.terms.items()}
+            {m: near[m] if abs(c - near[m]) < 1e-12 else c for m, c in self.terms.items()}
         )
 
 
@@ -175,7 +172,7 @@ def _combine(left: Polynomial, operator: ast.operator, right: Polynomial) -> Pol
             return left + right
         case ast.Sub():
             return left - right
-        case ast.Mult() if len(left.terms) * len(right.terms) <= _TERMS_MAX:
+        case ast.Mult() if len(left.terms) * len(right.terms) <= 100:
             return left * right
         case ast.Div() if not right.names:
             divisor = right.evaluate({})

@@ -31,8 +31,6 @@ FARTHEST = 20.0
 """Coordinates of a box may be this many times the reach of the arm."""
 SMALLEST = 1 / 500
 """Longest edge of a box, as a share of the reach, below which nothing is guarded by it."""
-CONFIGURATIONS = 256
-"""Configurations, spread over the joint ranges, in which a link must stand clear of a box once."""
 
 Place = tuple[str | int, ...]
 
@@ -169,7 +167,8 @@ def _units(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
     """Refuse boxes in which one link stands at all configurations that are looked at."""
-    spread = np.random.default_rng(0).uniform(size=(CONFIGURATIONS, robot.n_joints))
+    # 256, spread over the joint ranges, in which a link must stand clear of a box once
+    spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
     q = robot.q_min + spread * (robot.q_max - robot.q_min)
     inside = np.all(intrusions(robot, workspace, q) > 0.0, axis=0)
     for number, box in enumerate(workspace.boxes):

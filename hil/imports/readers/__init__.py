@@ -37,8 +37,6 @@ _READERS = (
     (TEXT, "text", "open_text"),
 )
 """Endings, and the module and function that read such files."""
-_SHOWN = 120
-"""Characters that are shown of what a library says."""
 
 
 def open_table(path: Path, layout: Format) -> Table:
@@ -90,7 +88,8 @@ def sound(path: Path) -> Iterator[None]:
     except HilError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).split())[:_SHOWN] or type(error).__name__
+        # 120 characters are shown of what a library says
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise FileError(
             f"{path}: cannot be read: {reason}; it seems damaged: copy or download it again"
         ) from error

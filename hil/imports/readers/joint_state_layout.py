@@ -27,7 +27,6 @@ LITTLE_ENDIAN = b"\x00\x01"
 PARTS = ("position", "velocity", "effort")
 _ENCAPSULATION = 4
 _STAMP = slice(_ENCAPSULATION, _ENCAPSULATION + 8)
-_TAIL = 3
 
 
 class OtherLayout(Exception):
@@ -151,7 +150,8 @@ def layout_of(message: bytes) -> MessageLayout:
         values = {part: cursor.doubles() for part in PARTS}
     except (struct.error, UnicodeDecodeError) as error:
         raise OtherLayout from error
-    if not cursor.at <= len(message) <= cursor.at + _TAIL:
+    # a message ends with 3 bytes of padding at most
+    if not cursor.at <= len(message) <= cursor.at + 3:
         raise OtherLayout
     fixed = np.concatenate(cursor.fixed)
     content = np.frombuffer(message, np.uint8)[fixed]

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 TYPE = "sensor_msgs/msg/JointState"
 LAYOUTS = 32
 """Layouts of messages that are looked for in one recording; more are read one by one."""
-_LOOKED_AT = 200
 _TIMES = ("time", "received", "sec", "nanosec")
 
 
@@ -65,7 +64,8 @@ class JointStates:
             for part in PARTS:
                 if len(getattr(message, part)) == len(message.name):
                     names |= {f"{part}/{joint}": None for joint in message.name}
-            if number == _LOOKED_AT:
+            # joints are named by the first 200 messages
+            if number == 200:
                 break
         return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 BLOCK = 1 << 23
 """Bytes that are read at a time."""
 _HEAD = 1 << 16
-_SHOWN = 40
 
 
 class TextTable:
@@ -129,7 +128,7 @@ class TextTable:
     def _message(self, at: str, error: _NoNumber, row: int) -> str:
         name = f" ({self.names[error.column]})" if self.names[error.column] else ""
         return (
-            f"{at}: {error.cell[:_SHOWN]!r} in column {error.column + 1}{name}, row {row}, is no"
+            f"{at}: {error.cell[:40]!r} in column {error.column + 1}{name}, row {row}, is no"
             " number; choose another column or rows, or state the file's layout in format"
         )
 

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot_arrays import RobotArrays
 
-SAME = 1e-6
-"""Difference up to which frames of a URDF are those of a robot file [rad, m]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
@@ -91,7 +88,8 @@ def difference(chain: UrdfChain, robot: RobotArrays) -> str:
         if key in {"alpha", "theta"}:
             apart = np.minimum(apart % math.tau, -apart % math.tau)
         worst = int(np.argmax(apart))
-        if apart[worst] > SAME:
+        # frames that differ by up to 1e-6 [rad, m] are the same
+        if apart[worst] > 1e-6:
             return (
                 f"{key} of joint {worst + 1} is {found[worst]:.6g}, of the model"
                 f" {stated[worst]:.6g}"

@@ -44,13 +44,9 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
 
 
-EACH = 64
-"""Configurations of every element."""
 DIFFERENT, BLOCK = 2, 3
 """Trajectories, and periods of a block."""
 SEARCH = Search(random=100, refined=2)
-INSTANTS = 1000
-"""Of a period at which boxes are looked at."""
 THINNED = 2
 """Every so many samples are judged, as means of so many: that is quicker and as informative."""
 
@@ -78,7 +74,7 @@ class Option:
 
 
 def pool(
-    robot: Robot, workspace: Workspace | None, period: float, noise: Noise, each: int = EACH
+    robot: Robot, workspace: Workspace | None, period: float, noise: Noise, each: int = 64
 ) -> list[Option]:
     """Plan and judge `each` measurements of every element, sampled every `period` [s].
 
@@ -141,7 +137,7 @@ def trajectories(
 
 
 def _keeps_clear(robot: Robot, workspace: Workspace, wave: Trajectory) -> bool:
-    q = wave.motion(np.linspace(0.0, wave.period, INSTANTS))[0]
+    q = wave.motion(np.linspace(0.0, wave.period, 1000))[0]
     return bool(are_clear(robot, workspace, JointBoxes(q[:-1], q[1:])).all())
 
 

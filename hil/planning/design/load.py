@@ -62,18 +62,9 @@ SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
 2."""
 SLOW_SHARE = 0.4
 """Share of the time for slow strokes."""
-IN_TIME = 0.9
-"""Share of what is left of the time that the fast stage plans with: drives take a little longer for
-many short strokes than their profiles do."""
 REACH = 0.2
 """Radius of gyration that a load may have, and distance of its centre from the last frame, as long
 as they are unknown [m]."""
-SURE = 3.0
-"""Standard errors that an estimate may be off."""
-_EACH = 24
-"""Configurations of every element that are chosen from."""
-_LEAST = 1e-6
-"""Information that counts as nothing, as share of a mean option's."""
 _INSTANT = 0.02
 """Between instants at which torques are looked at [s]."""
 
@@ -163,7 +154,8 @@ class WithoutLoad:
         """
         n = n_unknowns(self.robot)
         mean = np.mean([np.diag(self.embedded(option.worth)) for option in options], axis=0)
-        known = np.diag(np.where(mean > 0, _LEAST * mean, 1.0))
+        # information that counts as nothing: a millionth of a mean option's
+        known = np.diag(np.where(mean > 0, 1e-6 * mean, 1.0))
         known[:n, :n] += self.information
         for measurement in (m for plan in measured for m in plan.measurements):
             if shows_parameters(measurement):
@@ -282,7 +274,9 @@ def fast_plan(
         )
     entries = timetable(slow, bare.robot, slow.measurements)
     spent = sum(each.travel + each.duration for each in entries)
-    return _chosen(bare, fitting, bare.before(fitting, [slow]), IN_TIME * (60 * minutes - spent))
+    # drives take a little longer for many short strokes than their profiles do: 9/10 of what is
+    # left
+    return _chosen(bare, fitting, bare.before(fitting, [slow]), 0.9 * (60 * minutes - spent))
 
 
 def holds(bare: WithoutLoad, plan: Plan) -> float:
@@ -323,7 +317,7 @@ def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
         return _held(bare, _options(bare, poses[:-1]), *poses[-1])
     plan = bare.plan
     guarded = narrowed(bare.robot, plan.workspace)
-    return pool(guarded, plan.workspace, plan.sample_period, bare.noise, _EACH)
+    return pool(guarded, plan.workspace, plan.sample_period, bare.noise, 24)
 
 
 def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: float) -> list[Option]:
@@ -366,7 +360,8 @@ def _possible(found: FoundLoad) -> list[Array]:
     shown = np.abs(found.phi) + np.diag(found.covariance) > 0
     shown[list(INERTIAS)] = True
     error = float(np.sqrt(found.covariance[MASS, MASS]))
-    most = max(found.phi[MASS] + SURE * error, 0.1)
+    # heavier by three standard errors
+    most = max(found.phi[MASS] + 3.0 * error, 0.1)
     centre = found.phi[list(FIRST_MOMENTS)] / max(found.phi[MASS], most / 2)
     return [_body(mass, centre, shown) for mass in (max(found.phi[MASS], 0.0), most)]
 

@@ -29,9 +29,6 @@ M = TypeVar("M", bound="Measurement")
 _AT_ONCE = 4
 """Ways looked at together: mostly the first is clear."""
 
-_BEGINNINGS = 8
-"""Measurements that are tried as the first one."""
-
 
 def nearest_first(robot: Robot, here: Array, places: Array, fraction: float) -> list[int]:
     """Numbers of `places` (n, n_joints), each the nearest in travel time to the one before.
@@ -59,7 +56,8 @@ def guarded_tour(
     starts = np.array([measurement.start for measurement in measurements])
     ways = _Ways(robot, workspace, starts, fraction)
     tour: list[int] = []
-    for first in range(min(_BEGINNINGS, len(measurements))):
+    # as the first one 8 measurements are tried
+    for first in range(min(8, len(measurements))):
         tour = max(tour, ways.greedy(first), key=len)
         if len(tour) == len(measurements):
             break

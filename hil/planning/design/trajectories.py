@@ -53,13 +53,8 @@ SAMPLES = 20
 """Instants of a period, for each harmonic, at which limits and regressor are judged."""
 SHARE = 0.9
 """Of range and velocity limit that a trajectory may use."""
-BETWEEN = 0.98
-"""Of the bound on acceleration that is used at these instants: between them it is up to 1.2 % more,
-1 - cos(pi / SAMPLES), and drives round their limits."""
 PENALTIES = (1.0, 10.0, 100.0)
 """Weights of the limits in successive searches."""
-_STEP = 1e-5
-"""Step of central differences, as share of a limit: about the third root of doubles' rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,11 +155,13 @@ class Basis:
         )
         self._middle = (robot.q_max + robot.q_min) / 2
         self._reach = SHARE * (robot.q_max - robot.q_min) / 2
+        # 0.98: between these instants acceleration is up to 1.2 % more, 1 - cos(pi / SAMPLES), and
+        # drives round their limits
         self._limits = np.stack(
             [
                 self._reach,
                 SHARE * robot.velocity_limit,
-                BETWEEN * ACCELERATION_SHARE * robot.acceleration_limit,
+                0.98 * ACCELERATION_SHARE * robot.acceleration_limit,
             ]
         )
 
@@ -249,7 +246,8 @@ class Basis:
     def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
         """Derivative of sum G_ij W_ij by each joint's q, qd and qdd at each instant."""
         n = self._robot.n_joints
-        steps = [_STEP * np.maximum(self._limits[part], 1e-9) for part in range(3)]
+        # central differences by 1e-5 of a limit: about the third root of doubles' rounding
+        steps = [1e-5 * np.maximum(self._limits[part], 1e-9) for part in range(3)]
         found = [np.empty((self._n_samples, n)) for _ in range(3)]
         moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
         for part in range(3):
