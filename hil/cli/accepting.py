@@ -17,8 +17,7 @@ from hil.cli.outputs import (
     say_judgement,
     say_simulated,
 )
-from hil.terminal.console import out, say, working
-from hil.terminal.printable import printable
+from hil.terminal.console import out, printable, say, working
 
 commands = typer.Typer()
 PAGE, JUNIT = "acceptance.html", "acceptance.xml"

@@ -17,8 +17,8 @@ from hil.live import lines
 from hil.live.friction_so_far import FrictionSoFar
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
+from hil.terminal.console import printable
 from hil.terminal.interruption import interrupt_main
-from hil.terminal.printable import printable
 from hil.terminal.progress import Pace
 
 if TYPE_CHECKING:

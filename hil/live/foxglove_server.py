@@ -42,7 +42,7 @@ from hil.export.recordings.ros_messages import (
     Diagnosis,
     RosMessages,
 )
-from hil.live.beside import begin_listening, url_host
+from hil.live.listener import begin_listening, url_host
 from hil.optional_packages import needed_for
 
 if TYPE_CHECKING:

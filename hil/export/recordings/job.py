@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.runs.journal import NO_REAL_MACHINE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -67,10 +66,6 @@ class Job:
         for measured in self.run:
             self.progress(measured.measurement.id)
             yield measured
-
-
-Writer = Callable[[Job], None]
-"""Writes the recordings of a run in one format."""
 
 
 README = "README.txt"

@@ -16,7 +16,7 @@ from trajectory_run import write_trajectory_run
 
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.errors import NotEnoughData
-from hil.export.recordings.formats import RECORDINGS, export_recordings
+from hil.export.formats import RECORDINGS, export_recordings
 from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
