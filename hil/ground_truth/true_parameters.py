@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from checked_files.near import did_you_mean
-from checked_files.yaml_file import FileError, FileModel, line_of, load_yaml, place, read_text
+from checked_files.yaml_file import FileError, FileModel, load_yaml, read_text, refuse
 from hil.errors import Mismatch, UnknownName
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import influences
@@ -198,14 +198,7 @@ def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:
     FileError
         One line for each difference.
     """
-    differences = list(_differences(robot, plant))
-    if differences:
-        text = read_text(path)
-        raise FileError(
-            "\n".join(
-                f"{path}:{line_of(text, at)}: {place(at)}: {message}" for at, message in differences
-            )
-        )
+    refuse(str(path), read_text(path), _differences(robot, plant))
 
 
 def _differences(robot: Robot, plant: Plant) -> Iterator[tuple[Place, str]]:

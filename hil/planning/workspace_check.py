@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, line_of, parse_yaml, read_text
+from checked_files.yaml_file import parse_yaml, read_text, refuse
 from hil.model.capsules import capsules, reaches
 from hil.planning.clearance import intrusions
 from hil.planning.workspace import Workspace
@@ -70,15 +70,8 @@ def refuse_unfit(
     FileError
         One line for each problem.
     """
-    problems = [((*within, *place), reason) for place, reason in misfits(workspace, robot)]
-    if problems:
-        raise FileError(
-            "\n".join(
-                f"{source}{'' if text is None else f':{line_of(text, place)}'}:"
-                f" {'.'.join(map(str, place))}: {reason}"
-                for place, reason in problems
-            )
-        )
+    wrong = (((*within, *at), reason) for at, reason in misfits(workspace, robot))
+    refuse(source, text, wrong)
 
 
 def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:

@@ -22,8 +22,10 @@ from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import Format
@@ -178,10 +180,10 @@ class Rows:
         for number in self._fill_alike(messages, rows, present) if self._cdr else every:
             message = self._general(messages[number])
             values = {part: np.asarray(getattr(message, part))[np.newaxis] for part in PARTS}
-            stamp = message.header.stamp
-            stamps = np.array([float(stamp.sec)]), np.array([float(stamp.nanosec)])
+            for part in ("sec", "nanosec"):
+                values[part] = np.array([float(getattr(message.header.stamp, part))])
             this = np.array([number])
-            present[number] = self._fill(rows, this, tuple(message.name), values, stamps)
+            present[number] = self._fill(rows, this, tuple(message.name), values)
         return rows[present]
 
     def _fill_alike(self, messages: Sequence[bytes], rows: Array, present: Mask) -> Integers:
@@ -195,13 +197,11 @@ class Rows:
                 left = left[1:]
                 continue
             layout, tried = self._layouts[tried], tried + 1
-            these = left[sizes[left] == layout.size]
+            these = left[sizes[left] == layout.values.itemsize]
             joined = b"".join([messages[number] for number in these])
-            alike = np.frombuffer(joined, np.uint8).reshape(-1, layout.size)
-            fits = layout.fits(alike)
-            these, alike = these[fits], alike[fits]
-            values = {part: layout.part(alike, part) for part in PARTS}
-            present[these] = self._fill(rows, these, layout.names, values, layout.stamps(alike))
+            fits = layout.fits(joined)
+            these, alike = these[fits], np.frombuffer(joined, layout.values)[fits]
+            present[these] = self._fill(rows, these, layout.names, alike)
             left = np.setdiff1d(left, these, assume_unique=True)
         return np.concatenate([np.array(odd, dtype=np.int64), left])
 
@@ -218,8 +218,7 @@ class Rows:
         rows: Array,
         these: Integers,
         names: tuple[str, ...],
-        values: dict[str, Array],
-        stamps: tuple[Array, Array],
+        values: Mapping[str, Array] | NDArray[np.void],
     ) -> bool:
         """Fill the rows of messages with the same names; return whether any joint is wanted."""
         if names not in self._places:
@@ -228,10 +227,9 @@ class Rows:
         for part, (columns, joints) in places.items():
             if values[part].shape[1] == len(names):
                 rows[these[:, np.newaxis], columns] = values[part][:, joints]
-        seconds, nanoseconds = stamps
-        self._put(rows, these, "sec", seconds)
-        self._put(rows, these, "nanosec", nanoseconds)
-        self._put(rows, these, "time", seconds * 1e9 + nanoseconds)
+        self._put(rows, these, "sec", values["sec"])
+        self._put(rows, these, "nanosec", values["nanosec"])
+        self._put(rows, these, "time", values["sec"] * 1e9 + values["nanosec"])
         return bool(places)
 
     def _put(self, rows: Array, these: Integers | slice, name: str, times: Array) -> None:
