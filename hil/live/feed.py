@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.drive_bus import DriveError
 from hil.live import lines
-from hil.live.friction_so_far import FrictionSoFar
+from hil.live.lines import FrictionSoFar
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
 from hil.terminal.console import printable

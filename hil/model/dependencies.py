@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
-from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion
+from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, inverse, joint_motion, pose_of
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -119,13 +119,9 @@ def _influences_at(robot: Robot, q: Array) -> tuple[Array, Array]:
 
 
 def _pose_at(robot: Robot, link: int, q: float) -> Array:
-    motion = np.eye(4)
-    if robot.revolute[link]:
-        c, s = cos_sin(robot.theta[link] + q)
-        motion[:2, :2] = [[c, -s], [s, c]]
-    else:
-        motion[2, 3] = q
-    return robot.link_pose(link) @ motion
+    turn, shift = (q, 0.0) if robot.revolute[link] else (0.0, q)
+    theta, r = robot.theta[link] + turn, robot.r[link] + shift
+    return pose_of(robot.alpha[link], robot.d[link], theta, r)
 
 
 def _occurs(coefficients: Array) -> Mask:

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.noise import Noise
-    from hil.planning.trajectory import Trajectory
     from hil.planning.workspace import Workspace
 
 
@@ -123,7 +122,7 @@ def trajectories(
         wave = design_trajectory(
             robot, cycles=BLOCK, seed=seed, search=SEARCH, name=f"t{seed + 1:02d}"
         )
-        if workspace and not _keeps_clear(robot, workspace, wave):
+        if not keeps_clear(robot, workspace, wave.motion(np.linspace(0.0, wave.period, 1000))[0]):
             continue
         of_block = worth(robot, shares(robot, wave, THINNED * period, noise.differences), mean)
         blocks = max(1, math.ceil(60 * minutes / wave.duration))
@@ -136,9 +135,10 @@ def trajectories(
     return found
 
 
-def _keeps_clear(robot: Robot, workspace: Workspace, wave: Trajectory) -> bool:
-    q = wave.motion(np.linspace(0.0, wave.period, 1000))[0]
-    return bool(are_clear(robot, workspace, JointBoxes(q[:-1], q[1:])).all())
+def keeps_clear(robot: Robot, workspace: Workspace | None, q: Array) -> bool:
+    """Whether an arm keeps clear of all boxes that passes configurations (n, n_joints) in turn."""
+    sweep = JointBoxes(q[:-1], q[1:])
+    return workspace is None or bool(are_clear(robot, workspace, sweep).all())
 
 
 def worth(robot: Robot, judged: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:

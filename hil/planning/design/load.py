@@ -27,13 +27,11 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.clearance import are_clear
 from hil.planning.design.by_counts import TRAVEL
 from hil.planning.design.by_minutes import lasting, numbered, ordered
-from hil.planning.design.candidates import judged, pool
+from hil.planning.design.candidates import judged, keeps_clear, pool
 from hil.planning.design.tour import guarded_tour
 from hil.planning.measurement import shows_parameters
-from hil.planning.path_clearance import JointBoxes
 from hil.planning.plan import as_plan
 from hil.planning.prediction.information import forecast
 from hil.planning.strokes import Strokes
@@ -329,15 +327,12 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
             f"axis {axis + 1} at {position:.4g} must be within {low:.4g} ... {high:.4g}"
             f" {'rad' if bare.robot.revolute[axis] else 'm'}, its range; correct --pose"
         )
-    turned = (
-        replace(option, measurement=at_position(option.measurement, axis, position))
-        for option in options
-        if axis not in option.measurement.moved
-    )
+    still = [option for option in options if axis not in option.measurement.moved]
+    turned = [at_position(option.measurement, axis, position) for option in still]
     found = [
-        replace(each, worth=guarded.judged(each.measurement))
-        for each in turned
-        if _is_clear(guarded, each.measurement)
+        replace(option, measurement=there, worth=guarded.judged(there))
+        for option, there in zip(still, turned, strict=True)
+        if keeps_clear(guarded.robot, bare.plan.workspace, forecast(there, _INSTANT).q)
     ]
     if not found:
         raise InvalidValue(
@@ -345,14 +340,6 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
             " boxes; take another --pose"
         )
     return found
-
-
-def _is_clear(bare: WithoutLoad, measurement: ParameterMeasurement) -> bool:
-    workspace = bare.plan.workspace
-    if workspace is None:
-        return True
-    q = forecast(measurement, _INSTANT).q
-    return bool(are_clear(bare.robot, workspace, JointBoxes(q[:-1], q[1:])).all())
 
 
 def _possible(found: FoundLoad) -> list[Array]:
