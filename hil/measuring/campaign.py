@@ -27,7 +27,7 @@ from hil.measuring.checks.axis_limits import limited, refuse_beyond
 from hil.measuring.events import Recorded, Repeated
 from hil.measuring.rehearsal import rehearse
 from hil.measuring.sequencer import measure, never
-from hil.runs.journal import BusName, SyncTiming
+from hil.runs.journal import BusName, SyncTiming, axis_records
 from hil.runs.recording_file import Measured
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def run_campaign(
                 )
                 background.do(partial(folder.write, measured))
                 timing = timing.with_recording(event.recording)
-                folder.keep_timing(timing)
+                folder.keep(sync=timing)
             elif isinstance(event, Repeated):
                 messages = [finding.message for finding in event.findings]
                 folder.keep_repeated(event.measurement.id, event.attempt, messages)
@@ -123,7 +123,7 @@ def _session(
     session gets what the bus has noted, also while it was left.
     """
     with folder.session(bus_name, real_time) as session, ExitStack() as left:
-        left.callback(lambda: folder.keep_notes(bus.notes))
+        left.callback(lambda: folder.keep(notes=tuple(bus.notes)))
         gc.collect()
         gc.freeze()
         left.callback(gc.unfreeze)
@@ -133,7 +133,7 @@ def _session(
 def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> Robot:
     """Take what the drives are; return the robot within the limits that hold on them."""
     folder.refuse_other_drives(bus.axes)
-    folder.keep_axes(bus.axes)
+    folder.keep(axes=axis_records(bus.axes))
     background.do(folder.save_journal)
     refuse_beyond(folder.plan, folder.robot, bus.axes)
     return limited(folder.robot, bus.axes)

@@ -8,6 +8,7 @@ kept together with what is wrong with it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import cycle
 from math import isnan, nan
 from typing import TYPE_CHECKING
@@ -87,7 +88,7 @@ def measure(
     yield Started(here.time, left, len(pending), len(plan.measurements))
     if warm_up:
         yield from _warm_up(plan, warm_up, robot, bus, clock)
-        clock.restart(locate(bus).time)
+        clock.start = locate(bus).time  # the warm-up is no part of the timetable
     gave_up, before_first = [], nan
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
@@ -104,35 +105,27 @@ def measure(
         if pause():
             began = locate(bus).time
             yield Paused(began, clock.remaining(began))
-            clock.shift(hold(bus, pause) - began)
+            clock.start += hold(bus, pause) - began
     yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
 
 
+@dataclass
 class _Clock:
-    """How much robot time is left, scaled by how the timetable held so far."""
+    """How much robot time is left, scaled by how the timetable held so far.
 
-    def __init__(self, entries: Sequence[Entry], start: float) -> None:
-        self._expected = [entry.travel + entry.duration for entry in entries]
-        self._done = 0
-        self._start = start
+    `start` is when its first entry began, pauses left out of the account [s]; `done`: entries.
+    """
 
-    def restart(self, now: float) -> None:
-        """Count from now on: the warm-up is no part of the timetable."""
-        self._start = now
-
-    def shift(self, pause: float) -> None:
-        """Leave a pause out of the account [s]."""
-        self._start += pause
-
-    def advance(self) -> None:
-        """One more measurement is done."""
-        self._done += 1
+    entries: Sequence[Entry]
+    start: float
+    done: int = 0
 
     def remaining(self, now: float) -> float:
         """Estimate the robot time until the end [s]."""
-        past = sum(self._expected[: self._done])
-        scale = (now - self._start) / past if past else 1.0
-        return scale * sum(self._expected[self._done :])
+        expected = [entry.travel + entry.duration for entry in self.entries]
+        past = sum(expected[: self.done])
+        scale = (now - self.start) / past if past else 1.0
+        return scale * sum(expected[self.done :])
 
 
 def _attempts(
@@ -151,7 +144,7 @@ def _attempts(
         if not findings or len(tries) == plan.attempts:
             break
         yield Repeated(now, clock.remaining(now), measurement, len(tries), findings)
-    clock.advance()
+    clock.done += 1
     left = clock.remaining(now)
     if findings:
         recording, findings = min(tries, key=_badness)

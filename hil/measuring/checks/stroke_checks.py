@@ -58,7 +58,8 @@ def windows(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
             )
             continue
         reached = _mean_velocity(recording, measurement, window)
-        wanted = float(measurement.profile(stroke).qd(measurement.profile(stroke).duration / 2))
+        profile = measurement.profile(stroke)
+        wanted = float(profile.motion(profile.duration / 2)[1])
         if abs(reached - wanted) > VELOCITY_TOLERANCE * abs(wanted):
             yield Finding(
                 "velocity",
