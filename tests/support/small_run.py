@@ -30,8 +30,11 @@ def write_run(path, robot, truth=None, seed=1, more=()):
     friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
     rng, begin = np.random.default_rng(seed), 0.0
     with folder.session(SIMULATED) as session:
-        folder.keep(axes=axis_records([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
-                          for n in range(1, 7)]))  # fmt: skip
+        axes = [
+            AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
+            for n in range(1, 7)
+        ]
+        folder.keep(axes=axis_records(axes))
         for measurement in plan.measurements:
             recording = record(machine, measurement, p, friction, begin=begin, noise=NOISE, rng=rng)
             folder.write(Measured(measurement, recording, session=session))
