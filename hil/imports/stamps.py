@@ -2,9 +2,9 @@
 
 The period is the middle one of the mean periods of fifty samples each, so that neither stamps in
 bursts nor gaps nor a coarse clock decide it. Rows without a number, and rows that repeat the row
-before, are left out and counted. Where more than `GAP` passes between two rows, and later rows do
-not make up for it, samples are missing and the recording is split; a stall of the recorder after
-which rows come in a burst is none.
+before, are left out and counted. Where more than 20 ms, or 2.5 periods where these are longer, pass
+between two rows, and later rows do not make up for it, samples are missing and the recording is
+split; a stall of the recorder after which rows come in a burst is none.
 """
 
 from __future__ import annotations
@@ -32,11 +32,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Integers
     from hil.imports.samples import Samples
-
-
-GAP = 0.02
-"""Longest time between two rows that is bridged [s]; 2.5 periods where these are longer."""
-GAP_PERIODS = 2.5
 
 
 class WrongStamps(Exception):
@@ -194,7 +189,7 @@ def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Intege
 
 def _split(time: Array, rows: Integers, period: float, counts: Counts) -> Iterator[Integers]:
     """Split rows where samples are missing for longer than is bridged."""
-    longest = max(GAP, GAP_PERIODS * period)
+    longest = max(0.02, 2.5 * period)
     wide = np.flatnonzero(np.diff(time) > longest)
     cuts = wide[lost(time, wide, period) > longest - period] + 1
     counts.gaps += len(cuts)

@@ -89,7 +89,7 @@ class RobotArrays:
     @cached_property
     def revolute(self) -> Mask:
         """Which joints turn; the others slide. Shape (n_joints,)."""
-        return _read_only_flags([joint.type == "revolute" for joint in self.file.joints])
+        return _read_only([joint.type == "revolute" for joint in self.file.joints], bool)
 
     def position_unit(self, axis: int) -> str:
         """Unit of q of a joint (from 0): rad or m."""
@@ -161,7 +161,7 @@ class RobotArrays:
     @cached_property
     def rotor_inertia_unknown(self) -> Mask:
         """Which motors' inertia is to be identified, shape (n_joints,)."""
-        return _read_only_flags(np.isnan(self.rotor_inertia).tolist())
+        return _read_only(np.isnan(self.rotor_inertia), bool)
 
     @cached_property
     def reflected_inertia(self) -> Array:
@@ -260,13 +260,7 @@ class RobotArrays:
         return dict(split_tie(tie) for tie in self.file.ties)
 
 
-def _read_only(values: object) -> Array:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
-
-
-def _read_only_flags(values: list[bool]) -> Mask:
-    array = np.array(values, dtype=np.bool_)
+def _read_only(values: object, kind: type = float) -> NDArray[Any]:
+    array: NDArray[Any] = np.array(values, dtype=kind)
     array.setflags(write=False)
     return array
