@@ -81,13 +81,14 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as a header with an example and a CMake file."""
     name, found = identifier(model.robot.name), functions(model)
     upper, against = name.upper(), cautions(model)
+    inertias = ", ".join(map(repr, model.robot.reflected_inertia.tolist()))
     header = "\n".join([
         _c_comment(description(model, origin, found)),
         f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
         _TYPES.format(name=name, upper=upper),
         f"#define {upper}_JOINTS {model.robot.n_joints}",
         "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
-        f"#define {upper}_MOTOR_INERTIA {_c_list(model.robot.reflected_inertia.tolist())}\n",
+        f"#define {upper}_MOTOR_INERTIA {{{inertias}}}\n",
         *(_c_function(name, upper, each) for each in found),
         "#undef HIL_F\n#undef HIL_R\n#undef HIL_SIGN\n#undef HIL_DIRECTION\n\n#endif\n",
     ])  # fmt: skip
@@ -129,10 +130,6 @@ def _c_comment(lines: tuple[str, ...]) -> str:
     """Lines as a comment, whatever stands in them."""
     harmless = (line.replace("*/", "* /").replace("/*", "/ *").rstrip("\\") for line in lines)
     return "/* " + "\n * ".join(harmless) + "\n */\n"
-
-
-def _c_list(values: list[float]) -> str:
-    return "{" + ", ".join(map(repr, values)) + "}"
 
 
 PYTHON = Syntax(

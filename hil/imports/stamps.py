@@ -97,7 +97,8 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         Time runs backwards, or does not pass.
     """
     counts = Counts(rows=sum(map(len, segments)))
-    usable = [_usable(samples, rows, counts) for rows in segments]
+    usable = [rows[samples.complete[rows]] for rows in segments]
+    counts.missing = counts.rows - sum(map(len, usable))
     usable = [rows for rows in usable if len(rows) > 1]
     if not usable:
         raise WrongStamps("no two rows with all columns present; choose other columns or rows")
@@ -121,12 +122,6 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     counts.bridged = sum(stretch.bridged for stretch in stretches)
     longest = max(stretches, key=lambda stretch: len(stretch.rows))
     return Timing(stretches, longest.period, instants, counts)
-
-
-def _usable(samples: Samples, rows: Integers, counts: Counts) -> Integers:
-    complete = samples.complete[rows]
-    counts.missing += int(np.count_nonzero(~complete))
-    return rows[complete]
 
 
 def _period(times: list[Array]) -> float:

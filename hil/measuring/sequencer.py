@@ -147,14 +147,11 @@ def _attempts(
     clock.done += 1
     left = clock.remaining(now)
     if findings:
-        recording, findings = min(tries, key=_badness)
+        recording, findings = min(
+            tries, key=lambda each: (len(each[1]), sum(finding.excess for finding in each[1]))
+        )
         yield GaveUp(now, left, measurement, len(tries), findings)
     yield Recorded(now, left, measurement, recording, len(tries), findings)
-
-
-def _badness(attempt: tuple[Recording, tuple[Finding, ...]]) -> tuple[int, float]:
-    findings = attempt[1]
-    return len(findings), sum(finding.excess for finding in findings)
 
 
 def _warm_up(

@@ -17,6 +17,7 @@ import ast
 import math
 import warnings
 from collections import Counter
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -121,24 +122,19 @@ def parse(text: str) -> Polynomial:
     ValueError
         The text is no such expression; the message says what may be written.
     """
-    try:
-        return _finite(_convert(_tree(text)))
-    except (SyntaxError, ArithmeticError, _NotArithmetic, RecursionError, MemoryError):
-        shown = text if len(text) <= _LENGTH_MAX else f"{text[:_LENGTH_MAX]}..."
-        raise ValueError(
-            f"{shown!r} is no expression; write a number, pi, a length's name, or sums, products"
-            " and quotients by numbers of these"
-        ) from None
+    with suppress(SyntaxError, ArithmeticError, _NotArithmetic, RecursionError, MemoryError):
+        found = _convert(_tree(text))
+        if all(map(math.isfinite, found.terms.values())):
+            return found
+    shown = text if len(text) <= _LENGTH_MAX else f"{text[:_LENGTH_MAX]}..."
+    raise ValueError(
+        f"{shown!r} is no expression; write a number, pi, a length's name, or sums, products and"
+        " quotients by numbers of these"
+    )
 
 
 class _NotArithmetic(Exception):
     """A construct that the file may not write."""
-
-
-def _finite(polynomial: Polynomial) -> Polynomial:
-    if not all(map(math.isfinite, polynomial.terms.values())):
-        raise _NotArithmetic
-    return polynomial
 
 
 def _tree(text: str) -> ast.expr:
@@ -219,15 +215,11 @@ def text(row: Combination, head: int, names: Sequence[str]) -> str:
     pieces = [
         (len(monomial), places, weight, monomial)
         for (monomial, weight), together in grouped.items()
-        for places in _brackets(monomial, weight, together)
+        # parameters of equal weight in brackets, unless the weight is a mere sign
+        for places in ([together] if monomial or abs(weight) != 1 else [[k] for k in together])
     ]
     terms = [_term(m, w, [names[order[k]] for k in places]) for _, places, w, m in sorted(pieces)]
     return _signed_sum(terms) or "0"
-
-
-def _brackets(monomial: Monomial, weight: float, places: list[int]) -> list[list[int]]:
-    """Group parameters of equal weight, unless the weight is a mere sign."""
-    return [places] if monomial or abs(weight) != 1 else [[place] for place in places]
 
 
 def _term(monomial: Monomial, weight: float, names: Sequence[str]) -> tuple[bool, str]:

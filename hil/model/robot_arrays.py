@@ -28,18 +28,17 @@ _SPRINGS = {"linear": "k", "cosine": "kc", "sine": "ks"}
 
 def _per_joint(value: Callable[[Joint], float | str]) -> cached_property[Array]:
     """A read-only array of what a joint states, NaN where it is unknown; shape (n_joints,)."""
-    return cached_property(
-        lambda robot: _read_only([_number(value(joint)) for joint in robot.file.joints])
-    )
+
+    def array(robot: RobotArrays) -> Array:
+        stated = [value(joint) for joint in robot.file.joints]
+        return _read_only([math.nan if each == UNKNOWN else float(each) for each in stated])
+
+    return cached_property(array)
 
 
 def _per_drive(value: Callable[[Drive], float | str]) -> cached_property[Array]:
     """The same of its drive train."""
     return _per_joint(lambda joint: value(joint.drive or NO_DRIVE))
-
-
-def _number(stated: float | str) -> float:
-    return math.nan if stated == UNKNOWN else float(stated)
 
 
 class MotorCoupling(NamedTuple):

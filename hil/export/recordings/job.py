@@ -80,12 +80,13 @@ NOTES = (
 def facts(job: Job) -> dict[str, str]:
     """Return robot and run in words, by short keys."""
     run, sessions = job.run, job.run.journal.sessions
+    buses = dict.fromkeys(session.bus for session in sessions)
     found = {
         "run": run.path.resolve().name,
         "run id": run.journal.run_id or "none",
         "robot": f"{run.robot.name} (robot file {run.robot.digest[:12]})",
         "joints": ", ".join(job.joints),
-        "recorded": NO_REAL_MACHINE if run.journal.simulated else ", ".join(_buses(run)),
+        "recorded": NO_REAL_MACHINE if run.journal.simulated else ", ".join(buses),
         "sessions": ", ".join(session.started for session in sessions),
         "measurements": f"{len(run)} of {len(run.motions)}",
     }
@@ -107,7 +108,3 @@ def about_columns(columns: Iterable[Column]) -> list[str]:
 def _line(column: Column) -> str:
     unit = f" [{column.unit}]" if column.unit else ""
     return f"{column.name}: {column.what}{unit}, {'derived' if column.derived else 'recorded'}"
-
-
-def _buses(run: Run) -> list[str]:
-    return list(dict.fromkeys(session.bus for session in run.journal.sessions))

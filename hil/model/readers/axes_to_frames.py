@@ -70,7 +70,9 @@ def frames_of(chain: UrdfChain) -> Frames:
         placed.append(_placed(origin, x, z[j]))
     base = placed[0]
     if n > 1:
-        placed[-1] = placed[-2] @ _last(inverse(placed[-2]) @ placed[-1])
+        # the last frame turns and shifts about its own axis by nothing
+        alpha, d, _, _ = _parameters(inverse(placed[-2]) @ placed[-1])
+        placed[-1] = placed[-2] @ pose_of(alpha, d, 0.0, 0.0)
     before = [base, *placed[:-1]]
     steps = [inverse(a) @ b for a, b in zip(before, placed, strict=True)]
     alpha, d, theta, r = np.array([_parameters(step) for step in steps]).T
@@ -135,12 +137,6 @@ def _placed(origin: Array, x: Array, z: Array) -> Array:
     frame[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     frame[:3, 3] = origin
     return frame
-
-
-def _last(step: Array) -> Array:
-    """The step to the last frame, without turn and shift about its own axis."""
-    alpha, d, _, _ = _parameters(step)
-    return np.asarray(pose_of(alpha, d, 0.0, 0.0))
 
 
 def _parameters(step: Array) -> tuple[float, float, float, float]:

@@ -99,7 +99,8 @@ def _text(
     return "\n".join(
         [
             *title,
-            f"name: {_name(name)}",
+            # as robot files may have it
+            f"name: {re.sub(r'[^A-Za-z0-9._-]+', '-', name).strip('._-') or 'robot'}",
             f"gravity: [{', '.join(_number(round(g, 9)) for g in in_frame_0)}] # m/s2, in frame 0",
             f"lengths: {{{lengths}}} # m",
             "joints:",
@@ -184,11 +185,6 @@ def _angle(angle: float) -> str:
 
 def _number(value: float) -> str:
     return repr(float(value) + 0.0).removesuffix(".0")
-
-
-def _name(stated: str) -> str:
-    """A name as robot files may have it."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", stated).strip("._-") or "robot"
 
 
 def _comment(stated: str) -> str:

@@ -176,13 +176,9 @@ def _shares(
     if not any(varying):
         count = count or LEAST_SHARE * len(rows)
         varying = [True] * len(rows)
-    return _divided(
-        [_held(r) if varies else 0 for r, varies in zip(rows, varying, strict=True)], count or usual
-    )
-
-
-def _held(rows: Array) -> int:
-    return max(1, int(np.any(np.abs(rows) > 1e-12, axis=0).sum()))
+    held = [max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for r in rows]
+    shown = [own if varies else 0 for own, varies in zip(held, varying, strict=True)]
+    return _divided(shown, count or usual)
 
 
 def _divided(held: Sequence[int], count: int) -> list[int]:

@@ -214,11 +214,8 @@ class _Bench:
 
     def _place(self, axis: int) -> tuple[float, ...]:
         """Joints in the middle of their ranges, or where the whole stroke is clear of boxes."""
-        if axis not in self._places:
-            self._places[axis] = self._clear_place(axis)
-        return self._places[axis]
-
-    def _clear_place(self, axis: int) -> tuple[float, ...]:
+        if axis in self._places:
+            return self._places[axis]
         low, high = self._guarded.q_min, self._guarded.q_max
         middle = (low + high) / 2
         if self._workspace is None:
@@ -237,7 +234,8 @@ class _Bench:
                 f"axis {axis + 1} cannot pass its range clear of the workspace's boxes; narrow"
                 f" joint {axis + 1}'s range there, or make boxes or margin smaller"
             )
-        return tuple(q[int(clear.argmax())].tolist())
+        self._places[axis] = tuple(q[int(clear.argmax())].tolist())
+        return self._places[axis]
 
 
 def _scattered(speeds: Sequence[float]) -> list[float]:
