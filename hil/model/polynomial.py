@@ -108,12 +108,6 @@ def _lift(value: Polynomial | float) -> Polynomial:
     return value if isinstance(value, Polynomial) else Polynomial.constant(value)
 
 
-def monomial_text(monomial: Monomial) -> str:
-    """Return a monomial as text: ``l1^2 l2``; empty for 1."""
-    powers = Counter(monomial).items()
-    return " ".join(name if power == 1 else f"{name}^{power}" for name, power in powers)
-
-
 def parse(text: str) -> Polynomial:
     """Read arithmetic of numbers, ``pi`` and names: ``+ - *``, and ``/`` by a number.
 
@@ -225,7 +219,9 @@ def text(row: Combination, head: int, names: Sequence[str]) -> str:
 def _term(monomial: Monomial, weight: float, names: Sequence[str]) -> tuple[bool, str]:
     size = "" if abs(weight) == 1 else f"{abs(weight):.6g}"
     what = names[0] if len(names) == 1 else f"({' + '.join(names)})"
-    return weight < 0, " ".join(part for part in (size, monomial_text(monomial), what) if part)
+    powers = Counter(monomial).items()  # such as l1^2 l2
+    lengths = [name if power == 1 else f"{name}^{power}" for name, power in powers]
+    return weight < 0, " ".join(part for part in (size, *lengths, what) if part)
 
 
 def _signed_sum(terms: Iterable[tuple[bool, str]]) -> str:

@@ -29,14 +29,14 @@ HDF5 = (".h5", ".hdf5", ".hdf")
 PARQUET = (".parquet", ".pq")
 KNOWN = (*TEXT, ".csv.gz", *ARRAYS, ".mat", *HDF5, *PARQUET, *BAGS)
 _READERS = (
-    (BAGS, "joint_states", "open_bag"),
+    (BAGS, "joint_states", "JointStates"),
     (ARRAYS, "arrays", "open_arrays"),
     ((".mat",), "arrays", "open_matlab"),
     (HDF5, "arrays", "open_hdf5"),
     (PARQUET, "arrays", "open_parquet"),
     (TEXT, "text", "open_text"),
 )
-"""Endings, and the module and function that read such files."""
+"""Endings, and the module and what in it makes a table of such files."""
 
 
 def open_table(path: Path, layout: Format) -> Table:

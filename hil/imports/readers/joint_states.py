@@ -40,13 +40,13 @@ _TIMES = ("time", "received", "sec", "nanosec")
 
 
 class JointStates:
-    """Messages of one topic as a table; see `hil.imports.tables.Table`."""
+    """Messages of one topic of a file, or folder, as a table; see `hil.imports.tables.Table`."""
 
     time: tuple[int, ...] = (_TIMES.index("sec"), _TIMES.index("nanosec"))
 
-    def __init__(self, path: Path, topic: str | None) -> None:
+    def __init__(self, path: Path, layout: Format) -> None:
         self.path = path
-        self._topic = _topic_of(path, topic)
+        self._topic = _topic_of(path, layout.topic)
         self.names = (*_TIMES, *self._joints())
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
@@ -80,17 +80,6 @@ class JointStates:
         here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]
         for _, received, data in reader.messages(here):
             yield received, data
-
-
-def open_bag(path: Path, layout: Format) -> JointStates:
-    """Open a file, or folder, of messages.
-
-    Raises
-    ------
-    FileError
-        It is no such file, rosbags is not installed, or its topic of joint states is not clear.
-    """
-    return JointStates(path, layout.topic)
 
 
 def _topic_of(path: Path, stated: str | None) -> str:
