@@ -14,18 +14,8 @@ from math import isnan, nan
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
+from hil.measuring import events
 from hil.measuring.checks.recording_checks import check
-from hil.measuring.events import (
-    Finished,
-    GaveUp,
-    Paused,
-    Preparing,
-    Recorded,
-    Repeated,
-    Started,
-    Travelled,
-    WarmingUp,
-)
 from hil.measuring.motion import MANNERS
 from hil.measuring.travel import locate, travel
 from hil.planning.timetable import timetable
@@ -85,28 +75,28 @@ def measure(
     clock = _Clock(timetable(plan, robot, pending, here.q), here.time)
     warm_up = plan.warm_up if pending else None
     left = clock.remaining(here.time) + (warm_up.duration if warm_up else 0.0)
-    yield Started(here.time, left, len(pending), len(plan.measurements))
+    yield events.Started(here.time, left, len(pending), len(plan.measurements))
     if warm_up:
         yield from _warm_up(plan, warm_up, robot, bus, clock)
         clock.start = locate(bus).time  # the warm-up is no part of the timetable
     gave_up, before_first = [], nan
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
-        yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
+        yield events.Travelled(arrived.time, clock.remaining(arrived.time), measurement)
         for spent, now in MANNERS[measurement.kind].prepare(bus, measurement):
             left = max(0.0, clock.remaining(now) - spent)
-            yield Preparing(now, left, measurement, spent, measurement.preparation)
+            yield events.Preparing(now, left, measurement, spent, measurement.preparation)
         for event in _attempts(plan, robot, bus, measurement, clock):
-            if isinstance(event, GaveUp):
+            if isinstance(event, events.GaveUp):
                 gave_up.append(measurement.id)
-            elif isinstance(event, Recorded) and isnan(before_first):
+            elif isinstance(event, events.Recorded) and isnan(before_first):
                 before_first = float(event.recording.time[0]) - here.time - measurement.preparation
             yield event
         if pause():
             began = locate(bus).time
-            yield Paused(began, clock.remaining(began))
+            yield events.Paused(began, clock.remaining(began))
             clock.start += hold(bus, pause) - began
-    yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
+    yield events.Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
 
 
 @dataclass
@@ -143,15 +133,15 @@ def _attempts(
         now = float(recording.time[-1])
         if not findings or len(tries) == plan.attempts:
             break
-        yield Repeated(now, clock.remaining(now), measurement, len(tries), findings)
+        yield events.Repeated(now, clock.remaining(now), measurement, len(tries), findings)
     clock.done += 1
     left = clock.remaining(now)
     if findings:
         recording, findings = min(
             tries, key=lambda each: (len(each[1]), sum(finding.excess for finding in each[1]))
         )
-        yield GaveUp(now, left, measurement, len(tries), findings)
-    yield Recorded(now, left, measurement, recording, len(tries), findings)
+        yield events.GaveUp(now, left, measurement, len(tries), findings)
+    yield events.Recorded(now, left, measurement, recording, len(tries), findings)
 
 
 def _warm_up(
@@ -166,7 +156,7 @@ def _warm_up(
             if done >= warm_up.duration:
                 return
             left = warm_up.duration - done + clock.remaining(begin)
-            yield WarmingUp(now, left, done, warm_up.duration)
+            yield events.WarmingUp(now, left, done, warm_up.duration)
 
 
 def hold(bus: DriveBus, pause: Callable[[], bool]) -> float:
