@@ -21,7 +21,7 @@ from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any
 
-from hil.errors import HilError
+from checked_files.errors import HilError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
