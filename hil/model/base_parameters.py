@@ -120,11 +120,6 @@ def base_parameters(robot: Robot) -> BaseParameters:
     )
 
 
-def dependencies(robot: Robot) -> Dependencies:
-    """Return where each base parameter occurs in M(q) and g(q): Table 2."""
-    return base_parameters(robot).dependencies
-
-
 def link_share(robot: Robot, link: int) -> tuple[str, ...]:
     """What one link (from 0) contributes to each base parameter: ``l1^2 m6``, or ``0``."""
     heads, regrouped = _regroup(robot)

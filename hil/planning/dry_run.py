@@ -110,8 +110,8 @@ def dry_run(plan: Plan, robot: Robot, bus: BusCycle | None = None) -> DryRun:
     measurements = measurement_problems(plan, robot)
     if not measurements:
         measurements = [
-            Problem(("measurements", obstacle.number, "q"), obstacle.message)
-            for obstacle in obstacles(plan, robot)
+            Problem(("measurements", number, "q"), message)
+            for number, message in obstacles(plan, robot)
         ]
     return DryRun(
         counts=dict(Counter(m.kind for m in plan.measurements)),

@@ -9,7 +9,6 @@ about every travel again before it commands it (`refuse_travel`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,24 +49,14 @@ class JointBoxes:
         return parameters
 
 
-@dataclass(frozen=True, slots=True)
-class Obstacle:
-    """A path of a plan that is not clear.
+def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
+    """Find all paths of `plan` that come too near to a box of its workspace.
 
-    Attributes
-    ----------
-    number : int
-        Of the measurement in the plan, from 0.
-    message : str
-        Measurement, link, box, depth and remedy.
+    Yields
+    ------
+    tuple of int and str
+        Number of the measurement in the plan, from 0; path, link, box, depth and remedy.
     """
-
-    number: int
-    message: str
-
-
-def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
-    """Find all paths of `plan` that come too near to a box of its workspace."""
     workspace, measurements = plan.workspace, plan.measurements
     if workspace is None:
         return
@@ -79,7 +68,7 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
             on_path = find_hits(robot, workspace, JointBoxes(path[:-1], path[1:])).values()
             hits |= {number: max(on_path, key=lambda hit: hit.depth)} if on_path else {}
     for number, hit in sorted(hits.items()):
-        yield Obstacle(number, f"{measurements[number].id}: {_described(hit, robot, workspace)}")
+        yield number, f"{measurements[number].id}: {_described(hit, robot, workspace)}"
     ways = [("travel to", 1, start[:-1], start[1:], plan.travel)]
     if plan.warm_up:
         fraction, following = plan.warm_up.fraction, np.roll(start, -1, 0)
@@ -89,7 +78,7 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
         hits = find_hits(robot, workspace, travels(begins, ends, fraction, robot))
         for number, hit in sorted(hits.items()):
             place = f"{what} {measurements[number + first].id}"
-            yield Obstacle(number + first, f"{place}: {_described(hit, robot, workspace)}")
+            yield number + first, f"{place}: {_described(hit, robot, workspace)}"
 
 
 def refuse_travel(

@@ -61,20 +61,15 @@ class JointStates:
                     yield found
 
     def _joints(self) -> list[str]:
+        """Columns of the joints, which the first 201 messages name."""
         names: dict[str, None] = {}
-        for number, message in enumerate(self._messages()):
-            for part in PARTS:
-                if len(getattr(message, part)) == len(message.name):
-                    names |= {f"{part}/{joint}": None for joint in message.name}
-            # joints are named by the first 200 messages
-            if number == 200:
-                break
-        return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
-
-    def _messages(self) -> Iterator[Any]:
         with _opened(self.path) as reader:
-            for _, data in self._raw(reader):
-                yield reader.deserialize(data, TYPE)
+            for _, data in islice(self._raw(reader), 201):
+                message = reader.deserialize(data, TYPE)
+                for part in PARTS:
+                    if len(getattr(message, part)) == len(message.name):
+                        names |= {f"{part}/{joint}": None for joint in message.name}
+        return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 
     def _raw(self, reader: Any) -> Iterator[tuple[int, bytes]]:
         here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]

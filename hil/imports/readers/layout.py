@@ -100,15 +100,12 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 def _delimiter(lines: Sequence[str]) -> str:
     """The character that stands equally often in most lines; blanks where there is none."""
-    best, most = " ", 0.0
     for candidate in _CANDIDATES:
         counts = Counter(len(_split(line, candidate)) - 1 for line in lines)
         number, agreeing = counts.most_common(1)[0]
-        if number and agreeing > max(most, 0.6 * len(lines)):
-            best, most = candidate, agreeing
-        if most:
-            break
-    return best
+        if number and agreeing > 0.6 * len(lines):
+            return candidate
+    return " "
 
 
 def _decimal(lines: Sequence[str], delimiter: str) -> str:
