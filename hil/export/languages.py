@@ -108,7 +108,7 @@ def _c_function(name: str, upper: str, function: Function) -> str:
     results = [f"r{k}" for k in range(len(values))]
     lines = [
         *(f"(void){each};" for each in _unused(function)),
-        *(f"const {name}_real {each.name} = {each.value};" for each in named),
+        *(f"const {name}_real {each} = {value};" for each, value in named.items()),
         *(f"const {name}_real {r} = {v};" for r, v in zip(results, values, strict=True)),
         *(f"out[{k}] = {each};" for k, each in enumerate(results)),
     ]
@@ -182,7 +182,7 @@ def _python_function(function: Function) -> str:
     lines = [
         f'"""{function.purpose}"""',
         *(f"{each} = _columns({each})" for each in function.arguments),
-        *(f"{each.name} = {each.value}" for each in named),
+        *(f"{each} = {value}" for each, value in named.items()),
         "results = [",
         *(f"    {value}," for value in values),
         "]",

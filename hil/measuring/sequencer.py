@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from drivers.drive_bus import DriveRefused
 from hil.measuring import events
 from hil.measuring.checks.recording_checks import check
-from hil.measuring.motion import MANNERS
+from hil.measuring.motion import MANNERS, PREPARATIONS
 from hil.measuring.travel import locate, travel
 from hil.planning.timetable import timetable
 
@@ -83,7 +83,8 @@ def measure(
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
         yield events.Travelled(arrived.time, clock.remaining(arrived.time), measurement)
-        for spent, now in MANNERS[measurement.kind].prepare(bus, measurement):
+        prepare = PREPARATIONS.get(measurement.kind)
+        for spent, now in prepare(bus, measurement) if prepare else ():
             left = max(0.0, clock.remaining(now) - spent)
             yield events.Preparing(now, left, measurement, spent, measurement.preparation)
         for event in _attempts(plan, robot, bus, measurement, clock):
@@ -127,7 +128,7 @@ def _attempts(
     """
     tries: list[tuple[Recording, tuple[Finding, ...]]] = []
     while True:
-        recording = MANNERS[measurement.kind].record(bus, measurement)
+        recording = MANNERS[measurement.kind](bus, measurement)
         findings = tuple(check(recording, measurement, robot))
         tries.append((recording, findings))
         now = float(recording.time[-1])

@@ -142,7 +142,7 @@ def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
     one = Polynomial.constant(1.0)
     for link in reversed(range(robot.n_joints)):
         body = [add({10 * link + k: one}, received[k]) for k in range(10)]
-        given, directions = found[link].given, found[link].directions
+        directions, given = found[link]
         removed = combine(directions.T, [body[k] for k in given])
         rows += [
             (10 * link + k, add(body[k], scale(removed[k], -1.0)))
