@@ -25,9 +25,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from stated_model import stated_model
 
 from hil import Robot
-from hil.export.c_code import write_c
 from hil.export.expressions import count
 from hil.export.functions import functions
+from hil.export.languages import write_c
 from hil.export.rigid_bodies import of_whole_links
 from hil.export.source_code import identifier
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 
-from hil.ground_truth.plant_file import find_plant
+from hil.ground_truth.true_parameters import find_plant
 from hil.model.robot import load_robot
 from hil.planning.design.trajectories import Search, design_trajectory
 from sim_plant.machine_protocol import Reading

@@ -29,7 +29,7 @@ from checked_files.near import did_you_mean
 from checked_files.yaml_events import Events
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 
 class FileError(HilError):
@@ -171,6 +171,24 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
 def line_of(text: str, location: tuple[str | int, ...]) -> int:
     """Line (from 1) on which the value at `location` stands in YAML `text`."""
     return _line(_Loader(text).get_single_node(), location)
+
+
+def refuse(
+    source: str, text: str | None, wrong: Iterable[tuple[tuple[str | int, ...], str]]
+) -> None:
+    """Refuse a file by places in it and what is wrong there; no lines are stated without its text.
+
+    Raises
+    ------
+    FileError
+        One line for each problem; none where there is no problem.
+    """
+    lines = [
+        f"{source}{'' if text is None else f':{line_of(text, at)}'}: {place(at)}: {why}"
+        for at, why in wrong
+    ]
+    if lines:
+        raise FileError("\n".join(lines))
 
 
 def _shown(value: object) -> str:

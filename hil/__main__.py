@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 STATUS = 130
 """Exit status of a program that was interrupted."""
 STREAMS = {1: "stdout", 2: "stderr"}
-GARBAGE = 50_000
-"""New objects before cycles are looked for: with Python's 700, loading and estimating spend a tenth
-of their processor time on that (`hil identify` of 152 measurements: 0.4 of 4.6 s)."""
 CLEARED = b"\r\x1b[2K\x1b[?25h"
 """What takes a line of progress away, and shows the cursor again that it had hidden."""
 
@@ -34,7 +31,9 @@ def main() -> None:
     _keep_streams()
     # matrices are small here: threads would wait for one another, at a third more processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(GARBAGE)
+    # with Python's 700 new objects loading and estimating spend a tenth of their processor time on
+    # looking for cycles (`hil identify` of 152 measurements: 0.4 of 4.6 s)
+    gc.set_threshold(50_000)
     try:
         from hil.cli import main as command_line  # noqa: PLC0415 - takes a while, see above
 

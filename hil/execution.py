@@ -15,6 +15,7 @@ import os
 import signal
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -39,16 +40,8 @@ def local(workers: int) -> Iterator[Execute[Any, Any]]:
     others = set(active_children())
     context = get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_start) as pool:
-
-        def execute(
-            function: Callable[[Any], Any], jobs: Iterable[Any]
-        ) -> Iterator[tuple[Any, Any]]:
-            futures = {pool.submit(function, job): job for job in jobs}
-            for future in as_completed(futures):
-                yield futures[future], future.exception() or future.result()
-
         try:
-            yield execute
+            yield _executor(pool.submit, as_completed)
         except BaseException:
             for worker in set(active_children()) - others:
                 worker.terminate()
@@ -76,15 +69,16 @@ def cluster(address: str) -> Iterator[Execute[Any, Any]]:
     except (OSError, ValueError) as error:
         raise FileError(f"{address}: no Dask scheduler answers: {error}") from error
     with client:
+        yield _executor(partial(client.submit, pure=False), distributed.as_completed)
 
-        def execute(
-            function: Callable[[Any], Any], jobs: Iterable[Any]
-        ) -> Iterator[tuple[Any, Any]]:
-            futures = {client.submit(function, job, pure=False): job for job in jobs}
-            for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
-                yield futures[future], future.exception() or future.result()
 
-        yield execute
+def _executor(submit: Callable[..., Any], completed: Callable[..., Any]) -> Execute[Any, Any]:
+    def execute(function: Callable[[Any], Any], jobs: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+        futures = {submit(function, job): job for job in jobs}
+        for future in completed(futures):
+            yield futures[future], future.exception() or future.result()
+
+    return execute
 
 
 def _start() -> None:

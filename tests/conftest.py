@@ -65,7 +65,9 @@ class _Path:
 
     def __init__(self, begin: int, profile: Trapezoid, period: float) -> None:
         times = np.arange(0.0, profile.duration + period, period)
-        self._points = list(zip(profile.q(times).tolist(), profile.qd(times).tolist(), strict=True))
+        self._points = list(
+            zip(profile.q(times).tolist(), profile.motion(times)[1].tolist(), strict=True)
+        )
         self._begin = begin
         self.rests = begin + len(times) + 5
 

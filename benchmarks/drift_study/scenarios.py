@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from checked_files.yaml_file import FileError
-from hil.ground_truth.plant_file import find_plant
+from hil.ground_truth.true_parameters import find_plant
 from hil.runs.atomic_file import file_errors, write_file
 
 if TYPE_CHECKING:

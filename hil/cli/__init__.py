@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from hil.terminal.printable import printable
+from hil.terminal.console import printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

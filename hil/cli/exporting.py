@@ -10,13 +10,12 @@ import typer
 
 from hil.cli.arguments import Masses, Without, body_bounds
 from hil.cli.outputs import REFUSED, folder_to_write, output_option
-from hil.terminal.console import say, working
-from hil.terminal.printable import printable
+from hil.terminal.console import printable, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from hil.export.given_urdf import Given
+    from hil.export.urdf_file import Given
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
@@ -49,8 +48,7 @@ def export(
     ] = False,
 ) -> None:
     """Write an identified model, or the recordings of a run, as files of other tools."""
-    from hil.export.formats import SIMULATORS, refuse_unknown
-    from hil.export.recordings.formats import RECORDINGS
+    from hil.export.formats import RECORDINGS, SIMULATORS, refuse_unknown
 
     refuse_unknown(to)
     if to in RECORDINGS:
@@ -85,7 +83,7 @@ def _model_written(
         from hil.cli.results import show_bodies
         from hil.export.exported import cautions, origin, passed, validations, write_exported
         from hil.export.formats import SIMULATORS, export
-        from hil.export.given_urdf import given_urdf
+        from hil.export.urdf_file import given_urdf
         from hil.results.model import Model
 
         model = Model.load(source)
@@ -115,8 +113,8 @@ def _recordings_written(
 ) -> tuple[Path, ...]:
     with working("reading the run") as now:
         from checked_files.yaml_file import FileError
-        from hil.export.given_urdf import given_urdf
-        from hil.export.recordings.formats import export_recordings
+        from hil.export.formats import export_recordings
+        from hil.export.urdf_file import given_urdf
         from hil.runs.run import Run
 
         if source.is_file():
@@ -135,7 +133,7 @@ def _model_with_bodies(
 ) -> Model:
     """The model with bodies, found now unless the model has them as they are asked for."""
     from hil.estimation.consistent.nearest import SHAPES
-    from hil.export.given_urdf import bodies_of
+    from hil.export.urdf_file import bodies_of
     from hil.results.consistency import with_consistent_robot
 
     likely = None if given is None else bodies_of(given, model.robot)

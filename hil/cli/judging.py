@@ -20,8 +20,7 @@ from hil.cli.outputs import (
     say_judgement,
     say_simulated,
 )
-from hil.terminal.console import out, say, working
-from hil.terminal.printable import printable
+from hil.terminal.console import out, printable, say, working
 
 if TYPE_CHECKING:
     from hil.results.model import Model

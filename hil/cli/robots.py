@@ -113,9 +113,9 @@ def _from_table(
 ) -> tuple[str, str, float]:
     """The same of a table."""
     from hil.model.readers.dh_table import read_dh
-    from hil.model.readers.robot_draft import draft_robot_of_table
+    from hil.model.readers.robot_draft import draft_robot
 
     table = read_dh(dh, "standard") if dh is not None else read_dh(str(mdh), "modified")
     types = ", ".join(f"{joint.name} {joint.type}" for joint in table.joints)
     found = f"{len(table.joints)} joints of a {table.notation} table: {types}"
-    return draft_robot_of_table(table, gravity), found, table.rounded
+    return draft_robot(table, gravity), found, table.rounded

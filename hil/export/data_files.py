@@ -173,21 +173,13 @@ def _warmth(law: AxisLaw, cold: SimpleFriction, warm: SimpleFriction) -> dict[st
 
 def _simplified(simple: SimpleFriction) -> dict[str, object]:
     """Friction in the terms of simulators, with the misfit of each simplification."""
-    stribeck = simple.stribeck
-    return {
-        "coulomb_and_viscous": {
-            "coulomb": simple.coulomb,
-            "viscous": simple.viscous,
-            "misfit_rms": simple.misfit,
-        },
-        "stribeck": {
-            "coulomb": stribeck.coulomb,
-            "static": stribeck.static,
-            "viscous": stribeck.viscous,
-            "stribeck_velocity": stribeck.velocity,
-            "misfit_rms": stribeck.misfit,
-        },
-    }
+    longer = {"velocity": "stribeck_velocity", "misfit": "misfit_rms"}
+    stribeck = {longer.get(key, key): x for key, x in simple.stribeck._asdict().items()}
+    return {"coulomb_and_viscous": _plain(simple), "stribeck": stribeck}
+
+
+def _plain(simple: SimpleFriction) -> dict[str, object]:
+    return {"coulomb": simple.coulomb, "viscous": simple.viscous, "misfit_rms": simple.misfit}
 
 
 def _errors(model: Model, simple: SimpleFriction) -> np.ndarray:
@@ -245,17 +237,9 @@ def _dynamics(model: Model, axis: int, friction: SimpleFriction | None) -> dict[
         if np.isfinite(value):
             found[key] = value
     if friction is not None:
-        found["friction"] = {
-            "coulomb": friction.coulomb,
-            "viscous": friction.viscous,
-            "misfit_rms": friction.misfit,
-            "stribeck": {
-                "coulomb": friction.stribeck.coulomb,
-                "static": friction.stribeck.static,
-                "viscous": friction.stribeck.viscous,
-                "velocity": friction.stribeck.velocity,
-            },
-        }
+        stribeck = friction.stribeck._asdict()
+        del stribeck["misfit"]
+        found["friction"] = {**_plain(friction), "stribeck": stribeck}
     return found
 
 

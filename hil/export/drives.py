@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from hil.export.expressions import Expression, Graph
     from hil.export.rigid_bodies import Scalar
     from hil.friction.law import AxisLaw, FrictionLaw
-    from hil.friction.warmth import Warmth
     from hil.model.robot import Robot
     from hil.results.model import Model
 
@@ -70,7 +69,9 @@ def friction(
             continue
         level, other = _axis(graph, robot, own, axis, q[axis], qd[axis], load[axis])
         if warmth is not None and own.warmth is not None:
-            level = level * _factor(graph, own.warmth, warmth[axis])
+            # no further than was seen
+            seen = _clipped(graph, warmth[axis], *own.warmth.seen)
+            level = level * (1.0 + own.warmth.slope * (seen - own.warmth.reference))
         found.append(level + other)
     for (motor, joint, ratio), each in zip(robot.couplings, law.coupled, strict=True):
         turning = graph.function("sign", ratio * qd[joint] + qd[motor])
@@ -96,11 +97,6 @@ def warmth_rate(
         heating = graph.function("abs", speed) * (1.0 / (each.speed * REFERENCE * own.warming))
         found.append((graph.number(1.0) - w) * heating - w * (1.0 / own.cooling))
     return found
-
-
-def _factor(graph: Graph, own: Warmth, warmth: Expression) -> Expression:
-    """What the level is multiplied by at a warmth, no further than was seen."""
-    return 1.0 + own.slope * (_clipped(graph, warmth, *own.seen) - own.reference)
 
 
 def shares_of_current(robot: Robot) -> list[list[float]] | None:

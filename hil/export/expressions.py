@@ -8,12 +8,14 @@ nothing is computed twice.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
+@dataclass(eq=False, repr=False, slots=True)
 class Expression:
     """A node of a `Graph`; made by arithmetic with others and with numbers.
 
@@ -30,18 +32,12 @@ class Expression:
         In the order in which the graph was built: operands before what uses them.
     """
 
-    __slots__ = ("graph", "index", "name", "number", "operands", "operation")
-
-    def __init__(
-        self,
-        graph: Graph,
-        operation: str,
-        operands: tuple[Expression, ...] = (),
-        number: float = 0.0,
-        name: str = "",
-    ) -> None:
-        self.graph, self.operation, self.operands = graph, operation, operands
-        self.number, self.name, self.index = number, name, len(graph)
+    graph: Graph
+    operation: str
+    operands: tuple[Expression, ...]
+    number: float
+    name: str
+    index: int
 
     def is_number(self, value: float) -> bool:
         """Whether it is this number."""
@@ -117,7 +113,7 @@ class Graph:
         name: str,
     ) -> Expression:
         if key not in self._nodes:
-            self._nodes[key] = Expression(self, operation, operands, number, name)
+            self._nodes[key] = Expression(self, operation, operands, number, name, len(self))
         return self._nodes[key]
 
 

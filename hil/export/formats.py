@@ -1,25 +1,30 @@
-"""The formats that a model can be exported to, by the names that the command takes."""
+"""The formats of models and of recordings, by the names that the command takes."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.near import did_you_mean
-from hil.errors import UnknownName
-from hil.export.c_code import write_c
+from checked_files.yaml_file import FileError
+from hil.errors import NotEnoughData, UnknownName
 from hil.export.data_files import write_friction, write_json, write_ros2
+from hil.export.languages import write_c, write_python
 from hil.export.mjcf_file import write_mjcf
-from hil.export.python_code import write_python
-from hil.export.recordings.formats import RECORDINGS
+from hil.export.recordings.job import Job
+from hil.export.recordings.mcap_file import write_mcap
+from hil.export.recordings.tables import write_csv, write_parquet
 from hil.export.urdf_file import write_urdf
 from hil.results.consistency import statements
+from hil.runs.atomic_file import file_errors, whole_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from hil.export.exported import Exported, Writer
-    from hil.export.given_urdf import Given
+    from hil.export.urdf_file import Given
     from hil.results.model import Model
+    from hil.runs.run import Run
 
 FORMATS: dict[str, Writer] = {
     "c": write_c,
@@ -78,3 +83,59 @@ def refuse_unknown(name: str) -> None:
         raise UnknownName(
             f"{name}: unknown format{near}; available: {models}; of recordings: {recordings}"
         )
+
+
+RECORDINGS: dict[str, Callable[[Job], None]] = {
+    "mcap": write_mcap,
+    "csv": write_csv,
+    "parquet": write_parquet,
+}
+
+
+def export_recordings(
+    run: Run,
+    name: str,
+    output: Path,
+    joints: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Path, ...]:
+    """Write the recordings of a run into a new folder, all of them or nothing.
+
+    Parameters
+    ----------
+    run : Run
+    name : str
+        One of `RECORDINGS`.
+    output : Path
+    joints : sequence of str, optional
+        Names of the joints; ``joint1`` and on unless given.
+    progress : callable
+        Takes the id of each measurement before it is written.
+
+    Returns
+    -------
+    tuple of Path
+        Files beside one another in `output`, and folders in it.
+
+    Raises
+    ------
+    FileError
+        There is something in the folder, a recording is damaged, or a package is not installed.
+    NotEnoughData
+        There are no recordings.
+    """
+    if not len(run):
+        raise NotEnoughData(f"{run.path}: no recordings to export; measure them with --resume")
+    with file_errors(output, "read"):
+        if output.is_symlink() or (output.exists() and not _replaceable(output)):
+            raise FileError(f"{output}: is there already; choose another folder with -o")
+    named = tuple(joints) or tuple(f"joint{k + 1}" for k in range(run.robot.n_joints))
+    with whole_folder(output) as folder:
+        RECORDINGS[name](Job(run, folder, named, progress))
+    return tuple(sorted(output.iterdir()))
+
+
+def _replaceable(folder: Path) -> bool:
+    """Whether a folder is empty, and not the one in which the user stands."""
+    empty = folder.is_dir() and not any(folder.iterdir())
+    return empty and not folder.samefile(Path.cwd())

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.arrays import Array
-    from hil.export.given_urdf import Given
     from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
+    from hil.export.urdf_file import Given
     from hil.results.model import Model
 
 

@@ -25,6 +25,7 @@ from hil.results.rounding import percent, significant
 
 if TYPE_CHECKING:
     from hil.arrays import Array
+    from hil.friction.law import AxisLaw
     from hil.results.model import Model
 
 
@@ -87,21 +88,12 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
         The model has no law of friction.
     """
     laws = enumerate(known_friction(model).axes)
-    return tuple(_of_axis(model, axis, warmth) for axis, law in laws if law is not None)
+    return tuple(_of_axis(model, axis, law, warmth) for axis, law in laws if law is not None)
 
 
-def speeds_of(model: Model, axis: int) -> tuple[float, float]:
-    """Slowest and fastest speed at which an axis's law holds [rad/s or m/s].
-
-    From 5 % of the axis's speed on where the range that it was found from is not stated.
-    """
-    law = known_friction(model).axes[axis]
-    assert law is not None  # noqa: S101 - asked of axes that have one
-    return law.speeds or (0.05 * law.speed, law.speed)
-
-
-def _of_axis(model: Model, axis: int, warmth: float | None) -> SimpleFriction:
-    v = np.linspace(*speeds_of(model, axis), 50)
+def _of_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> SimpleFriction:
+    # from 5 % of the axis's speed on where the range that the law was found from is not stated
+    v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
     forward, backward = (_law(model, axis, side * v, warmth) for side in (1.0, -1.0))
     odd, even = (forward - backward) / 2, (forward + backward) / 2
     (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array
-    from hil.estimation.consistent.result import ConsistentRobot
     from hil.export.simple_friction import SimpleFriction
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
@@ -119,9 +118,12 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
     chain : UrdfChain, optional
         Of the same robot, whose frames and names are taken.
     """
-    robot, consistent = model.robot, _bodies_of(model)
+    robot, consistent = model.robot, model.consistent
+    if consistent is None:
+        raise ValueError("the model has no bodies; find them by with_consistent_robot first")
     friction = friction_of_joints(model)
-    rotors = np.diag(robot.reflected_inertia) + _identified_rotors(robot, consistent)
+    added = np.array([consistent.added[name] for name in robot.added_parameters])
+    rotors = np.diag(robot.reflected_inertia) + np.tensordot(added, added_inertias(robot), 1)
     return SimulatedRobot(
         name=robot.name if chain is None else chain.robot,
         base="base" if chain is None else chain.base,
@@ -183,17 +185,6 @@ def _placed(robot: Robot, chain: UrdfChain | None) -> list[_Placed]:
         _Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
         for joint, own, mdh in zip(chain.joints, chain.frames(still), frames, strict=True)
     ]
-
-
-def _bodies_of(model: Model) -> ConsistentRobot:
-    if model.consistent is None:
-        raise ValueError("the model has no bodies; find them by with_consistent_robot first")
-    return model.consistent
-
-
-def _identified_rotors(robot: Robot, consistent: ConsistentRobot) -> Array:
-    added = np.array([consistent.added[name] for name in robot.added_parameters])
-    return np.asarray(np.tensordot(added, added_inertias(robot), 1))
 
 
 def number(value: float) -> str:

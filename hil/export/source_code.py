@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from hil.export.functions import Function
     from hil.results.model import Model
 
-LONGEST = 84
-"""Characters of what is still written into another expression."""
 SUM, PRODUCT, ATOM = 1, 2, 3
 """How strongly a text holds together."""
 
@@ -45,36 +43,28 @@ class Syntax(NamedTuple):
     function: Callable[[str, str], str]
 
 
-class Assignment(NamedTuple):
-    """A name and the text of its value."""
-
-    name: str
-    value: str
-
-
-def assignments(
-    results: Sequence[Expression], syntax: Syntax
-) -> tuple[list[Assignment], list[str]]:
+def assignments(results: Sequence[Expression], syntax: Syntax) -> tuple[dict[str, str], list[str]]:
     """Write out expressions.
 
     Returns
     -------
-    named : list of Assignment
-        In order; names are ``t0`` and on.
+    named : dict of str to str
+        Names and the texts of their values, in order; names are ``t0`` and on.
     values : list of str
         Text of each result.
     """
     nodes = needed(results)
     uses = Counter(each.index for node in nodes for each in node.operands)
-    named: list[Assignment] = []
+    named: dict[str, str] = {}
     texts: dict[int, tuple[str, int]] = {}
     for node in nodes:
         text, hold = _text(node, texts, syntax)
         if hold < ATOM or node.operands:
-            shared = uses[node.index] > 1 or len(text) > LONGEST
+            # longer than 84 characters: not written into another expression any more
+            shared = uses[node.index] > 1 or len(text) > 84
             if shared and node.operation != "negative":
-                named.append(Assignment(f"t{len(named)}", text))
-                text, hold = named[-1].name, ATOM
+                name = f"t{len(named)}"
+                named[name], text, hold = text, name, ATOM
         texts[node.index] = text, hold
     return named, [texts[each.index][0] for each in results]
 

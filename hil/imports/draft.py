@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.imports.tables import Table
 
-ROWS = 100_000
-"""Rows that are looked at, about."""
 _UNIT_IN_NAME = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I)
 _WORDS = {
     "position": {"position", "positions", "pos", "q", "theta", "angle", "x"},
@@ -247,7 +245,8 @@ def _first_rows(table: Table, columns: Sequence[int]) -> Array:
     for block in table.blocks(columns):
         blocks.append(block)
         n += len(block)
-        if n >= ROWS:
+        # about so many rows are looked at
+        if n >= 100_000:
             break
     return np.concatenate(blocks)
 

@@ -26,10 +26,6 @@ SAME_STAMP = 1e-6
 """Time between rows up to which their stamps count as the same, in periods."""
 WINDOW = 50
 """Samples over which periods are averaged, and among which the least late one is looked for."""
-_COARSE = 0.05
-"""Share of rows that bear the stamp of another one from which on the clock is coarse."""
-_COMPARED = 20_000
-"""Samples whose roughness is compared: its variances are known to (2/n)^0.5, 1 %."""
 
 Instants = Literal["even", "counted", "stamped"]
 
@@ -91,7 +87,8 @@ def instants_of(samples: Samples, parts: list[Integers], period: float) -> Insta
     if all(np.all(np.abs(s - period) < EVEN * period) for s in steps):
         return "even"
     every = np.concatenate(steps)
-    if np.mean(every <= SAME_STAMP * period) > _COARSE:
+    # a clock is coarse where one row in twenty bears the stamp of another one
+    if np.mean(every <= SAME_STAMP * period) > 0.05:
         return "counted"
     rough = np.zeros((2, samples.n_joints))
     for rows in _some_of(parts):
@@ -103,7 +100,8 @@ def instants_of(samples: Samples, parts: list[Integers], period: float) -> Insta
 
 
 def _some_of(parts: list[Integers]) -> Iterator[Integers]:
-    left = _COMPARED
+    # samples whose roughness is compared: its variances are known to (2/n)^0.5, 1 %
+    left = 20_000
     for rows in sorted(parts, key=len, reverse=True):
         middle = rows[max(0, len(rows) // 2 - left // 2) :][:left]
         if len(middle) > 3:

@@ -29,9 +29,6 @@ likely."""
 OFTEN, CLOSE = 0.95, 0.05
 """Share of the ordinary steps from sample to sample, and share of such a step that is just beside
 zero: so close that either side of it is as likely."""
-SAME = 0.05
-"""Relative difference up to which a torque is a velocity: friction that is viscous alone, with a
-coefficient of just 1 N m s/rad, is no robot's."""
 _SMALL = 0.03
 """Share of a limit or a range that no joint exceeds where all are in another unit, or on another
 side: between 1/57 of degrees or 1/50 of gears and what robots are moved for."""
@@ -39,8 +36,6 @@ BEYOND, FAR_BEYOND = 0.05, 2.0
 """Shares of a range beyond it that are stated, since stops yield and zeros are set by eye, and that
 are refused: degrees for radians exceed it 57 times."""
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
-_BELIEVED = 1e6
-"""Greatest speed, torque and force that any robot may have, if its limits are not known."""
 
 
 def misread_torques(
@@ -52,7 +47,9 @@ def misread_torques(
     for joint in np.flatnonzero(evidence.moves).tolist():
         tau, qd = evidence.tau[:, joint], evidence.qd[:, joint]
         for factor, unit in ((1.0, "rad/s or m/s"), (180 / pi, "deg/s"), (30 / pi, "rpm")):
-            if np.linalg.norm(tau - factor * qd) < SAME * np.linalg.norm(tau):
+            # 5 %: friction that is viscous alone, with a coefficient of just 1 N m s/rad, is no
+            # robot's
+            if np.linalg.norm(tau - factor * qd) < 0.05 * np.linalg.norm(tau):
                 yield Suspicion(
                     "still",
                     ("joints", joint, "torque"),
@@ -144,7 +141,9 @@ def range_suspicions(
             if key == "torque" and joint in unknown_gains:
                 continue
             most = float(np.abs(values[:, joint]).max())
-            bound = float(np.fmin(limit[joint], _BELIEVED))
+            # greatest speed, torque and force that any robot may have, if its limits are not known:
+            # 1e6
+            bound = float(np.fmin(limit[joint], 1e6))
             if most > 1.2 * bound:
                 yield Suspicion(
                     "range",

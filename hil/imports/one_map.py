@@ -194,7 +194,7 @@ def measured_motions(
             id=f"{stem}-{number:0{digits}}",
             q=tuple(recording.q.mean(axis=0).tolist()),
             duration=piece.duration,
-            cycles=_cycles(numbers, the_map.content.kind),
+            cycles=(int(numbers.max()) + 1) // (1 if the_map.content.kind is None else 2),
             alone=the_map.content.kind,
             cut_off=the_map.content.cut_off,
             unknown_gains=tuple(joint + 1 for joint in the_map.unknown_gains) or None,
@@ -219,11 +219,6 @@ def _recording(
         qd=np.ascontiguousarray(qd) if np.isfinite(qd).any() else None,
         group=numbers // 2 if strokes else numbers,
     )
-
-
-def _cycles(numbers: Numbers, alone: int | None) -> int:
-    n = int(numbers.max()) + 1
-    return n if alone is None else n // 2
 
 
 def _source(the_map: MapFile, samples: Samples, piece: Piece) -> str:

@@ -101,7 +101,9 @@ def read_samples(
                 times.append(time)
                 complete.append(np.isfinite(time) & conversion.complete(values))
                 n += len(time)
-                wraps += _wraps(values[:, : robot.n_joints])
+                # no robot makes more than half a turn within a sample; nor half of 6 m
+                steps = np.abs(np.diff(values[:, : robot.n_joints], axis=0))
+                wraps += int(np.count_nonzero(steps > np.pi))
                 progress(the_map.beside(name), n - begins[-1])
             if n == begins[-1]:
                 raise FileError(f"{the_map.beside(name)}: has no rows; name a file with some")
@@ -111,11 +113,6 @@ def read_samples(
     if from_date:
         time -= np.nanmin(time)
     return Samples(time, values, np.concatenate(complete), tuple(begins), from_date, wraps)
-
-
-def _wraps(positions: Array) -> int:
-    """Steps of more than half a turn, which no robot makes within a sample; nor half of 6 m."""
-    return int(np.count_nonzero(np.abs(np.diff(positions, axis=0)) > np.pi))
 
 
 def _file_blocks(the_map: MapFile, number: int, name: str) -> Iterator[Array]:

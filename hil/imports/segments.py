@@ -31,20 +31,13 @@ if TYPE_CHECKING:
     from hil.imports.map_file import MapFile
     from hil.imports.samples import Samples
 
+    Pair = tuple[tuple[int, int], tuple[int, int]]
+    """First sample and sample after the last of a stroke forward, and of the one back."""
+
 LONGEST = 60.0
 """Of a motion [s]."""
 SHORTEST = 1.0
 """Of a motion, and of a block [s]."""
-BLOCK = 30.0
-"""Longest block [s]."""
-BLOCKS = 8
-"""Of a whole recording, at least, where blocks of `SHORTEST` allow it."""
-UNDER_WAY = 0.05
-"""Speed from which on the axis is under way, as share of its greatest."""
-_SHORT = 0.2
-"""Share of the longest stroke below which one is none."""
-_MEAN_OVER = 0.02
-"""Time over which speeds are means, for encoders that are coarse [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +128,8 @@ def pieces_of(stretch: Stretch) -> list[Piece]:
 
 def block_counts(durations: Sequence[float]) -> list[int]:
     """Number of blocks of each motion of a recording, from their durations [s]."""
-    longest = min(BLOCK, max(SHORTEST, sum(durations) / BLOCKS))
+    # blocks last 30 s at most; of a whole recording 8 at least, where blocks of `SHORTEST` allow it
+    longest = min(30.0, max(SHORTEST, sum(durations) / 8))
     return [
         max(1, min(math.ceil(duration / longest - 1e-6), math.floor(duration / SHORTEST + 1e-6)))
         for duration in durations
@@ -157,13 +151,17 @@ def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
     period : float
         [s].
     """
-    half = max(1, round(_MEAN_OVER / period / 2))
+    # speeds are means over 0.02 s, for encoders that are coarse
+    half = max(1, round(0.02 / period / 2))
     speed = np.zeros(len(q))
     speed[half:-half] = (q[2 * half :] - q[: -2 * half]) / (2 * half * period)
-    direction = np.where(np.abs(speed) > UNDER_WAY * np.max(np.abs(speed)), np.sign(speed), 0)
-    runs = _runs(direction)
+    # under way: from a twentieth of the greatest speed on
+    direction = np.where(np.abs(speed) > 0.05 * np.max(np.abs(speed)), np.sign(speed), 0)
     merged: list[list[int]] = []
-    for begin, end, sign in runs:
+    edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(direction)]
+    for begin, end in pairwise(edges):
+        if not (sign := int(direction[begin])):
+            continue
         if merged and merged[-1][2] == sign:
             merged[-1][1] = end
         else:
@@ -173,21 +171,11 @@ def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
     return [
         (begin, end, sign > 0)
         for (begin, end, sign), way in zip(merged, ways, strict=True)
-        if way > _SHORT * longest
+        if way > 0.2 * longest
     ]
 
 
-def _runs(direction: Array) -> list[tuple[int, int, int]]:
-    edges = np.flatnonzero(np.diff(direction)) + 1
-    begins, ends = np.concatenate([[0], edges]), np.concatenate([edges, [len(direction)]])
-    return [
-        (int(begin), int(end), int(direction[begin]))
-        for begin, end in zip(begins, ends, strict=True)
-        if direction[begin]
-    ]
-
-
-def pairs_of(q: Array, period: float) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+def pairs_of(q: Array, period: float) -> list[Pair]:
     """Strokes forward, each with the stroke back that follows it."""
     strokes = strokes_of(q, period)
     return [(forth[:2], back[:2]) for forth, back in pairwise(strokes) if forth[2] and not back[2]]
@@ -218,11 +206,9 @@ def pieces_by_pairs(samples: Samples, stretch: Stretch, axis: int) -> list[tuple
     return found
 
 
-def _grouped(
-    pairs: list[tuple[tuple[int, int], tuple[int, int]]], longest: int
-) -> list[list[tuple[tuple[int, int], tuple[int, int]]]]:
+def _grouped(pairs: list[Pair], longest: int) -> list[list[Pair]]:
     """Groups of pairs that follow each other and last no longer than `longest` samples."""
-    groups: list[list[tuple[tuple[int, int], tuple[int, int]]]] = []
+    groups: list[list[Pair]] = []
     for pair in pairs:
         if groups and pair[1][1] - groups[-1][0][0][0] <= longest:
             groups[-1].append(pair)
@@ -231,9 +217,7 @@ def _grouped(
     return groups
 
 
-def _numbers(
-    group: list[tuple[tuple[int, int], tuple[int, int]]], first: int, last: int
-) -> Numbers:
+def _numbers(group: list[Pair], first: int, last: int) -> Numbers:
     numbers = np.full(last - first, IDLE, dtype=np.int16)
     for index, (forth, back) in enumerate(group):
         for stroke, (begin, end) in ((2 * index, forth), (2 * index + 1, back)):

@@ -37,11 +37,6 @@ OFTEN = 0.95
 """Share of the samples that are ordinary."""
 MIDDLE = (0.5 - OFTEN / 2, 0.5 + OFTEN / 2)
 """Quantiles between which they are."""
-FAR = 10.0
-"""Ordinary changes that a spike exceeds: 28 standard deviations of white noise, as an ordinary
-change of it is 1.96 times the square root of two of them."""
-NOTABLE = 0.01
-"""And share of the ordinary range: where a joint hardly ever moves, its turns are as quick."""
 TURNS = 3 * np.pi
 """Excursion that no angle makes: at the end of its turn it jumps by one turn, to and fro."""
 STATED, REFUSED = 0.01, 0.5
@@ -106,7 +101,8 @@ def _add(spikes: _Spikes, samples: Samples, rows: Integers, column: int, x: Arra
         return
     x, position = x.clip(-GREATEST, GREATEST), column < samples.n_joints
     excursion = _excursion(x)
-    out = excursion > max(_ordinary(x), NOTABLE * np.ptp(np.quantile(x, MIDDLE)))
+    # and a hundredth of the ordinary range: where a joint hardly ever moves, its turns are as quick
+    out = excursion > max(_ordinary(x), 0.01 * np.ptp(np.quantile(x, MIDDLE)))
     if position and samples.wraps:
         recorded = samples.values[rows, column].clip(-GREATEST, GREATEST)
         turned = _excursion(recorded)
@@ -125,7 +121,9 @@ def _add(spikes: _Spikes, samples: Samples, rows: Integers, column: int, x: Arra
 def _ordinary(x: Array) -> float:
     """Excursion up to which samples are ordinary; rounding, too, is ordinary."""
     steps = np.abs(x[REACH:] - x[:-REACH])
-    return float(max(FAR * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max()))
+    # ordinary changes that a spike exceeds, 10: 28 standard deviations of white noise, as an
+    # ordinary change of it is 1.96 times the square root of two of them
+    return float(max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max()))
 
 
 def _excursion(x: Array) -> Array:

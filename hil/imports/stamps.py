@@ -2,9 +2,9 @@
 
 The period is the middle one of the mean periods of fifty samples each, so that neither stamps in
 bursts nor gaps nor a coarse clock decide it. Rows without a number, and rows that repeat the row
-before, are left out and counted. Where more than `GAP` passes between two rows, and later rows do
-not make up for it, samples are missing and the recording is split; a stall of the recorder after
-which rows come in a burst is none.
+before, are left out and counted. Where more than 20 ms, or 2.5 periods where these are longer, pass
+between two rows, and later rows do not make up for it, samples are missing and the recording is
+split; a stall of the recorder after which rows come in a burst is none.
 """
 
 from __future__ import annotations
@@ -32,15 +32,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Integers
     from hil.imports.samples import Samples
-
-
-GAP = 0.02
-"""Longest time between two rows that is bridged [s]; 2.5 periods where these are longer."""
-GAP_PERIODS = 2.5
-_DISORDER = 0.01
-"""Share of rows out of order up to which they are sorted, and beyond which a column is no time."""
-_MOST = 0.9
-"""Share of the steps that are about a period where the period is their mean."""
 
 
 class WrongStamps(Exception):
@@ -106,7 +97,8 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         Time runs backwards, or does not pass.
     """
     counts = Counts(rows=sum(map(len, segments)))
-    usable = [_usable(samples, rows, counts) for rows in segments]
+    usable = [rows[samples.complete[rows]] for rows in segments]
+    counts.missing = counts.rows - sum(map(len, usable))
     usable = [rows for rows in usable if len(rows) > 1]
     if not usable:
         raise WrongStamps("no two rows with all columns present; choose other columns or rows")
@@ -132,12 +124,6 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     return Timing(stretches, longest.period, instants, counts)
 
 
-def _usable(samples: Samples, rows: Integers, counts: Counts) -> Integers:
-    complete = samples.complete[rows]
-    counts.missing += int(np.count_nonzero(~complete))
-    return rows[complete]
-
-
 def _period(times: list[Array]) -> float:
     """Middle of the mean periods of some samples each; the middle period itself where near it."""
     means = np.concatenate(
@@ -153,7 +139,8 @@ def _refined(times: list[Array], period: float) -> float:
     """Mean of all steps of about a period, if most are; of all steps otherwise."""
     steps = np.concatenate([np.diff(t) for t in times])
     about = np.abs(steps - period) < period / 2
-    mean = float(np.mean(steps[about] if np.mean(about) > _MOST else steps))
+    # the period is the mean of steps about it where nine in ten are
+    mean = float(np.mean(steps[about] if np.mean(about) > 0.9 else steps))
     return mean if abs(mean - period) < EVEN * period else period
 
 
@@ -171,7 +158,8 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
     if not len(back):
         return rows
     worst = int(back[np.argmin(steps[back])])
-    if steps[worst] < -10 * period or len(back) > max(1, _DISORDER * len(rows)):
+    # rows out of order up to 1 % are sorted; beyond, a column is no time
+    if steps[worst] < -10 * period or len(back) > max(1, 0.01 * len(rows)):
         raise WrongStamps(
             f"time runs backwards at {len(back)} of {len(rows)} rows, from {time[worst]:.6g} s to"
             f" {time[worst + 1]:.6g} s at row {rows[worst + 1] + 1}; choose another column of time,"
@@ -196,7 +184,7 @@ def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Intege
 
 def _split(time: Array, rows: Integers, period: float, counts: Counts) -> Iterator[Integers]:
     """Split rows where samples are missing for longer than is bridged."""
-    longest = max(GAP, GAP_PERIODS * period)
+    longest = max(0.02, 2.5 * period)
     wide = np.flatnonzero(np.diff(time) > longest)
     cuts = wide[lost(time, wide, period) > longest - period] + 1
     counts.gaps += len(cuts)

@@ -10,26 +10,25 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from drivers.drive_bus import DriveError
 from hil.live import lines
-from hil.live.friction_so_far import FrictionSoFar
+from hil.live.lines import FrictionSoFar
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
+from hil.terminal.console import printable
 from hil.terminal.interruption import interrupt_main
-from hil.terminal.printable import printable
 from hil.terminal.progress import Pace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from contextlib import AbstractContextManager
-    from types import TracebackType
     from typing import Self
 
     from rich.console import Console
 
-    from drivers.drive_bus import AxisInfo, DriveBus, Sample
+    from drivers.drive_bus import DriveBus, Sample
     from hil.live.listener import Listener
     from hil.measuring.events import Event
     from hil.model.robot import Robot
@@ -38,9 +37,8 @@ if TYPE_CHECKING:
     Take = Callable[[Event], None]
     Display = Callable[[Console], AbstractContextManager[Take]]
 
-SAMPLE_RATE = 25
-"""Samples that are passed on in a second, at most."""
-_EVERY = 1 / SAMPLE_RATE
+_EVERY = 1 / 25
+"""Least time between samples that are passed on [s], enough for the eye."""
 
 
 class Feed:
@@ -102,11 +100,11 @@ class Feed:
 
     def take_event(self, event: Event) -> None:
         """Pass an event on."""
-        self._tell("event", lines.event(event, self._pace.left(event), self._numbers))
+        self.tell("event", lines.event(event, self._pace.left(event), self._numbers))
         if isinstance(event, Recorded):
             found = self._friction.with_recording(event.measurement, event.recording)
             if found is not None:
-                self._tell("level", found)
+                self.tell("level", found)
 
     def take_sample(self, sample: Sample, notes: Sequence[str]) -> None:
         """Pass a sample on if it is time, and what has been noted since."""
@@ -118,21 +116,9 @@ class Feed:
         for listener in self._listeners:
             listener.write(line, droppable=True)
         for text in notes[self._notes :]:
-            self._tell("note", {"text": text})
+            self.tell("note", {"text": text})
         self._notes = len(notes)
         self._name_missed()
-
-    def armed(self, axes: Sequence[AxisInfo]) -> None:
-        """Pass on that the axes are under power."""
-        self._tell("armed", lines.armed(axes))
-
-    def off(self) -> None:
-        """Pass on that the axes are without power."""
-        self._tell("off", {})
-
-    def fault(self, error: DriveError) -> None:
-        """Pass on what stops the run."""
-        self._tell("fault", {"text": str(error)})
 
     @contextmanager
     def _listening(self, console: Console) -> Iterator[None]:
@@ -150,18 +136,19 @@ class Feed:
 
     @contextmanager
     def _begun_and_ended(self) -> Iterator[None]:
-        self._tell("start", self._start)
+        self.tell("start", self._start)
         try:
             yield
         except BaseException as error:
-            self._tell("end", _how(error))
+            self.tell("end", _how(error))
             raise
         else:
-            self._tell("end", {"how": "finished", "text": ""})
+            self.tell("end", {"how": "finished", "text": ""})
         finally:
             self._name_missed()
 
-    def _tell(self, kind: str, values: lines.Line) -> None:
+    def tell(self, kind: str, values: lines.Line) -> None:
+        """Pass a line of `hil.live.lines` on."""
         line = lines.encoded(kind, **values)
         for listener in self._listeners:
             listener.write(line)
@@ -198,30 +185,25 @@ class FedBus(BusInFront):
         try:
             super().__enter__()
         except DriveError as error:
-            self._feed.fault(error)
+            self._feed.tell("fault", {"text": str(error)})
             raise
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: Any) -> None:
         """Stop the axes and power off."""
-        super().__exit__(exc_type, exc, traceback)
-        self._feed.off()
+        super().__exit__(*raised)
+        self._feed.tell("off", {})
 
     def sample(self) -> Sample:
         """Wait for the next SYNC."""
         try:
             sample = self._bus.sample()
         except DriveError as error:
-            self._feed.fault(error)
+            self._feed.tell("fault", {"text": str(error)})
             raise
         if not self._told:
             self._told = True
-            self._feed.armed(self._bus.axes)
+            self._feed.tell("armed", lines.armed(self._bus.axes))
         self._feed.take_sample(sample, self._bus.notes)
         return sample
 

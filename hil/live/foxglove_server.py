@@ -28,29 +28,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from checked_files.yaml_file import FileError
 from drivers.drive_bus import SampleFlag
-from hil.export.recordings.ros_messages import (
-    DIAGNOSTICS,
-    ERROR,
-    FAULT,
-    INFO,
-    JOINT_STATE,
-    LOG,
-    OK,
-    STALE,
-    WARN,
-    WARNING,
-    Diagnosis,
-    RosMessages,
-)
-from hil.live.beside import begin_listening, url_host
+from hil.export.recordings import ros_messages as ros
+from hil.live.listener import begin_listening, url_host
 from hil.optional_packages import needed_for
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-TOPICS = {"/joint_states": JOINT_STATE, "/diagnostics": DIAGNOSTICS, "/events": LOG}
+TOPICS = {"/joint_states": ros.JOINT_STATE, "/diagnostics": ros.DIAGNOSTICS, "/events": ros.LOG}
 """Topics and the types of their messages."""
-_STATES = {OK: "under power", STALE: "without power", FAULT: "stopped by a fault"}
+_STATES = {ros.OK: "under power", ros.STALE: "without power", ros.FAULT: "stopped by a fault"}
 _REMARKS = {
     SampleFlag.MISSING: "no sample came",
     SampleFlag.LIMIT: "the drive limits its torque",
@@ -77,11 +64,11 @@ class Said(NamedTuple):
 class RosLines:
     """Turns one line after the other into messages."""
 
-    def __init__(self, messages: RosMessages) -> None:
+    def __init__(self, messages: ros.RosMessages) -> None:
         self._messages = messages
         self._joints: Sequence[dict[str, Any]] = ()
         self._names: list[str] = []
-        self._level, self._doing = STALE, "starting"
+        self._level, self._doing = ros.STALE, "starting"
 
     def take(self, line: dict[str, Any]) -> Iterator[Said]:
         """Yield what a line says; lines of kinds that nobody shows say nothing."""
@@ -101,11 +88,11 @@ class RosLines:
         """Take in what changes the state of the run."""
         match line["kind"]:
             case "armed":
-                self._level = OK
-            case "off" if self._level != FAULT:
-                self._level = STALE
+                self._level = ros.OK
+            case "off" if self._level != ros.FAULT:
+                self._level = ros.STALE
             case "fault":
-                self._level = FAULT
+                self._level = ros.FAULT
             case "event":
                 self._doing = line["doing"]
 
@@ -114,7 +101,7 @@ class RosLines:
         state = self._messages.joint_state(stamp, self._names, q, tau)
         yield Said("/joint_states", stamp, state)
         values = {"bus time [s]": f"{line['t']:.4f}", "state": _STATES[self._level]}
-        run = Diagnosis("run", self._level, self._doing, values)
+        run = ros.Diagnosis("run", self._level, self._doing, values)
         axes = [
             self._axis(*each)
             for each in zip(range(len(q)), self._joints, q, tau, line["flags"], strict=True)
@@ -123,7 +110,7 @@ class RosLines:
 
     def _axis(
         self, axis: int, joint: dict[str, Any], q: float, tau: float, flags: int
-    ) -> Diagnosis:
+    ) -> ros.Diagnosis:
         limit = joint["torque"]
         values = {
             f"position [{joint['unit']}]": f"{q:.6g}",
@@ -133,26 +120,26 @@ class RosLines:
             values[f"torque limit [{joint['torque_unit']}]"] = f"{limit:g}"
             values["share of the torque limit [%]"] = f"{100 * abs(tau) / limit:.1f}"
         remarks = [text for flag, text in _REMARKS.items() if flags & flag]
-        level = WARNING if remarks and self._level == OK else self._level
+        level = ros.WARNING if remarks and self._level == ros.OK else self._level
         text = "; ".join(remarks) or _STATES[self._level]
-        return Diagnosis(f"run: {self._names[axis]}", level, text, values)
+        return ros.Diagnosis(f"run: {self._names[axis]}", level, text, values)
 
 
 def _told(line: dict[str, Any]) -> Iterator[tuple[int, str]]:
     """Level and text of a line for the log."""
     match line["kind"]:
         case "event":
-            yield (WARN, line["notice"]) if line["notice"] else (INFO, line["doing"])
+            yield (ros.WARN, line["notice"]) if line["notice"] else (ros.INFO, line["doing"])
         case "armed":
-            yield INFO, f"{len(line['axes'])} axes are under power"
+            yield ros.INFO, f"{len(line['axes'])} axes are under power"
         case "off":
-            yield INFO, "the axes are stopped and without power"
+            yield ros.INFO, "the axes are stopped and without power"
         case "note":
-            yield WARN, line["text"]
+            yield ros.WARN, line["text"]
         case "fault":
-            yield ERROR, line["text"]
+            yield ros.ERROR, line["text"]
         case "end":
-            level = ERROR if line["how"] == "failed" else INFO
+            level = ros.ERROR if line["how"] == "failed" else ros.INFO
             yield level, ": ".join(filter(None, (line["how"], line["text"])))
 
 
@@ -163,7 +150,7 @@ def main(address: str, port: str) -> None:
     """Serve until the end of standard input."""
     say = begin_listening()
     try:
-        messages = RosMessages(OPTION, EXTRA)
+        messages = ros.RosMessages(OPTION, EXTRA)
         server, channels = _served(messages, address, int(port))
     except FileError as error:
         say("failed", str(error))
@@ -182,7 +169,7 @@ def main(address: str, port: str) -> None:
     server.stop()
 
 
-def _served(messages: RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
+def _served(messages: ros.RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
     """Start the server; return it and its channels by topic.
 
     256 messages may wait for one client, some 3 s of a run.

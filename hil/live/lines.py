@@ -15,15 +15,15 @@ off
     The axes are stopped and without power.
 sample
     ``t``: the bus's time [s]; ``q``, ``tau``, ``flags`` (`drivers.drive_bus.SampleFlag`), a number
-    an axis each. At most `hil.live.feed.SAMPLE_RATE` a second, and none while a reader is behind.
+    an axis each. At most 25 a second (`hil.live.feed`), and none while a reader is behind.
 event
     The sequencer's: ``name`` of its class in `hil.measuring.events`, ``doing`` in words, ``notice``
     that the operator must see or "", ``t`` and ``total``: the bus's time and what it will be at the
     end [s], ``left`` by the wall's clock [s]; of those about a measurement its ``measurement``, its
     ``number`` in the plan from 1, and the ``axes`` that move, from 0.
 level
-    What a recording shows of the friction of one ``axis`` (`hil.live.friction_so_far`): ``level``,
-    ``speed``, ``measurement``, and of all so far ``count``, ``least`` and ``most``.
+    What a recording shows of the friction of one ``axis`` (`level_of`): ``level``, ``speed``,
+    ``measurement``, and of all so far ``count``, ``least`` and ``most``.
 note
     ``text`` of what the operator should know though it stops nothing.
 fault
@@ -39,6 +39,8 @@ import math
 import time
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.measuring.events import AboutMeasurement
 from hil.terminal.progress import doing, notice
 from hil.view.visuals import robot_data, workspace_data
@@ -49,7 +51,76 @@ if TYPE_CHECKING:
     from drivers.drive_bus import AxisInfo, Sample
     from hil.measuring.events import Event
     from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
+    from hil.runs.recording import Recording
+
+MIDDLE = (0.25, 0.75)
+"""Shares of a stroke's way between which torques count."""
+
+
+class FrictionSoFar:
+    """Levels of all axes, as recordings come."""
+
+    def __init__(self) -> None:
+        self._levels: dict[int, list[float]] = {}
+
+    def with_recording(
+        self, measurement: Measurement, recording: Recording
+    ) -> dict[str, object] | None:
+        """What stands in the line ``level``; None where a recording shows no level."""
+        found = level_of(measurement, recording)
+        if found is None:
+            return None
+        (axis,), (level, speed) = measurement.read, found
+        levels = self._levels.setdefault(axis, [])
+        levels.append(round(level, 4))
+        return {
+            "axis": axis,
+            "level": levels[-1],
+            "speed": round(speed, 4),
+            "measurement": measurement.id,
+            "count": len(levels),
+            "least": min(levels),
+            "most": max(levels),
+        }
+
+
+def level_of(measurement: Measurement, recording: Recording) -> tuple[float, float] | None:
+    """Level of friction of the axis that goes back and forth, and its mean speed meanwhile.
+
+    A simple figure, for the eye alone: identification compensates and weighs far more. Over the
+    middle half of a stroke's way the axis passes the same positions forth and back, so half the
+    difference of the mean torques is without gravity; what accelerates cancels too, since a stroke
+    brakes as it has accelerated. What is left is the friction at the speed of that stroke.
+
+    None where no axis does, or fewer than five samples of a direction lie in the middle of its
+    strokes.
+
+    Returns
+    -------
+    level : float
+        Half the difference of the mean torques forth and back [N m or N].
+    speed : float
+        [rad/s or m/s].
+    """
+    if len(measurement.read) != 1:
+        return None
+    axis = measurement.read[0]
+    q, tau = recording.q[:, axis], recording.tau[:, axis]
+    under_way = (recording.stroke >= 0) & np.isfinite(q) & np.isfinite(tau)
+    if not under_way.any():
+        return None
+    low, high = q[under_way].min(), q[under_way].max()
+    share = (q - low) / max(high - low, np.finfo(float).tiny)
+    used = under_way & (share > MIDDLE[0]) & (share < MIDDLE[1])
+    forth, back = (used & (recording.stroke % 2 == side) for side in (0, 1))
+    if min(forth.sum(), back.sum()) < 5:
+        return None
+    way = len(np.unique(recording.stroke[used])) * (MIDDLE[1] - MIDDLE[0]) * float(high - low)
+    speed = way / float(used.sum() * recording.period)
+    return float(tau[forth].mean() - tau[back].mean()) / 2, speed
+
 
 Line = dict[str, object]
 

@@ -1,4 +1,4 @@
-"""A process beside the run that is told what happens, and never waited for.
+"""A process beside the run that is told what happens, and never waited for: both its ends.
 
 Its standard input is a pipe that the run writes lines to (`hil.live.lines`) as far as there is
 room: where the reader is behind, samples are left out, and what matters waits in a small buffer.
@@ -18,10 +18,10 @@ import sysconfig
 import time
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Thread
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any
 
-from hil.errors import HilError
+from checked_files.errors import HilError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -178,3 +178,24 @@ def _environment() -> dict[str, str]:
         return dict(os.environ)
     path = filter(None, (root, os.environ.get("PYTHONPATH")))
     return {**os.environ, "PYTHONPATH": os.pathsep.join(path)}
+
+
+def begin_listening() -> Callable[..., None]:
+    """Let the run go first; return what says something to it, from any thread.
+
+    For the process itself: a kind of line, and its text.
+    """
+    os.nice(10)
+    lock = Lock()
+
+    def say(kind: str, text: str = "") -> None:
+        with lock:
+            sys.stdout.write(json.dumps({"kind": kind, "text": text}) + "\n")
+            sys.stdout.flush()
+
+    return say
+
+
+def url_host(address: str) -> str:
+    """Return an IP address as it stands in a URL."""
+    return f"[{address}]" if ":" in address else address

@@ -23,7 +23,7 @@ from socketserver import TCPServer
 from threading import Semaphore, Thread
 from typing import TYPE_CHECKING, Any
 
-from hil.live.beside import begin_listening, url_host
+from hil.live.listener import begin_listening, url_host
 from hil.live.page_requests import Requests, Site, names_of_this_computer
 from hil.live.streams import Streams
 

@@ -17,7 +17,7 @@ import gc
 import logging
 import queue
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -27,12 +27,11 @@ from hil.measuring.checks.axis_limits import limited, refuse_beyond
 from hil.measuring.events import Recorded, Repeated
 from hil.measuring.rehearsal import rehearse
 from hil.measuring.sequencer import measure, never
-from hil.runs.journal import BusName, SyncTiming
+from hil.runs.journal import BusName, SyncTiming, axis_records
 from hil.runs.recording_file import Measured
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
-    from types import TracebackType
     from typing import Self
 
     from drivers.drive_bus import DriveBus
@@ -41,13 +40,6 @@ if TYPE_CHECKING:
     from hil.runs.run_folder import RunFolder
 
 log = logging.getLogger(__name__)
-
-WAITING_MAX = 8
-"""How many recordings may wait for the disk: a minute or two of measuring."""
-LOOK = 0.005
-"""How often a place among them is looked for [s]."""
-PATIENCE = 30.0
-"""How long a full queue may stand still before the campaign is given up [s]."""
 
 
 def run_campaign(
@@ -85,13 +77,7 @@ def run_campaign(
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
-    with (
-        folder.session(bus_name, real_time) as session,
-        _notes_kept(folder, bus),
-        _collector_spared(),
-        Background() as background,
-        bus,
-    ):
+    with _session(folder, bus, bus_name, real_time) as (session, background), bus:
         robot = _note_axes(folder, bus, background)
         timing = SyncTiming()
         for event in measure(folder.plan, robot, bus, done, pause):
@@ -101,7 +87,7 @@ def run_campaign(
                 )
                 background.do(partial(folder.write, measured))
                 timing = timing.with_recording(event.recording)
-                folder.keep_timing(timing)
+                folder.keep(sync=timing)
             elif isinstance(event, Repeated):
                 messages = [finding.message for finding in event.findings]
                 folder.keep_repeated(event.measurement.id, event.attempt, messages)
@@ -121,45 +107,36 @@ def rehearse_campaign(
 
     Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
     """
-    with (
-        folder.session(bus_name, real_time),
-        _notes_kept(folder, bus),
-        _collector_spared(),
-        Background() as background,
-        bus,
-    ):
+    with _session(folder, bus, bus_name, real_time) as (_, background), bus:
         robot = _note_axes(folder, bus, background)
         yield from rehearse(folder.plan, robot, bus, speed, pause)
     folder.note_rehearsed(speed)
 
 
+@contextmanager
+def _session(
+    folder: RunFolder, bus: DriveBus, bus_name: BusName, real_time: Sequence[str]
+) -> Iterator[tuple[int, Background]]:
+    """What goes on about the bus: a session of the folder, and a worker that writes into it.
+
+    What is loaded by now is kept out of the garbage collector's rounds, which last many SYNCs. The
+    session gets what the bus has noted, also while it was left.
+    """
+    with folder.session(bus_name, real_time) as session, ExitStack() as left:
+        left.callback(lambda: folder.keep(notes=tuple(bus.notes)))
+        gc.collect()
+        gc.freeze()
+        left.callback(gc.unfreeze)
+        yield session, left.enter_context(Background())
+
+
 def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> Robot:
     """Take what the drives are; return the robot within the limits that hold on them."""
     folder.refuse_other_drives(bus.axes)
-    folder.keep_axes(bus.axes)
+    folder.keep(axes=axis_records(bus.axes))
     background.do(folder.save_journal)
     refuse_beyond(folder.plan, folder.robot, bus.axes)
     return limited(folder.robot, bus.axes)
-
-
-@contextmanager
-def _notes_kept(folder: RunFolder, bus: DriveBus) -> Iterator[None]:
-    """Give the session what the bus has noted, also while it was left."""
-    try:
-        yield
-    finally:
-        folder.keep_notes(bus.notes)
-
-
-@contextmanager
-def _collector_spared() -> Iterator[None]:
-    """Keep what is loaded by now out of the garbage collector's rounds, which last many SYNCs."""
-    gc.collect()
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
 
 
 class Background:
@@ -168,12 +145,12 @@ class Background:
     Parameters
     ----------
     waiting_max : int
-        How many tasks may wait.
+        How many tasks may wait: recordings of a minute or two of measuring.
     patience : float
-        How long `do` waits for a place among them [s].
+        How long `do` waits for a place among them before the campaign is given up [s].
     """
 
-    def __init__(self, waiting_max: int = WAITING_MAX, patience: float = PATIENCE) -> None:
+    def __init__(self, waiting_max: int = 8, patience: float = 30.0) -> None:
         # Other queues have locks that an interrupt can leave locked for good.
         self._tasks: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._waiting_max = waiting_max
@@ -186,12 +163,7 @@ class Background:
         self._worker.start()
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         """Wait until everything is written.
 
         Raises
@@ -201,10 +173,10 @@ class Background:
         """
         self._tasks.put(None)
         self._worker.join()
-        raised = 0 if exc else 1
-        for error in self._failed[raised:]:
+        is_left_by_error = raised[0] is not None
+        for error in self._failed[0 if is_left_by_error else 1 :]:
             log.error("%s", error)
-        if exc is None:
+        if not is_left_by_error:
             self.check()
 
     def do(self, task: Callable[[], None]) -> None:
@@ -222,7 +194,8 @@ class Background:
                     f"the disk has finished no file for {self._patience:g} s with"
                     f" {self._waiting_max} waiting; see what holds it up, then go on with --resume"
                 )
-            time.sleep(LOOK)
+            # looks for a place every 5 ms
+            time.sleep(0.005)
         self._tasks.put(task)
 
     def check(self) -> None:

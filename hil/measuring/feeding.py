@@ -18,7 +18,7 @@ themselves, and go on to do so.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from drivers.drive_bus import DriveRefused, LimitExceeded, StreamingBus
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-    from types import TracebackType
     from typing import Self
 
     from drivers.drive_bus import AxisInfo, DriveBus, Move, Sample
@@ -41,8 +40,6 @@ DELAY = 1.5
 one where their interpolation has a continuous velocity."""
 LOOP = 0.001
 """Period of the loops of many drives [s]."""
-SAMPLES = 2000
-"""Instants of a period at which torques are held against their limits."""
 
 
 class BusInFront:
@@ -77,14 +74,9 @@ class BusInFront:
         self._bus.__enter__()
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: Any) -> None:
         """Stop the axes and power off."""
-        self._bus.__exit__(exc_type, exc, traceback)
+        self._bus.__exit__(*raised)
 
     def move(self, moves: Mapping[int, Move]) -> None:
         """Give set-points to axes."""
@@ -189,7 +181,7 @@ def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict)
     drivers.drive_bus.LimitExceeded
         With axis, instant, torque and limit.
     """
-    t = np.linspace(0.0, trajectory.period, SAMPLES)
+    t = np.linspace(0.0, trajectory.period, 2000)  # far more than harmonics have extremes
     q, qd, qdd = trajectory.motion(t)
     for tau, what in (
         (predict(q, qd, qdd), "needs"),

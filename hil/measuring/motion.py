@@ -7,7 +7,7 @@ passes only in `bus.sample()`, and every time-out counts in the bus's time.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from drivers.drive_bus import Move
 from hil.measuring.checks.encoder_jumps import finished
@@ -20,12 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from drivers.drive_bus import DriveBus, Sample
-    from hil.planning.measurement import Coupling, Friction, Measurement
+    from hil.planning.measurement import Coupling, Friction
     from hil.planning.strokes import Partner, Strokes
     from hil.runs.recording import Recording
-
-LONGEST_STAND = 5.0
-"""Time at rest between two reports of a preparation [s]."""
 
 
 def record(bus: DriveBus, measurement: Strokes) -> Recording:
@@ -80,7 +77,8 @@ def rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[fl
     """
     begin, rest = locate(bus).time, measurement.rest or 0.0
     while (now := locate(bus).time) - begin < rest:
-        now = stand(bus, min(LONGEST_STAND, rest - (now - begin))).time
+        # reports at least every 5 s
+        now = stand(bus, min(5.0, rest - (now - begin))).time
         yield now - begin, now
     while (now := locate(bus).time) - begin < measurement.preparation:
         for number in (0, 1):
@@ -89,34 +87,18 @@ def rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[fl
         yield now - begin, now
 
 
-def unprepared(_bus: DriveBus, _measurement: Measurement) -> Iterator[tuple[float, float]]:
-    """Let the recording follow the travel at once."""
-    return iter(())
-
-
-class Manner(NamedTuple):
-    """How measurements of a kind are carried out from where they start.
-
-    Attributes
-    ----------
-    record : callable
-        Moves the axes and returns what was recorded.
-    prepare : callable
-        What goes before the first attempt; yields how long it has gone on, and the bus's time [s].
-    """
-
-    record: Callable[[DriveBus, Any], Recording]
-    prepare: Callable[[DriveBus, Any], Iterator[tuple[float, float]]] = unprepared
-
-
-MANNERS = {
-    "gravity": Manner(record),
-    "inertia": Manner(record),
-    "coupling": Manner(record_creep),
-    "friction": Manner(record, rest_and_exercise),
-    "trajectory": Manner(stream),
+MANNERS: dict[str, Callable[[DriveBus, Any], Recording]] = {
+    "gravity": record,
+    "inertia": record,
+    "coupling": record_creep,
+    "friction": record,
+    "trajectory": stream,
 }
-"""By kind of measurement."""
+"""By kind of measurement what moves the axes from where it starts and returns the recording."""
+PREPARATIONS: dict[str, Callable[[DriveBus, Any], Iterator[tuple[float, float]]]] = {
+    "friction": rest_and_exercise,
+}
+"""What goes before the first attempt; yields how long it has gone on, and the bus's time [s]."""
 
 
 class _PartnerStrokes:

@@ -8,24 +8,15 @@ kept together with what is wrong with it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import cycle
 from math import isnan, nan
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
+from hil.measuring import events
 from hil.measuring.checks.recording_checks import check
-from hil.measuring.events import (
-    Finished,
-    GaveUp,
-    Paused,
-    Preparing,
-    Recorded,
-    Repeated,
-    Started,
-    Travelled,
-    WarmingUp,
-)
-from hil.measuring.motion import MANNERS
+from hil.measuring.motion import MANNERS, PREPARATIONS
 from hil.measuring.travel import locate, travel
 from hil.planning.timetable import timetable
 
@@ -84,55 +75,48 @@ def measure(
     clock = _Clock(timetable(plan, robot, pending, here.q), here.time)
     warm_up = plan.warm_up if pending else None
     left = clock.remaining(here.time) + (warm_up.duration if warm_up else 0.0)
-    yield Started(here.time, left, len(pending), len(plan.measurements))
+    yield events.Started(here.time, left, len(pending), len(plan.measurements))
     if warm_up:
         yield from _warm_up(plan, warm_up, robot, bus, clock)
-        clock.restart(locate(bus).time)
+        clock.start = locate(bus).time  # the warm-up is no part of the timetable
     gave_up, before_first = [], nan
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
-        yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
-        for spent, now in MANNERS[measurement.kind].prepare(bus, measurement):
+        yield events.Travelled(arrived.time, clock.remaining(arrived.time), measurement)
+        prepare = PREPARATIONS.get(measurement.kind)
+        for spent, now in prepare(bus, measurement) if prepare else ():
             left = max(0.0, clock.remaining(now) - spent)
-            yield Preparing(now, left, measurement, spent, measurement.preparation)
+            yield events.Preparing(now, left, measurement, spent, measurement.preparation)
         for event in _attempts(plan, robot, bus, measurement, clock):
-            if isinstance(event, GaveUp):
+            if isinstance(event, events.GaveUp):
                 gave_up.append(measurement.id)
-            elif isinstance(event, Recorded) and isnan(before_first):
+            elif isinstance(event, events.Recorded) and isnan(before_first):
                 before_first = float(event.recording.time[0]) - here.time - measurement.preparation
             yield event
         if pause():
             began = locate(bus).time
-            yield Paused(began, clock.remaining(began))
-            clock.shift(hold(bus, pause) - began)
-    yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
+            yield events.Paused(began, clock.remaining(began))
+            clock.start += hold(bus, pause) - began
+    yield events.Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
 
 
+@dataclass
 class _Clock:
-    """How much robot time is left, scaled by how the timetable held so far."""
+    """How much robot time is left, scaled by how the timetable held so far.
 
-    def __init__(self, entries: Sequence[Entry], start: float) -> None:
-        self._expected = [entry.travel + entry.duration for entry in entries]
-        self._done = 0
-        self._start = start
+    `start` is when its first entry began, pauses left out of the account [s]; `done`: entries.
+    """
 
-    def restart(self, now: float) -> None:
-        """Count from now on: the warm-up is no part of the timetable."""
-        self._start = now
-
-    def shift(self, pause: float) -> None:
-        """Leave a pause out of the account [s]."""
-        self._start += pause
-
-    def advance(self) -> None:
-        """One more measurement is done."""
-        self._done += 1
+    entries: Sequence[Entry]
+    start: float
+    done: int = 0
 
     def remaining(self, now: float) -> float:
         """Estimate the robot time until the end [s]."""
-        past = sum(self._expected[: self._done])
-        scale = (now - self._start) / past if past else 1.0
-        return scale * sum(self._expected[self._done :])
+        expected = [entry.travel + entry.duration for entry in self.entries]
+        past = sum(expected[: self.done])
+        scale = (now - self.start) / past if past else 1.0
+        return scale * sum(expected[self.done :])
 
 
 def _attempts(
@@ -144,24 +128,21 @@ def _attempts(
     """
     tries: list[tuple[Recording, tuple[Finding, ...]]] = []
     while True:
-        recording = MANNERS[measurement.kind].record(bus, measurement)
+        recording = MANNERS[measurement.kind](bus, measurement)
         findings = tuple(check(recording, measurement, robot))
         tries.append((recording, findings))
         now = float(recording.time[-1])
         if not findings or len(tries) == plan.attempts:
             break
-        yield Repeated(now, clock.remaining(now), measurement, len(tries), findings)
-    clock.advance()
+        yield events.Repeated(now, clock.remaining(now), measurement, len(tries), findings)
+    clock.done += 1
     left = clock.remaining(now)
     if findings:
-        recording, findings = min(tries, key=_badness)
-        yield GaveUp(now, left, measurement, len(tries), findings)
-    yield Recorded(now, left, measurement, recording, len(tries), findings)
-
-
-def _badness(attempt: tuple[Recording, tuple[Finding, ...]]) -> tuple[int, float]:
-    findings = attempt[1]
-    return len(findings), sum(finding.excess for finding in findings)
+        recording, findings = min(
+            tries, key=lambda each: (len(each[1]), sum(finding.excess for finding in each[1]))
+        )
+        yield events.GaveUp(now, left, measurement, len(tries), findings)
+    yield events.Recorded(now, left, measurement, recording, len(tries), findings)
 
 
 def _warm_up(
@@ -176,7 +157,7 @@ def _warm_up(
             if done >= warm_up.duration:
                 return
             left = warm_up.duration - done + clock.remaining(begin)
-            yield WarmingUp(now, left, done, warm_up.duration)
+            yield events.WarmingUp(now, left, done, warm_up.duration)
 
 
 def hold(bus: DriveBus, pause: Callable[[], bool]) -> float:

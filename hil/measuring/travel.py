@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from hil.planning.trapezoid import Trapezoid
     from hil.planning.workspace import Workspace
 
-OVERDUE = 1.5
-"""A move may take this many times its expected duration, plus `GRACE`."""
 GRACE = 5.0
 """Time for handshake and settling before a move counts as failed [s]."""
 SLACK = 2e-3
@@ -146,7 +144,8 @@ def until_reached(
     MoveFailed
         Not in time, counted from `begin` [s]; `what` says what the motion is.
     """
-    deadline = begin + OVERDUE * expected + GRACE
+    # half as long again as expected, and `GRACE`
+    deadline = begin + 1.5 * expected + GRACE
     next_sample = bus.sample
     while True:
         sample = next_sample()

@@ -92,7 +92,8 @@ def base_parameters(robot: Robot) -> BaseParameters:
     heads, regrouped = _regroup(robot)
     sparse = [_put_in_sparsity(robot, row) for row in regrouped]
     matrix = _numeric(robot, sparse)
-    free = _free(robot)
+    names = enumerate(robot.standard_parameters)  # those that are free: present and not tied
+    free = {k for k, name in names if name in robot.present and name not in robot.ties}
     kept, dependence = _independent_rows(matrix, [head in free for head in heads])
     placement = np.zeros((10 * robot.n_joints, len(kept)))
     placement[heads] = dependence
@@ -107,18 +108,16 @@ def base_parameters(robot: Robot) -> BaseParameters:
     return BaseParameters(
         names=tuple(f"p{k}" for k in range(1, len(every) + 1)),
         expressions=tuple(text(row, head, standard) for row, head in zip(rows, every, strict=True)),
-        units=tuple(_unit(robot, standard[head]) for head in every),
+        units=tuple(
+            added_unit(robot, name) if name in robot.added_parameters else _UNITS[name[0]]
+            for name in (standard[head] for head in every)
+        ),
         heads=tuple(standard[head] for head in every),
         groups=dependencies.groups(),
         dependencies=dependencies,
         matrix=_read_only(matrix),
         placement=_read_only(placement),
     )
-
-
-def dependencies(robot: Robot) -> Dependencies:
-    """Return where each base parameter occurs in M(q) and g(q): Table 2."""
-    return base_parameters(robot).dependencies
 
 
 def link_share(robot: Robot, link: int) -> tuple[str, ...]:
@@ -143,7 +142,7 @@ def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
     one = Polynomial.constant(1.0)
     for link in reversed(range(robot.n_joints)):
         body = [add({10 * link + k: one}, received[k]) for k in range(10)]
-        given, directions = found[link].given, found[link].directions
+        directions, given = found[link]
         removed = combine(directions.T, [body[k] for k in given])
         rows += [
             (10 * link + k, add(body[k], scale(removed[k], -1.0)))
@@ -164,12 +163,6 @@ def _put_in_sparsity(robot: Robot, row: Combination) -> Combination:
             total = add(total, {carrier: weight})
     tidy = {parameter: weight.tidied() for parameter, weight in total.items()}
     return {parameter: weight for parameter, weight in sorted(tidy.items()) if weight}
-
-
-def _free(robot: Robot) -> set[int]:
-    """Standard parameters that are present and not tied to others."""
-    names = enumerate(robot.standard_parameters)
-    return {k for k, name in names if name in robot.present and name not in robot.ties}
 
 
 def _numeric(robot: Robot, rows: Sequence[Combination]) -> Array:
@@ -203,11 +196,6 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     dependence[np.abs(dependence) < ROUNDED_OFF] = 0.0
     dependence[kept] = np.eye(len(kept))
     return kept, dependence
-
-
-def _unit(robot: Robot, head: str) -> str:
-    """Unit of a base parameter by the name of its head."""
-    return added_unit(robot, head) if head in robot.added_parameters else _UNITS[head[0]]
 
 
 def _observed(mass: Array, gravity: Array) -> Array:

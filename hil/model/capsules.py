@@ -84,27 +84,18 @@ def segments(robot: Robot, q: Array) -> Array:
     rotation, origin = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
     placed = np.empty((len(q), robot.n_joints, 2, 3))
     for link in range(robot.n_joints):
-        pose = robot.link_pose(link)
-        turn, shift = _motion(robot, link, q[:, link])
-        shift = pose[:3, 3] + shift @ pose[:3, :3].T
-        origin = origin + np.einsum("nij,nj->ni", rotation, shift)
-        rotation = rotation @ pose[:3, :3] @ turn
+        pose, about = robot.link_pose(link), q[:, link] + robot.theta[link]
+        if robot.revolute[link]:
+            origin = origin + rotation @ pose[:3, 3]
+            x, y, z = np.moveaxis(rotation @ pose[:3, :3], -1, 0)
+            c, s = np.cos(about)[:, None], np.sin(about)[:, None]
+            rotation = np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
+        else:
+            shift = pose[:3, 3] + q[:, link, None] * pose[:3, 2]
+            origin = origin + np.einsum("nij,nj->ni", rotation, shift)
+            rotation = rotation @ pose[:3, :3]
         placed[:, link] = origin[:, None] + ends[link] @ rotation.swapaxes(-1, -2)
     return placed
-
-
-def _motion(robot: Robot, joint: int, q: Array) -> tuple[Array, Array]:
-    """Rotations (n, 3, 3) and shifts (n, 3) of one joint in its own frame."""
-    turns = np.tile(np.eye(3), (len(q), 1, 1))
-    shifts = np.zeros((len(q), 3))
-    if robot.revolute[joint]:
-        angle = q + robot.theta[joint]
-        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angle)
-        turns[:, 1, 0] = np.sin(angle)
-        turns[:, 0, 1] = -turns[:, 1, 0]
-    else:
-        shifts[:, 2] = q
-    return turns, shifts
 
 
 def _default(robot: Robot, link: int) -> Array:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
-from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, cos_sin, inverse, joint_motion
+from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, inverse, joint_motion, pose_of
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -34,11 +34,6 @@ GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal
 
 In this order: the elements that show a group hold no parameters of the groups behind it.
 """
-
-_CONFIGURATIONS = 12
-"""Random configurations that are looked at, of which one would do."""
-_PART = 1e-6
-"""Of a parameter in a direction, from which on it counts."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +93,8 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
-    configurations = random.uniform(-np.pi, np.pi, (_CONFIGURATIONS, robot.n_joints))
+    # 12 random configurations, of which one would do
+    configurations = random.uniform(-np.pi, np.pi, (12, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
     added = np.moveaxis(added_inertias(robot), 0, -1)
     mass = [np.concatenate([each, added], axis=-1) for each, _ in found]
@@ -123,13 +119,9 @@ def _influences_at(robot: Robot, q: Array) -> tuple[Array, Array]:
 
 
 def _pose_at(robot: Robot, link: int, q: float) -> Array:
-    motion = np.eye(4)
-    if robot.revolute[link]:
-        c, s = cos_sin(robot.theta[link] + q)
-        motion[:2, :2] = [[c, -s], [s, c]]
-    else:
-        motion[2, 3] = q
-    return robot.link_pose(link) @ motion
+    turn, shift = (q, 0.0) if robot.revolute[link] else (0.0, q)
+    theta, r = robot.theta[link] + turn, robot.r[link] + shift
+    return pose_of(robot.alpha[link], robot.d[link], theta, r)
 
 
 def _occurs(coefficients: Array) -> Mask:
@@ -148,5 +140,6 @@ def _hidden(gravity: Array) -> Mask:
     varying = (gravity - gravity.mean(axis=0))[:, :, found] / size[found]
     _, values, directions = np.linalg.svd(varying.reshape(-1, int(found.sum())))
     rank = int(np.sum(values > ROUNDED_OFF))
-    found[found] = np.linalg.norm(directions[rank:], axis=0) > _PART
+    # a parameter counts from a millionth of it in a direction on
+    found[found] = np.linalg.norm(directions[rank:], axis=0) > 1e-6
     return found

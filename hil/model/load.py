@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
 """Where mass, first moments and inertias stand in eq. (4)."""
-_SHOWN = 1e-9
-"""Coefficient up to which a parameter changes no base parameter: rounding of K."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +81,8 @@ def load_columns(robot: Robot) -> LoadColumns:
          for carrier in carriers] for name in names
     ]).reshape(10, len(carriers))  # fmt: skip
     K = base_parameters(robot).matrix[:, own]
-    free = free[:, np.abs(K @ free).max(axis=0, initial=0.0) > _SHOWN]
+    # coefficients up to 1e-9 are rounding of K
+    free = free[:, np.abs(K @ free).max(axis=0, initial=0.0) > 1e-9]
     if not free.size:
         raise NoLoad(
             f"{robot.name}: no parameter of the last link is present in the robot file, so a load"

@@ -17,6 +17,7 @@ import ast
 import math
 import warnings
 from collections import Counter
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -33,10 +34,6 @@ Monomial = tuple[str, ...]
 
 _LENGTH_MAX = 200
 """Longest expression that a file may write; nested products of sums have no end otherwise."""
-_TERMS_MAX = 100
-"""Most terms that a product may have."""
-_ROUNDING = 1e-12
-"""Coefficients this near to a whole number are meant to be it."""
 
 
 class Polynomial:
@@ -101,19 +98,14 @@ class Polynomial:
     def tidied(self) -> Polynomial:
         """Return the polynomial without what rounding left of terms that cancel."""
         near = {monomial: float(round(c)) for monomial, c in self.terms.items()}
+        # coefficients within 1e-12 of a whole number are meant to be it
         return Polynomial(
-            {m: near[m] if abs(c - near[m]) < _ROUNDING else c for m, c in self.terms.items()}
+            {m: near[m] if abs(c - near[m]) < 1e-12 else c for m, c in self.terms.items()}
         )
 
 
 def _lift(value: Polynomial | float) -> Polynomial:
     return value if isinstance(value, Polynomial) else Polynomial.constant(value)
-
-
-def monomial_text(monomial: Monomial) -> str:
-    """Return a monomial as text: ``l1^2 l2``; empty for 1."""
-    powers = Counter(monomial).items()
-    return " ".join(name if power == 1 else f"{name}^{power}" for name, power in powers)
 
 
 def parse(text: str) -> Polynomial:
@@ -124,24 +116,19 @@ def parse(text: str) -> Polynomial:
     ValueError
         The text is no such expression; the message says what may be written.
     """
-    try:
-        return _finite(_convert(_tree(text)))
-    except (SyntaxError, ArithmeticError, _NotArithmetic, RecursionError, MemoryError):
-        shown = text if len(text) <= _LENGTH_MAX else f"{text[:_LENGTH_MAX]}..."
-        raise ValueError(
-            f"{shown!r} is no expression; write a number, pi, a length's name, or sums, products"
-            " and quotients by numbers of these"
-        ) from None
+    with suppress(SyntaxError, ArithmeticError, _NotArithmetic, RecursionError, MemoryError):
+        found = _convert(_tree(text))
+        if all(map(math.isfinite, found.terms.values())):
+            return found
+    shown = text if len(text) <= _LENGTH_MAX else f"{text[:_LENGTH_MAX]}..."
+    raise ValueError(
+        f"{shown!r} is no expression; write a number, pi, a length's name, or sums, products and"
+        " quotients by numbers of these"
+    )
 
 
 class _NotArithmetic(Exception):
     """A construct that the file may not write."""
-
-
-def _finite(polynomial: Polynomial) -> Polynomial:
-    if not all(map(math.isfinite, polynomial.terms.values())):
-        raise _NotArithmetic
-    return polynomial
 
 
 def _tree(text: str) -> ast.expr:
@@ -175,7 +162,7 @@ def _combine(left: Polynomial, operator: ast.operator, right: Polynomial) -> Pol
             return left + right
         case ast.Sub():
             return left - right
-        case ast.Mult() if len(left.terms) * len(right.terms) <= _TERMS_MAX:
+        case ast.Mult() if len(left.terms) * len(right.terms) <= 100:
             return left * right
         case ast.Div() if not right.names:
             divisor = right.evaluate({})
@@ -222,21 +209,19 @@ def text(row: Combination, head: int, names: Sequence[str]) -> str:
     pieces = [
         (len(monomial), places, weight, monomial)
         for (monomial, weight), together in grouped.items()
-        for places in _brackets(monomial, weight, together)
+        # parameters of equal weight in brackets, unless the weight is a mere sign
+        for places in ([together] if monomial or abs(weight) != 1 else [[k] for k in together])
     ]
     terms = [_term(m, w, [names[order[k]] for k in places]) for _, places, w, m in sorted(pieces)]
     return _signed_sum(terms) or "0"
 
 
-def _brackets(monomial: Monomial, weight: float, places: list[int]) -> list[list[int]]:
-    """Group parameters of equal weight, unless the weight is a mere sign."""
-    return [places] if monomial or abs(weight) != 1 else [[place] for place in places]
-
-
 def _term(monomial: Monomial, weight: float, names: Sequence[str]) -> tuple[bool, str]:
     size = "" if abs(weight) == 1 else f"{abs(weight):.6g}"
     what = names[0] if len(names) == 1 else f"({' + '.join(names)})"
-    return weight < 0, " ".join(part for part in (size, monomial_text(monomial), what) if part)
+    powers = Counter(monomial).items()  # such as l1^2 l2
+    lengths = [name if power == 1 else f"{name}^{power}" for name, power in powers]
+    return weight < 0, " ".join(part for part in (size, *lengths, what) if part)
 
 
 def _signed_sum(terms: Iterable[tuple[bool, str]]) -> str:

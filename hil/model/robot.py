@@ -21,7 +21,7 @@ import yaml
 from pydantic import ValidationError
 
 from checked_files.near import did_you_mean
-from checked_files.yaml_file import FileError, line_of, parse_yaml, place, problems, read_text
+from checked_files.yaml_file import FileError, parse_yaml, place, problems, read_text, refuse
 from hil.errors import InvalidValue, UnknownName
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.readers.robot_draft import robot_as_stated
@@ -205,18 +205,14 @@ def refuse_unknown(robot: Robot) -> None:
     FileError
         One line for each limit or value of a drive train that its file leaves unknown.
     """
-    wrong = [
-        f"{robot.source}:{line_of(robot.text, at)}: {place(at)}: {why}"
-        for at, why in unknown_for_motion(robot)
-    ]
+    wrong = list(unknown_for_motion(robot))
     if wrong and robot.source.endswith(".urdf"):
         raise FileError(
             f"{robot.source}: a URDF states no gears, torque constants and accelerations, which"
             f" motions need; write a robot file from it with: hil robot new --urdf {robot.source}"
             f" -o {Path(robot.source).stem}.yaml"
         )
-    if wrong:
-        raise FileError("\n".join(wrong))
+    refuse(robot.source, robot.text, wrong)
 
 
 def parse_robot(text: str, source: str) -> Robot:
@@ -228,9 +224,7 @@ def parse_robot(text: str, source: str) -> Robot:
         As `load_robot`.
     """
     robot = Robot(parse_yaml(text, RobotFile, source), source, text)
-    wrong = [f"{source}:{line_of(text, at)}: {place(at)}: {why}" for at, why in wrong_names(robot)]
-    if wrong:
-        raise FileError("\n".join(wrong))
+    refuse(source, text, wrong_names(robot))
     return robot
 
 

@@ -28,18 +28,17 @@ _SPRINGS = {"linear": "k", "cosine": "kc", "sine": "ks"}
 
 def _per_joint(value: Callable[[Joint], float | str]) -> cached_property[Array]:
     """A read-only array of what a joint states, NaN where it is unknown; shape (n_joints,)."""
-    return cached_property(
-        lambda robot: _read_only([_number(value(joint)) for joint in robot.file.joints])
-    )
+
+    def array(robot: RobotArrays) -> Array:
+        stated = [value(joint) for joint in robot.file.joints]
+        return _read_only([math.nan if each == UNKNOWN else float(each) for each in stated])
+
+    return cached_property(array)
 
 
 def _per_drive(value: Callable[[Drive], float | str]) -> cached_property[Array]:
     """The same of its drive train."""
     return _per_joint(lambda joint: value(joint.drive or NO_DRIVE))
-
-
-def _number(stated: float | str) -> float:
-    return math.nan if stated == UNKNOWN else float(stated)
 
 
 class MotorCoupling(NamedTuple):
@@ -89,7 +88,7 @@ class RobotArrays:
     @cached_property
     def revolute(self) -> Mask:
         """Which joints turn; the others slide. Shape (n_joints,)."""
-        return _read_only_flags([joint.type == "revolute" for joint in self.file.joints])
+        return _read_only([joint.type == "revolute" for joint in self.file.joints], bool)
 
     def position_unit(self, axis: int) -> str:
         """Unit of q of a joint (from 0): rad or m."""
@@ -161,7 +160,7 @@ class RobotArrays:
     @cached_property
     def rotor_inertia_unknown(self) -> Mask:
         """Which motors' inertia is to be identified, shape (n_joints,)."""
-        return _read_only_flags(np.isnan(self.rotor_inertia).tolist())
+        return _read_only(np.isnan(self.rotor_inertia), bool)
 
     @cached_property
     def reflected_inertia(self) -> Array:
@@ -260,13 +259,7 @@ class RobotArrays:
         return dict(split_tie(tie) for tie in self.file.ties)
 
 
-def _read_only(values: object) -> Array:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
-
-
-def _read_only_flags(values: list[bool]) -> Mask:
-    array = np.array(values, dtype=np.bool_)
+def _read_only(values: object, kind: type = float) -> NDArray[Any]:
+    array: NDArray[Any] = np.array(values, dtype=kind)
     array.setflags(write=False)
     return array

@@ -24,7 +24,6 @@ with D_0 the potential energy of a body at the base. Velocities are (angular, li
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,24 +48,16 @@ _ELIMINATION_ORDER = (9, 8, 3, 4, 2, 1, 0, 5, 7, 6)
 """Parameters to give away first: m, sz, Iyy as Gautier and Khalil do, then whatever is left."""
 
 
-@dataclass(frozen=True)
-class Transfer:
-    """What joint j lets move to the link before.
+def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
+    """Return what each joint lets move to the link before, T_j, see the module.
 
-    Attributes
-    ----------
+    Returns
+    -------
     directions : array, shape (n_given, 10)
         Basis of T_j in echelon form: row i is 1 at ``given[i]`` and 0 at the others of `given`.
-    given : tuple of int
+    given : list of int
         Parameters of link j that are given away.
     """
-
-    directions: Array
-    given: tuple[int, ...]
-
-
-def transfers(robot: Robot) -> list[Transfer]:
-    """Return T_j of every joint, see the module."""
     velocities = np.zeros((0, 6))
     felt = np.zeros((1, 10))
     felt[0, 6:9] = robot.gravity
@@ -111,7 +102,7 @@ def _null_space(rows: Array) -> Array:
     return np.linalg.svd(space)[2][len(space) :]
 
 
-def _echelon(basis: Array) -> Transfer:
+def _echelon(basis: Array) -> tuple[Array, list[int]]:
     basis = basis.copy()
     given: list[int] = []
     for column in _ELIMINATION_ORDER:
@@ -128,4 +119,4 @@ def _echelon(basis: Array) -> Transfer:
         given.append(column)
     nearest = np.round(basis)
     snapped = np.where(np.abs(basis - nearest) < ROUNDED_OFF, nearest, basis)
-    return Transfer(snapped + 0.0, tuple(given))
+    return snapped + 0.0, given

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
-    from hil.planning.strokes import Strokes
+    from hil.planning.strokes import Partner, Strokes
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +110,8 @@ def dry_run(plan: Plan, robot: Robot, bus: BusCycle | None = None) -> DryRun:
     measurements = measurement_problems(plan, robot)
     if not measurements:
         measurements = [
-            Problem(("measurements", obstacle.number, "q"), obstacle.message)
-            for obstacle in obstacles(plan, robot)
+            Problem(("measurements", number, "q"), message)
+            for number, message in obstacles(plan, robot)
         ]
     return DryRun(
         counts=dict(Counter(m.kind for m in plan.measurements)),
@@ -164,15 +164,10 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
         for message in check_trajectory(measurement, robot, period):
             yield Problem((*here, "sine"), message)
         return
-    where = measurement.id
     yield from _check_ends(here, measurement, robot)
-    yield from _check_profile(
-        here, where, measurement.index, measurement.velocity, measurement.acceleration, robot
-    )
+    yield from _check_profile(here, measurement.id, measurement, robot)
     for partner in measurement.partners:
-        yield from _check_profile(
-            (*here, "partner"), where, partner.index, partner.velocity, partner.acceleration, robot
-        )
+        yield from _check_profile((*here, "partner"), measurement.id, partner, robot)
     yield from _check_window((*here, "stroke"), measurement, robot)
 
 
@@ -196,19 +191,11 @@ def _check_ends(
 
 
 def _check_profile(
-    here: tuple[str | int, ...],
-    where: str,
-    index: int,
-    velocity: float,
-    acceleration: float,
-    robot: Robot,
+    here: tuple[str | int, ...], where: str, moved: Strokes | Partner, robot: Robot
 ) -> Iterator[Problem]:
-    unit = robot.position_unit(index)
-    for key, value, limits, per in (
-        ("velocity", velocity, robot.velocity_limit, "/s"),
-        ("acceleration", acceleration, robot.acceleration_limit, "/s^2"),
-    ):
-        limit = float(limits[index])
+    index, unit = moved.index, robot.position_unit(moved.index)
+    for key, per in (("velocity", "/s"), ("acceleration", "/s^2")):
+        value, limit = getattr(moved, key), float(getattr(robot, f"{key}_limit")[index])
         if value > limit:
             yield Problem(
                 (*here, key),

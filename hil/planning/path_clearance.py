@@ -9,7 +9,6 @@ about every travel again before it commands it (`refuse_travel`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.clearance import Hit
-    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.workspace import Workspace
 
@@ -51,42 +49,36 @@ class JointBoxes:
         return parameters
 
 
-@dataclass(frozen=True, slots=True)
-class Obstacle:
-    """A path of a plan that is not clear.
+def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
+    """Find all paths of `plan` that come too near to a box of its workspace.
 
-    Attributes
-    ----------
-    number : int
-        Of the measurement in the plan, from 0.
-    message : str
-        Measurement, link, box, depth and remedy.
+    Yields
+    ------
+    tuple of int and str
+        Number of the measurement in the plan, from 0; path, link, box, depth and remedy.
     """
-
-    number: int
-    message: str
-
-
-def obstacles(plan: Plan, robot: Robot) -> Iterator[Obstacle]:
-    """Find all paths of `plan` that come too near to a box of its workspace."""
     workspace, measurements = plan.workspace, plan.measurements
     if workspace is None:
         return
-    start, end = _ends(measurements)
+    start, end = (np.array([getattr(m, at) for m in measurements]) for at in ("start", "end"))
     hits = find_hits(robot, workspace, JointBoxes(start, end))
     for number, measurement in enumerate(measurements):
-        if measurement.streamed:
+        if measurement.streamed:  # joints move straight between set-points
             path = measurement.once.path(plan.sample_period)
-            hits |= _on_path(number, path, plan, robot)
+            on_path = find_hits(robot, workspace, JointBoxes(path[:-1], path[1:])).values()
+            hits |= {number: max(on_path, key=lambda hit: hit.depth)} if on_path else {}
     for number, hit in sorted(hits.items()):
-        yield Obstacle(number, f"{measurements[number].id}: {_described(hit, robot, workspace)}")
-    yield from _on_travels(start[:-1], start[1:], plan.travel, plan, robot)
+        yield number, f"{measurements[number].id}: {_described(hit, robot, workspace)}"
+    ways = [("travel to", 1, start[:-1], start[1:], plan.travel)]
     if plan.warm_up:
-        fraction = plan.warm_up.fraction
-        yield from _on_travels(start, end, fraction, plan, robot, "warm-up at", 0)
-        yield from _on_travels(
-            end, np.roll(start, -1, 0), fraction, plan, robot, "warm-up after", 0
-        )
+        fraction, following = plan.warm_up.fraction, np.roll(start, -1, 0)
+        ways += [("warm-up at", 0, start, end, fraction)]
+        ways += [("warm-up after", 0, end, following, fraction)]
+    for what, first, begins, ends, fraction in ways:
+        hits = find_hits(robot, workspace, travels(begins, ends, fraction, robot))
+        for number, hit in sorted(hits.items()):
+            place = f"{what} {measurements[number + first].id}"
+            yield number + first, f"{place}: {_described(hit, robot, workspace)}"
 
 
 def refuse_travel(
@@ -118,35 +110,6 @@ def refuse_travel(
             f"travel from ({where}): {_described(hit, robot, workspace)}; bring the robot nearer"
             " to its next configuration with hil jog"
         )
-
-
-def _on_path(number: int, path: Array, plan: Plan, robot: Robot) -> dict[int, Hit]:
-    """Find the deepest intrusion of streamed set-points; joints move straight between them."""
-    assert plan.workspace is not None  # noqa: S101 - `obstacles` has asked
-    hits = find_hits(robot, plan.workspace, JointBoxes(path[:-1], path[1:]))
-    deepest = max(hits.values(), key=lambda hit: hit.depth, default=None)
-    return {} if deepest is None else {number: deepest}
-
-
-def _ends(measurements: Sequence[Measurement]) -> tuple[Array, Array]:
-    return np.array([m.start for m in measurements]), np.array([m.end for m in measurements])
-
-
-def _on_travels(
-    start: Array,
-    end: Array,
-    fraction: float,
-    plan: Plan,
-    robot: Robot,
-    what: str = "travel to",
-    offset: int = 1,
-) -> Iterator[Obstacle]:
-    assert plan.workspace is not None  # noqa: S101 - `obstacles` has asked
-    hits = find_hits(robot, plan.workspace, travels(start, end, fraction, robot))
-    for owner, hit in sorted(hits.items()):
-        number = owner + offset
-        place = f"{what} {plan.measurements[number].id}"
-        yield Obstacle(number, f"{place}: {_described(hit, robot, plan.workspace)}")
 
 
 def _described(hit: Hit, robot: Robot, workspace: Workspace, remedy: str = _IN_A_PLAN) -> str:

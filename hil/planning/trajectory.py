@@ -36,8 +36,6 @@ ACCELERATION_SHARE = 0.5
 """Of each axis's acceleration limit that a trajectory may use. The limit is what an axis can do
 while the others rest. On a trajectory all accelerate at once and load each other; how much, nobody
 knows before the model is known. At 0.9 of it drives of the manutec-r15 saturate and fault."""
-AT_REST = 1e-3
-"""Share of the limits of velocity and acceleration that a period may begin with."""
 ROUNDED = 0.5e-6
 """By which plans round amplitudes, so that no sum of them is exactly zero [rad or m]."""
 _WHY = {
@@ -183,7 +181,8 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Ite
             ("velocity", qd, float(robot.velocity_limit[joint]), ROUNDED * order.sum()),
             ("acceleration", qdd, float(robot.acceleration_limit[joint]), ROUNDED * order @ order),
         ):
-            if abs(values[0, joint]) > max(AT_REST * limit, rounding):
+            # a period may begin with a thousandth of the limits of velocity and acceleration
+            if abs(values[0, joint]) > max(1e-3 * limit, rounding):
                 yield (
                     f"{trajectory.id}: joint {joint + 1} begins with {what}"
                     f" {values[0, joint]:.3g}, must rest: choose sines with sum k sine_k = 0 and"

@@ -74,39 +74,24 @@ class Trapezoid:
     def _sign(self) -> float:
         return math.copysign(1.0, self.end - self.start)
 
-    def motion(self, t: ArrayLike) -> tuple[Array, ...]:
-        """q, qd and qdd at times `t` (any shape) since the start."""
-        first, second, third = self._phases(t)
+    def motion(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        """q, qd and qdd at times `t` (any shape) since the start; at rest outside the move."""
+        times = np.asarray(t, dtype=float)
+        begin, end = self.window
+        # time spent so far in the first ramp, the cruise and the last ramp [s]
+        first, third = np.clip(times, 0, begin), np.clip(times - end, 0, self.duration - end)
+        second = np.clip(times - begin, 0, end - begin)
         way = (
             self.acceleration * first**2 / 2
             + self.peak * (second + third)
             - self.acceleration * third**2 / 2
         )
-        q = self.start + self._sign * way
-        return q, self._sign * self.acceleration * (first - third), self.qdd(t)
+        rising = (times >= 0) & (times < begin)
+        falling = (times >= end) & (times < self.duration)
+        rate = self._sign * self.acceleration
+        q, qd = self.start + self._sign * way, rate * (first - third)
+        return q, qd, rate * (rising.astype(float) - falling)
 
     def q(self, t: ArrayLike) -> Array:
         """Position at times `t` (any shape) since the start [rad]; at rest outside the move."""
         return self.motion(t)[0]
-
-    def qd(self, t: ArrayLike) -> Array:
-        """Velocity at times `t` (any shape) since the start [rad/s]."""
-        return self.motion(t)[1]
-
-    def qdd(self, t: ArrayLike) -> Array:
-        """Acceleration at times `t` (any shape) since the start [rad/s^2]."""
-        times = np.asarray(t, dtype=float)
-        begin, end = self.window
-        rising = (times >= 0) & (times < begin)
-        falling = (times >= end) & (times < self.duration)
-        return self._sign * self.acceleration * (rising.astype(float) - falling)
-
-    def _phases(self, t: ArrayLike) -> tuple[Array, ...]:
-        """Time spent so far in the first ramp, the cruise and the last ramp [s]."""
-        times = np.asarray(t, dtype=float)
-        begin, end = self.window
-        return (
-            np.clip(times, 0, begin),
-            np.clip(times - begin, 0, end - begin),
-            np.clip(times - end, 0, self.duration - end),
-        )

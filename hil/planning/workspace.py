@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
 
-MARGIN = 0.05
-"""Distance that links keep from boxes unless the workspace states another [m]."""
-
 
 class Box(FileModel):
     """A box that no link may enter, from corner `low` to corner `high` [m].
@@ -55,12 +52,12 @@ class Workspace(FileModel):
     Attributes
     ----------
     margin : float
-        Distance that every link keeps from every box [m].
+        Distance that every link keeps from every box [m]; 5 cm unless stated.
     ranges : dict
         Joint (from 1) to its lower and upper end [rad or m], within the robot's own range.
     """
 
-    margin: Annotated[float, Field(ge=0, le=1)] = MARGIN
+    margin: Annotated[float, Field(ge=0, le=1)] = 0.05
     ranges: dict[int, tuple[float, float]] = Field(default_factory=dict)
     boxes: tuple[Box, ...] = ()
 

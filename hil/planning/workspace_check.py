@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, line_of, parse_yaml, read_text
+from checked_files.yaml_file import parse_yaml, read_text, refuse
 from hil.model.capsules import capsules, reaches
 from hil.planning.clearance import intrusions
 from hil.planning.workspace import Workspace
@@ -31,8 +31,6 @@ FARTHEST = 20.0
 """Coordinates of a box may be this many times the reach of the arm."""
 SMALLEST = 1 / 500
 """Longest edge of a box, as a share of the reach, below which nothing is guarded by it."""
-CONFIGURATIONS = 256
-"""Configurations, spread over the joint ranges, in which a link must stand clear of a box once."""
 
 Place = tuple[str | int, ...]
 
@@ -72,15 +70,8 @@ def refuse_unfit(
     FileError
         One line for each problem.
     """
-    problems = [((*within, *place), reason) for place, reason in misfits(workspace, robot)]
-    if problems:
-        raise FileError(
-            "\n".join(
-                f"{source}{'' if text is None else f':{line_of(text, place)}'}:"
-                f" {'.'.join(map(str, place))}: {reason}"
-                for place, reason in problems
-            )
-        )
+    wrong = (((*within, *at), reason) for at, reason in misfits(workspace, robot))
+    refuse(source, text, wrong)
 
 
 def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
@@ -98,7 +89,7 @@ def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
             yield from _range(joint, low, high, robot)
     sound = True
     for number, box in enumerate(workspace.boxes):
-        for place, reason in (*_links(box, robot), *_units(box, robot)):
+        for place, reason in _of_box(box, robot):
             sound = False
             yield ("boxes", number, *place), reason
     if sound and workspace.boxes:
@@ -141,13 +132,10 @@ def _range(joint: int, low: float, high: float, robot: Robot) -> Iterator[tuple[
     )
 
 
-def _links(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
+def _of_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
+    """Refuse links that there are not, and coordinates that are in another unit than metres."""
     if any(link > robot.n_joints for link in box.ignore_links):
         yield ("ignore_links",), f"{robot.name} has links 1 to {robot.n_joints}"
-
-
-def _units(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Refuse coordinates that are in another unit than metres."""
     reach = float(reaches(robot).max())
     far = FARTHEST * reach
     for key, corner in (("low", box.low), ("high", box.high)):
@@ -169,7 +157,8 @@ def _units(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
     """Refuse boxes in which one link stands at all configurations that are looked at."""
-    spread = np.random.default_rng(0).uniform(size=(CONFIGURATIONS, robot.n_joints))
+    # 256, spread over the joint ranges, in which a link must stand clear of a box once
+    spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
     q = robot.q_min + spread * (robot.q_max - robot.q_min)
     inside = np.all(intrusions(robot, workspace, q) > 0.0, axis=0)
     for number, box in enumerate(workspace.boxes):

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import AxisInfo
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
-    from hil.runs.journal import BusName, SyncTiming
+    from hil.runs.journal import BusName
     from hil.runs.recording_file import Measured
 
 DAMAGED = ".damaged"
@@ -248,23 +248,14 @@ class RunFolder(Run):
         """Note that all ways of the plan were passed at this share of the speed limits."""
         self._note(self.journal.model_copy(update={"rehearsed": speed}))
 
-    def keep_axes(self, axes: Sequence[AxisInfo]) -> None:
-        """Note what the drives report of themselves; goes to the disk with `save_journal`."""
-        self.journal = self.journal.with_last(axes=axis_records(axes))
-
-    def keep_notes(self, notes: Sequence[str]) -> None:
-        """Note what the operator should know; goes to the disk with the session's end."""
-        self.journal = self.journal.with_last(notes=tuple(notes))
-
-    def keep_timing(self, timing: SyncTiming) -> None:
-        """Note how SYNC kept its period; goes to the disk with the session's end."""
-        self.journal = self.journal.with_last(sync=timing)
+    def keep(self, **of_session: object) -> None:
+        """Note fields of the session; goes to the disk with `save_journal`, or with its end."""
+        self.journal = self.journal.with_last(**of_session)
 
     def keep_repeated(self, measurement: str, attempt: int, findings: Sequence[str]) -> None:
         """Note why an attempt is repeated; goes to the disk with the session's end."""
         failed = RepeatedAttempt(measurement=measurement, attempt=attempt, findings=tuple(findings))
-        before = self.journal.sessions[-1].repeated
-        self.journal = self.journal.with_last(repeated=(*before, failed))
+        self.keep(repeated=(*self.journal.sessions[-1].repeated, failed))
 
     def _note(self, journal: Journal) -> None:
         self.journal = journal

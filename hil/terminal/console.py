@@ -1,4 +1,9 @@
-"""The console on which all commands print, and a line that states what is being computed."""
+"""The console on which all commands print, and a line that states what is being computed.
+
+Text from files is shown with control characters written out: names of columns and files come from
+somebody else, and an escape sequence in one would move the cursor, recolour or rename the
+operator's terminal.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +12,18 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from hil.terminal.printable import printable
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+_KEPT = "\n\t"
+_CONTROL = [*range(0x20), *range(0x7F, 0xA0)]
+_WRITTEN_OUT = {code: f"\\x{code:02x}" for code in _CONTROL if chr(code) not in _KEPT}
+
+
+def printable(text: str) -> str:
+    """Text with each control character as its code in hexadecimal, save line ends and tabs."""
+    return text.translate(_WRITTEN_OUT)
+
 
 out = Console()
 

@@ -32,7 +32,6 @@ except ImportError:  # Windows
     termios = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
-    from types import TracebackType
     from typing import Self, TextIO
 
     from rich.console import Console
@@ -71,12 +70,7 @@ class Keys:
             self.listening = False
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_raised: object) -> None:
         """Leave the terminal as it was found."""
         if self.listening:
             self.listening = False
@@ -162,18 +156,13 @@ class KeyboardStop:
             self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_raised: object) -> None:
         """Stop listening and leave the terminal as it was found."""
         self._wanted = False
         if self._started:
             self._thread.join()
             signal.signal(signal.SIGINT, self._before)
-        self._keys.__exit__(exc_type, exc, traceback)
+        self._keys.__exit__()
 
     def pause(self) -> bool:
         """Whether the operator wants a pause; takes a breath while that is so."""

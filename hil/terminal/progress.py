@@ -12,18 +12,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TextColumn
 
-from hil.measuring.events import (
-    Finished,
-    GaveUp,
-    Paused,
-    Preparing,
-    Recorded,
-    Rehearsed,
-    Repeated,
-    Started,
-    Travelled,
-    WarmingUp,
-)
+from hil.measuring import events
 from hil.results.rounding import clock
 
 if TYPE_CHECKING:
@@ -47,7 +36,7 @@ def shown(console: Console) -> Iterator[Callable[[Event], None]]:
         left = pace.left(event)
         if text := notice(event):
             console.print(text, highlight=False, soft_wrap=True)
-        elif time.monotonic() >= due and not isinstance(event, Finished):
+        elif time.monotonic() >= due and not isinstance(event, events.Finished):
             due = time.monotonic() + 30.0
             console.print(f"{doing(event)}, {clock(left)} left", highlight=False)
 
@@ -87,16 +76,16 @@ class Pace:
 
 def notice(event: Event) -> str:
     """What must be shown to the operator even when it scrolls by."""
-    if isinstance(event, Repeated):
+    if isinstance(event, events.Repeated):
         reasons = "; ".join(finding.message for finding in event.findings)
         return f"{event.measurement.id}: attempt {event.attempt} is repeated: {reasons}"
-    if isinstance(event, GaveUp):
+    if isinstance(event, events.GaveUp):
         reasons = "\n  ".join(finding.message for finding in event.findings)
         return (
             f"{event.measurement.id}: kept with findings after {event.attempts} attempts:\n"
             f"  {reasons}"
         )
-    if isinstance(event, Paused):
+    if isinstance(event, events.Paused):
         return "paused, the axes stay under power; any key goes on, s or space stops"
     return ""
 
@@ -104,17 +93,17 @@ def notice(event: Event) -> str:
 def doing(event: Event) -> str:
     """What is being done, in words."""
     match event:
-        case Started():
+        case events.Started():
             return f"{event.pending} of {event.planned} measurements to do"
-        case WarmingUp() | Preparing():
+        case events.WarmingUp() | events.Preparing():
             what = "warming up"
-            if isinstance(event, Preparing):
+            if isinstance(event, events.Preparing):
                 what = f"rest and exercise before {event.measurement.id}"
             return f"{what}, {clock(event.done)} of {clock(event.duration)}"
-        case Travelled() | Repeated():
+        case events.Travelled() | events.Repeated():
             return f"measuring {event.measurement.id} ({event.measurement.kind})"
-        case Rehearsed():
+        case events.Rehearsed():
             return f"rehearsed {event.measurement.id} ({event.measurement.kind})"
-        case Recorded() | GaveUp():
+        case events.Recorded() | events.GaveUp():
             return f"measured {event.measurement.id} ({event.measurement.kind})"
-    return "paused" if isinstance(event, Paused) else "finished"
+    return "paused" if isinstance(event, events.Paused) else "finished"

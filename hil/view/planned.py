@@ -65,8 +65,8 @@ def problems_by_number(plan: Plan, robot: Robot) -> dict[int, str]:
     found: defaultdict[int, list[str]] = defaultdict(list)
     for problem in (wrong := measurement_problems(plan, robot)):
         found[int(problem.location[1])].append(problem.message)
-    for obstacle in () if wrong else obstacles(plan, robot):
-        found[obstacle.number].append(obstacle.message)
+    for number, message in () if wrong else obstacles(plan, robot):
+        found[number].append(message)
     return {number: "\n".join(messages) for number, messages in found.items()}
 
 

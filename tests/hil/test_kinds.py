@@ -88,8 +88,6 @@ OTHERWISE = {
     ("gravity", "ground_truth/true_parameters.py"): "a key of a plant's file",
     ("friction", "export/urdf_file.py"): "an attribute of a URDF",
     ("inertia", "export/urdf_file.py"): "an element of a URDF",
-    ("inertia", "export/given_urdf.py"): "the same",
-    ("trajectory", "planning/design/candidates.py"): "what a plan by minutes may choose besides",
     ("gravity", "cli/planning.py"): "the option for its count",
     ("inertia", "cli/planning.py"): "the option for its count",
     ("coupling", "cli/planning.py"): "the option for its count",

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from hil.export.c_code import write_c
 from hil.export.functions import functions
-from hil.export.python_code import write_python
+from hil.export.languages import write_c, write_python
 from hil.export.source_code import identifier
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from synthetic import TABLE_3_A, Friction, record
 from drivers.drive_bus import AxisInfo
 from hil.planning.design.by_counts import design
 from hil.report.charts.chart import Chart
-from hil.runs.journal import BusName
+from hil.runs.journal import BusName, axis_records
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
 
@@ -30,8 +30,11 @@ def write_run(path, robot, truth=None, seed=1, more=()):
     friction = Friction(growth=-3e-4, offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
     rng, begin = np.random.default_rng(seed), 0.0
     with folder.session(SIMULATED) as session:
-        folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
-                          for n in range(1, 7)])  # fmt: skip
+        axes = [
+            AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
+            for n in range(1, 7)
+        ]
+        folder.keep(axes=axis_records(axes))
         for measurement in plan.measurements:
             recording = record(machine, measurement, p, friction, begin=begin, noise=NOISE, rng=rng)
             folder.write(Measured(measurement, recording, session=session))

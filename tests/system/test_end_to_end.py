@@ -16,8 +16,7 @@ import hil
 from hil.cli import main
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison
-from hil.ground_truth.plant_file import find_plant
-from hil.ground_truth.true_parameters import true_parameters
+from hil.ground_truth.true_parameters import find_plant, true_parameters
 from hil.runs.pooling import recorded
 
 COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.runs.journal import NO_REAL_MACHINE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -69,10 +68,6 @@ class Job:
             yield measured
 
 
-Writer = Callable[[Job], None]
-"""Writes the recordings of a run in one format."""
-
-
 README = "README.txt"
 NOTES = (
     "Time begins anew in each session; the index states the session of each measurement.",
@@ -85,12 +80,13 @@ NOTES = (
 def facts(job: Job) -> dict[str, str]:
     """Return robot and run in words, by short keys."""
     run, sessions = job.run, job.run.journal.sessions
+    buses = dict.fromkeys(session.bus for session in sessions)
     found = {
         "run": run.path.resolve().name,
         "run id": run.journal.run_id or "none",
         "robot": f"{run.robot.name} (robot file {run.robot.digest[:12]})",
         "joints": ", ".join(job.joints),
-        "recorded": NO_REAL_MACHINE if run.journal.simulated else ", ".join(_buses(run)),
+        "recorded": NO_REAL_MACHINE if run.journal.simulated else ", ".join(buses),
         "sessions": ", ".join(session.started for session in sessions),
         "measurements": f"{len(run)} of {len(run.motions)}",
     }
@@ -112,7 +108,3 @@ def about_columns(columns: Iterable[Column]) -> list[str]:
 def _line(column: Column) -> str:
     unit = f" [{column.unit}]" if column.unit else ""
     return f"{column.name}: {column.what}{unit}, {'derived' if column.derived else 'recorded'}"
-
-
-def _buses(run: Run) -> list[str]:
-    return list(dict.fromkeys(session.bus for session in run.journal.sessions))

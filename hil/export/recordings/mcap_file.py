@@ -103,7 +103,9 @@ class _Content:
         planned = set_points(measured.measurement, recording)
         for begin in range(0, len(stamps), ROWS):
             some = slice(begin, begin + ROWS)
-            topics = {"/joint_states": self._states(stamps[some], _rows(parts, some))}
+            topics = {
+                "/joint_states": self._states(stamps[some], {k: v[some] for k, v in parts.items()})
+            }
             if planned is not None:
                 topics["/set_points"] = self._states(stamps[some], {"position": planned[some]})
             for stamp, *data in zip(stamps[some].tolist(), *topics.values(), strict=True):
@@ -135,10 +137,6 @@ class _Content:
     def _add(self, topic: str, stamp: int, data: bytes) -> None:
         channel = self._channels[topic]
         self._writer.add_message(channel, log_time=stamp, publish_time=stamp, data=data)
-
-
-def _rows(parts: dict[str, Array], some: slice) -> dict[str, Array]:
-    return {part: values[some] for part, values in parts.items()}
 
 
 def _timeline(run: Run) -> Iterator[tuple[str, int]]:

@@ -51,9 +51,6 @@ _IN_NAMES = {
     UNKNOWN: "unknown_unit",
 }
 _FLAGS = ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in SampleFlag)
-INDEX = ("id", "kind", "axes", "read", "session", "samples", "begins_s", "ends_s", "attempts",
-         "findings")  # fmt: skip
-"""Columns of the list of measurements."""
 
 
 def columns(robot: Robot, measured: Measured) -> tuple[Column, ...]:
@@ -66,24 +63,24 @@ def unknown_gains(motion: RecordedMotion) -> tuple[int, ...]:
     return (motion.unknown_gains or ()) if isinstance(motion, FreeMotion) else ()
 
 
-def row(measured: Measured) -> tuple[str | int | float, ...]:
-    """Return what the list of measurements states of one, in the order of `INDEX`.
+def row(measured: Measured) -> dict[str, str | int | float]:
+    """Return what the list of measurements states of one, by the names of its columns.
 
     Axes are numbered from 1; ``axes`` are those that move, ``read`` those whose torque is read.
     """
     motion, recording = measured.measurement, measured.recording
-    return (
-        motion.id,
-        motion.kind,
-        " ".join(str(axis + 1) for axis in motion.moved),
-        " ".join(str(axis + 1) for axis in motion.read),
-        measured.session,
-        recording.n_samples,
-        float(recording.time[0]),
-        float(recording.time[-1]),
-        measured.attempts,
-        "; ".join(finding.message for finding in measured.findings),
-    )
+    return {
+        "id": motion.id,
+        "kind": motion.kind,
+        "axes": " ".join(str(axis + 1) for axis in motion.moved),
+        "read": " ".join(str(axis + 1) for axis in motion.read),
+        "session": measured.session,
+        "samples": recording.n_samples,
+        "begins_s": float(recording.time[0]),
+        "ends_s": float(recording.time[-1]),
+        "attempts": measured.attempts,
+        "findings": "; ".join(finding.message for finding in measured.findings),
+    }
 
 
 def _columns(robot: Robot, measured: Measured) -> Iterator[Column]:
@@ -139,7 +136,7 @@ def write_csv(job: Job) -> None:
         job,
         "csv",
         lambda file, table, _: write(file, _rows_of(table)),
-        lambda file, names, rows: write(file, [names, *rows]),
+        lambda file, rows: write(file, [list(rows[0]), *(list(each.values()) for each in rows)]),
     )
 
 
@@ -174,14 +171,14 @@ def write_parquet(job: Job) -> None:
         return pyarrow.field(column.name, kind, metadata=stated)
 
     def write(file: IO[bytes], table: Sequence[Column], measured: Measured) -> None:
-        stated = {key: str(value) for key, value in zip(INDEX, row(measured), strict=True)}
+        stated = {key: str(value) for key, value in row(measured).items()}
         stated["measurement"] = measured.measurement.model_dump_json()
         schema = pyarrow.schema([field(column) for column in table], metadata=run | stated)
         arrays = [pyarrow.array(column.values) for column in table]
         pyarrow.parquet.write_table(pyarrow.table(arrays, schema=schema), file)
 
-    def write_index(file: IO[bytes], names: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-        listed = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    def write_index(file: IO[bytes], rows: Sequence[dict[str, Any]]) -> None:
+        listed = {name: [each[name] for each in rows] for name in rows[0]}
         pyarrow.parquet.write_table(pyarrow.table(listed, metadata=run), file)
 
     _write_tables(job, "parquet", write, write_index)
@@ -191,10 +188,10 @@ def _write_tables(
     job: Job,
     ending: str,
     write: Callable[[IO[bytes], Sequence[Column], Measured], None],
-    write_index: Callable[[IO[bytes], Sequence[str], Sequence[Sequence[Any]]], None],
+    write_index: Callable[[IO[bytes], Sequence[dict[str, Any]]], None],
 ) -> None:
     """Write ``recordings/ID.ending``, ``index.ending`` that lists them, and what each column is."""
-    rows: list[Sequence[Any]] = []
+    rows: list[dict[str, Any]] = []
     seen: dict[str, Column] = {}
     own_folder(job.folder / FOLDER)
     for measured in job:
@@ -202,9 +199,9 @@ def _write_tables(
         table = columns(job.run.robot, measured)
         with new_file(job.folder / name) as file:
             write(file, table, measured)
-        rows.append((name, *row(measured)))
+        rows.append({"file": name, **row(measured)})
         seen = {column.name: column for column in table} | seen
     with new_file(job.folder / f"index.{ending}") as file:
-        write_index(file, ("file", *INDEX), rows)
+        write_index(file, rows)
     with new_file(job.folder / README) as file:
         file.write(readme(job, about_columns(seen.values())).encode())

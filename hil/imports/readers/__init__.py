@@ -29,16 +29,14 @@ HDF5 = (".h5", ".hdf5", ".hdf")
 PARQUET = (".parquet", ".pq")
 KNOWN = (*TEXT, ".csv.gz", *ARRAYS, ".mat", *HDF5, *PARQUET, *BAGS)
 _READERS = (
-    (BAGS, "joint_states", "open_bag"),
+    (BAGS, "joint_states", "JointStates"),
     (ARRAYS, "arrays", "open_arrays"),
     ((".mat",), "arrays", "open_matlab"),
     (HDF5, "arrays", "open_hdf5"),
     (PARQUET, "arrays", "open_parquet"),
     (TEXT, "text", "open_text"),
 )
-"""Endings, and the module and function that read such files."""
-_SHOWN = 120
-"""Characters that are shown of what a library says."""
+"""Endings, and the module and what in it makes a table of such files."""
 
 
 def open_table(path: Path, layout: Format) -> Table:
@@ -90,7 +88,8 @@ def sound(path: Path) -> Iterator[None]:
     except HilError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).split())[:_SHOWN] or type(error).__name__
+        # 120 characters are shown of what a library says
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise FileError(
             f"{path}: cannot be read: {reason}; it seems damaged: copy or download it again"
         ) from error

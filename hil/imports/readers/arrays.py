@@ -31,13 +31,7 @@ if TYPE_CHECKING:
 
 
 def open_arrays(path: Path, _: Format) -> ArrayTable:
-    """Open arrays of NumPy.
-
-    Raises
-    ------
-    FileError
-        It is no such file, or holds no columns of numbers.
-    """
+    """Open arrays of NumPy; errors are those of `hil.imports.readers.open_table`."""
     try:
         with file_errors(path, "read"):
             loaded = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -112,13 +106,7 @@ class _Field:
 
 
 def open_hdf5(path: Path, _: Format) -> ArrayTable:
-    """Open a file of HDF5.
-
-    Raises
-    ------
-    FileError
-        It is no such file, is damaged, or holds no columns of numbers.
-    """
+    """Open a file of HDF5."""
     return table_of(path, datasets_of(path, "/"))
 
 
@@ -140,13 +128,7 @@ def datasets_of(path: Path, separator: str) -> dict[str, Any]:
 
 
 def open_matlab(path: Path, _: Format) -> ArrayTable:
-    """Open a file of MATLAB.
-
-    Raises
-    ------
-    FileError
-        It is no such file, or holds no columns of numbers.
-    """
+    """Open a file of MATLAB, before or since 7.3."""
     with file_errors(path, "read"):
         since_7_3 = h5py.is_hdf5(path)
     return table_of(path, datasets_of(path, ".") if since_7_3 else _variables(path))
@@ -202,13 +184,7 @@ class ParquetTable:
 
 
 def open_parquet(path: Path, _: Format) -> ParquetTable:
-    """Open a file of Parquet.
-
-    Raises
-    ------
-    FileError
-        It is no such file, or pyarrow is not installed.
-    """
+    """Open a file of Parquet."""
     with needed_for(path):
         from pyarrow import ArrowException  # noqa: PLC0415 - optional
         from pyarrow.parquet import ParquetFile  # noqa: PLC0415

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,9 +25,8 @@ if TYPE_CHECKING:
 
 LITTLE_ENDIAN = b"\x00\x01"
 PARTS = ("position", "velocity", "effort")
-_ENCAPSULATION = 4
-_STAMP = slice(_ENCAPSULATION, _ENCAPSULATION + 8)
-_TAIL = 3
+_STAMP = ("sec", "<i4", 4), ("nanosec", "<u4", 8)
+"""Behind the encapsulation: name, type, and first byte."""
 
 
 class OtherLayout(Exception):
@@ -40,38 +39,25 @@ class MessageLayout:
 
     Attributes
     ----------
-    size : int
-        Of a message [bytes].
     names : tuple of str
         Of the joints.
-    values : dict of str to (int, int)
-        Of each part its first byte and how many doubles it has.
+    values : dtype
+        Of a message: ``sec``, ``nanosec`` and `PARTS` where they stand in it.
     fixed : array (n,) of int
         Bytes that all messages have in common.
     content : array (n,) of uint8
         What these are.
     """
 
-    size: int
     names: tuple[str, ...]
-    values: dict[str, tuple[int, int]]
+    values: np.dtype[np.void]
     fixed: Integers
     content: Bytes
 
-    def fits(self, messages: Bytes) -> Mask:
-        """Which of the messages, shape (n, size), are of this layout."""
-        return np.asarray((messages[:, self.fixed] == self.content).all(axis=1))
-
-    def stamps(self, messages: Bytes) -> tuple[Array, Array]:
-        """Seconds and nanoseconds of messages (n, size)."""
-        stamps = np.ascontiguousarray(messages[:, _STAMP])
-        seconds, nanoseconds = stamps.view("<i4")[:, 0], stamps.view("<u4")[:, 1]
-        return seconds.astype(np.float64), nanoseconds.astype(np.float64)
-
-    def part(self, messages: Bytes, part: str) -> Array:
-        """Values of one of `PARTS` of messages (n, size), shape (n, n_values)."""
-        first, count = self.values[part]
-        return np.ascontiguousarray(messages[:, first : first + 8 * count]).view("<f8")
+    def fits(self, messages: bytes) -> Mask:
+        """Which of the messages, which stand one behind the other, are of this layout."""
+        rows = np.frombuffer(messages, np.uint8).reshape(-1, self.values.itemsize)
+        return np.asarray((rows[:, self.fixed] == self.content).all(axis=1))
 
     def messages(
         self, like: bytes, seconds: ArrayLike, nanoseconds: ArrayLike, parts: dict[str, Array]
@@ -86,14 +72,11 @@ class MessageLayout:
         parts : dict of str to array (n, n_values)
             By their names in `PARTS`; those without values may be left out.
         """
-        stamps = np.column_stack([seconds, nanoseconds]).astype("<u4")
-        found = np.tile(np.frombuffer(like, np.uint8), (len(stamps), 1))
-        found[:, _STAMP] = stamps.view(np.uint8)
-        for part, values in parts.items():
-            first, count = self.values[part]
-            doubles = np.ascontiguousarray(values, dtype="<f8")
-            found[:, first : first + 8 * count] = doubles.view(np.uint8)
-        return found
+        n = len(np.asarray(seconds))
+        found = np.frombuffer(bytearray(like * n), self.values)
+        for name, values in {"sec": seconds, "nanosec": nanoseconds, **parts}.items():
+            found[name] = values
+        return found.view(np.uint8).reshape(n, -1)
 
 
 class _Cursor:
@@ -101,11 +84,11 @@ class _Cursor:
 
     def __init__(self, message: bytes) -> None:
         self._message = message
-        self.at = _STAMP.stop
-        self.fixed = [np.arange(_ENCAPSULATION)]
+        self.at = 12
+        self.fixed = [np.arange(4)]
 
     def align(self, size: int) -> None:
-        self.at += -(self.at - _ENCAPSULATION) % size
+        self.at += -(self.at - 4) % size
 
     def length(self) -> int:
         self.align(4)
@@ -121,13 +104,14 @@ class _Cursor:
         self._fix(length)
         return text[:-1].decode()
 
-    def doubles(self) -> tuple[int, int]:
+    def doubles(self, part: str) -> tuple[str, tuple[str, tuple[int]], int]:
+        """Name, type and first byte of a sequence."""
         count = self.length()
         if count:
             self.align(8)
         first = self.at
         self.at += 8 * count
-        return first, count
+        return part, ("<f8", (count,)), first
 
     def _fix(self, size: int) -> None:
         self.fixed.append(np.arange(self.at, self.at + size))
@@ -148,11 +132,15 @@ def layout_of(message: bytes) -> MessageLayout:
     try:
         cursor.string()
         names = tuple(cursor.string() for _ in range(min(cursor.length(), len(message))))
-        values = {part: cursor.doubles() for part in PARTS}
+        values = [*_STAMP, *(cursor.doubles(part) for part in PARTS)]
     except (struct.error, UnicodeDecodeError) as error:
         raise OtherLayout from error
-    if not cursor.at <= len(message) <= cursor.at + _TAIL:
+    # a message ends with 3 bytes of padding at most
+    if not cursor.at <= len(message) <= cursor.at + 3:
         raise OtherLayout
     fixed = np.concatenate(cursor.fixed)
     content = np.frombuffer(message, np.uint8)[fixed]
-    return MessageLayout(len(message), names, values, fixed, content)
+    parts, formats, offsets = (list(each) for each in zip(*values, strict=True))
+    places: Any = {"names": parts, "formats": formats, "offsets": offsets}
+    values_of = np.dtype(places | {"itemsize": len(message)})
+    return MessageLayout(names, values_of, fixed, content)

@@ -22,8 +22,10 @@ from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import Format
@@ -34,18 +36,17 @@ if TYPE_CHECKING:
 TYPE = "sensor_msgs/msg/JointState"
 LAYOUTS = 32
 """Layouts of messages that are looked for in one recording; more are read one by one."""
-_LOOKED_AT = 200
 _TIMES = ("time", "received", "sec", "nanosec")
 
 
 class JointStates:
-    """Messages of one topic as a table; see `hil.imports.tables.Table`."""
+    """Messages of one topic of a file, or folder, as a table; see `hil.imports.tables.Table`."""
 
     time: tuple[int, ...] = (_TIMES.index("sec"), _TIMES.index("nanosec"))
 
-    def __init__(self, path: Path, topic: str | None) -> None:
+    def __init__(self, path: Path, layout: Format) -> None:
         self.path = path
-        self._topic = _topic_of(path, topic)
+        self._topic = _topic_of(path, layout.topic)
         self.names = (*_TIMES, *self._joints())
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
@@ -60,35 +61,20 @@ class JointStates:
                     yield found
 
     def _joints(self) -> list[str]:
+        """Columns of the joints, which the first 201 messages name."""
         names: dict[str, None] = {}
-        for number, message in enumerate(self._messages()):
-            for part in PARTS:
-                if len(getattr(message, part)) == len(message.name):
-                    names |= {f"{part}/{joint}": None for joint in message.name}
-            if number == _LOOKED_AT:
-                break
-        return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
-
-    def _messages(self) -> Iterator[Any]:
         with _opened(self.path) as reader:
-            for _, data in self._raw(reader):
-                yield reader.deserialize(data, TYPE)
+            for _, data in islice(self._raw(reader), 201):
+                message = reader.deserialize(data, TYPE)
+                for part in PARTS:
+                    if len(getattr(message, part)) == len(message.name):
+                        names |= {f"{part}/{joint}": None for joint in message.name}
+        return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 
     def _raw(self, reader: Any) -> Iterator[tuple[int, bytes]]:
         here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]
         for _, received, data in reader.messages(here):
             yield received, data
-
-
-def open_bag(path: Path, layout: Format) -> JointStates:
-    """Open a file, or folder, of messages.
-
-    Raises
-    ------
-    FileError
-        It is no such file, rosbags is not installed, or its topic of joint states is not clear.
-    """
-    return JointStates(path, layout.topic)
 
 
 def _topic_of(path: Path, stated: str | None) -> str:
@@ -178,10 +164,10 @@ class Rows:
         for number in self._fill_alike(messages, rows, present) if self._cdr else every:
             message = self._general(messages[number])
             values = {part: np.asarray(getattr(message, part))[np.newaxis] for part in PARTS}
-            stamp = message.header.stamp
-            stamps = np.array([float(stamp.sec)]), np.array([float(stamp.nanosec)])
+            for part in ("sec", "nanosec"):
+                values[part] = np.array([float(getattr(message.header.stamp, part))])
             this = np.array([number])
-            present[number] = self._fill(rows, this, tuple(message.name), values, stamps)
+            present[number] = self._fill(rows, this, tuple(message.name), values)
         return rows[present]
 
     def _fill_alike(self, messages: Sequence[bytes], rows: Array, present: Mask) -> Integers:
@@ -195,13 +181,11 @@ class Rows:
                 left = left[1:]
                 continue
             layout, tried = self._layouts[tried], tried + 1
-            these = left[sizes[left] == layout.size]
+            these = left[sizes[left] == layout.values.itemsize]
             joined = b"".join([messages[number] for number in these])
-            alike = np.frombuffer(joined, np.uint8).reshape(-1, layout.size)
-            fits = layout.fits(alike)
-            these, alike = these[fits], alike[fits]
-            values = {part: layout.part(alike, part) for part in PARTS}
-            present[these] = self._fill(rows, these, layout.names, values, layout.stamps(alike))
+            fits = layout.fits(joined)
+            these, alike = these[fits], np.frombuffer(joined, layout.values)[fits]
+            present[these] = self._fill(rows, these, layout.names, alike)
             left = np.setdiff1d(left, these, assume_unique=True)
         return np.concatenate([np.array(odd, dtype=np.int64), left])
 
@@ -218,8 +202,7 @@ class Rows:
         rows: Array,
         these: Integers,
         names: tuple[str, ...],
-        values: dict[str, Array],
-        stamps: tuple[Array, Array],
+        values: Mapping[str, Array] | NDArray[np.void],
     ) -> bool:
         """Fill the rows of messages with the same names; return whether any joint is wanted."""
         if names not in self._places:
@@ -228,10 +211,9 @@ class Rows:
         for part, (columns, joints) in places.items():
             if values[part].shape[1] == len(names):
                 rows[these[:, np.newaxis], columns] = values[part][:, joints]
-        seconds, nanoseconds = stamps
-        self._put(rows, these, "sec", seconds)
-        self._put(rows, these, "nanosec", nanoseconds)
-        self._put(rows, these, "time", seconds * 1e9 + nanoseconds)
+        self._put(rows, these, "sec", values["sec"])
+        self._put(rows, these, "nanosec", values["nanosec"])
+        self._put(rows, these, "time", values["sec"] * 1e9 + values["nanosec"])
         return bool(places)
 
     def _put(self, rows: Array, these: Integers | slice, name: str, times: Array) -> None:

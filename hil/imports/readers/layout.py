@@ -78,7 +78,8 @@ def layout_of(text: str, stated: Format) -> Layout:
     width = len(rows[first][1])
     units_below = first > 1 and _are_units(rows[first - 1][1], rows[first - 2][1])
     header = rows[first - 1 - units_below][1]
-    names = _names(header) if first else _in_comment(lines, rows[0][0], stated)
+    named = tuple(header[1:] if header[0] in _COMMENTS else header)
+    names = named if first else _in_comment(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
     return Layout(delimiter, decimal, stated.comment, names or ("",) * width, rows[first][0], width)
@@ -99,15 +100,12 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 def _delimiter(lines: Sequence[str]) -> str:
     """The character that stands equally often in most lines; blanks where there is none."""
-    best, most = " ", 0.0
     for candidate in _CANDIDATES:
         counts = Counter(len(_split(line, candidate)) - 1 for line in lines)
         number, agreeing = counts.most_common(1)[0]
-        if number and agreeing > max(most, 0.6 * len(lines)):
-            best, most = candidate, agreeing
-        if most:
-            break
-    return best
+        if number and agreeing > 0.6 * len(lines):
+            return candidate
+    return " "
 
 
 def _decimal(lines: Sequence[str], delimiter: str) -> str:
@@ -143,11 +141,6 @@ def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:
     return len(row) == len(above) and all(
         cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell) for cell in row
     )
-
-
-def _names(row: Sequence[str]) -> tuple[str, ...]:
-    """Names of a header, without the sign of a comment before them."""
-    return tuple(row[1:] if row[0] in _COMMENTS else row)
 
 
 def _in_comment(lines: Sequence[str], begin: int, stated: Format) -> tuple[str, ...]:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 BLOCK = 1 << 23
 """Bytes that are read at a time."""
 _HEAD = 1 << 16
-_SHOWN = 40
 
 
 class TextTable:
@@ -96,10 +95,7 @@ class TextTable:
             return
         if text.count(layout.delimiter.encode()) <= n * (layout.width - 1):
             return
-        for number, content in enumerate(text.decode("utf-8", "replace").split("\n")):
-            stripped = content.strip()
-            if not stripped or stripped.startswith(layout.comment):
-                continue
+        for number, content in self._rows(text):
             extra = cells(content.partition(layout.comment)[0], layout.delimiter)[layout.width :]
             if any(extra):
                 raise FileError(
@@ -113,37 +109,38 @@ class TextTable:
 
         A row that is too short lacks what stands beyond its end.
         """
-        layout, rows = self._layout, []
-        for number, content in enumerate(text.decode("utf-8", "replace").split("\n")):
-            stripped = content.strip()
-            if not stripped or stripped.startswith(layout.comment):
-                continue
-            found = cells(content, layout.delimiter)
-            try:
-                rows.append([_number(found, c, layout.decimal) for c in columns])
-            except _NoNumber as error:
-                at = f"{self.path}:{line + number}"
-                raise FileError(self._message(at, error, row + len(rows) + 1)) from error
+        rows: list[list[float]] = []
+        for number, content in self._rows(text):
+            found = cells(content, self._layout.delimiter)
+            at, this = f"{self.path}:{line + number}", row + len(rows) + 1
+            rows.append([self._number(found, column, at, this) for column in columns])
         return np.array(rows).reshape(-1, len(columns))
 
-    def _message(self, at: str, error: _NoNumber, row: int) -> str:
-        name = f" ({self.names[error.column]})" if self.names[error.column] else ""
-        return (
-            f"{at}: {error.cell[:_SHOWN]!r} in column {error.column + 1}{name}, row {row}, is no"
-            " number; choose another column or rows, or state the file's layout in format"
+    def _rows(self, text: bytes) -> Iterator[tuple[int, str]]:
+        """Lines that are rows, and their numbers from 0."""
+        for number, content in enumerate(text.decode("utf-8", "replace").split("\n")):
+            stripped = content.strip()
+            if stripped and not stripped.startswith(self._layout.comment):
+                yield number, content
+
+    def _number(self, cells: Sequence[str], column: int, at: str, row: int) -> float:
+        cell = cells[column] if column < len(cells) else ""
+        if cell.lower() in MISSING:
+            return np.nan
+        with suppress(ValueError):
+            return float(cell.replace(self._layout.decimal, "."))
+        if DATE.match(cell):
+            with suppress(ValueError):
+                return float(np.datetime64(cell.removesuffix("Z"), "ns").astype(np.int64))
+        name = f" ({self.names[column]})" if self.names[column] else ""
+        raise FileError(
+            f"{at}: {cell[:40]!r} in column {column + 1}{name}, row {row}, is no number; choose"
+            " another column or rows, or state the file's layout in format"
         )
 
 
-class _NoNumber(Exception):
-    """A cell that holds something else than a number."""
-
-    def __init__(self, cell: str, column: int) -> None:
-        super().__init__(cell, column)  # both: another process makes it again from these
-        self.cell, self.column = cell, column
-
-
 def _numbers(cells: NDArray[np.str_]) -> Array:
-    """Numbers of a column at once, as `_number` has them one by one.
+    """Numbers of a column at once, as `TextTable` reads them one by one.
 
     Raises
     ------
@@ -161,19 +158,6 @@ def _numbers(cells: NDArray[np.str_]) -> Array:
     found = np.full(len(cells), np.nan)
     found[~missing] = np.char.rstrip(cells[~missing], "Z").astype("datetime64[ns]").astype(float)
     return found
-
-
-def _number(row: Sequence[str], column: int, decimal: str) -> float:
-    cell = row[column] if column < len(row) else ""
-    if cell.lower() in MISSING:
-        return np.nan
-    try:
-        return float(cell.replace(decimal, "."))
-    except ValueError:
-        if DATE.match(cell):
-            with suppress(ValueError):
-                return float(np.datetime64(cell.removesuffix("Z"), "ns").astype(np.int64))
-        raise _NoNumber(cell, column) from None
 
 
 def open_text(path: Path, stated: Format) -> TextTable:

@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
 
 
-ROUNDING = 1e-3
-"""Share by which limits of drive and robot file may differ without being named."""
-
-
 def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:
     """Return `robot` within the limits that hold on its axes, for motions and checks only."""
     if len(axes) != robot.n_joints:
@@ -79,7 +75,8 @@ def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
             ("velocity", robot.velocity_limit[j], axis.velocity_max),
             ("acceleration", robot.acceleration_limit[j], axis.acceleration_max),
         ):
-            if key in axis.own_limits and abs(holds - planned) > ROUNDING * max(1.0, abs(planned)):
+            # limits of drive and robot file may differ by 0.1 % without being named
+            if key in axis.own_limits and abs(holds - planned) > 1e-3 * max(1.0, abs(planned)):
                 yield (
                     f"joint {j + 1} ({axis.name}): {key} {holds:.4g} is the drive's own limit"
                     f" {axis.own_limits[key]}, {planned:.4g} in the robot file; plan within it, or"

@@ -21,12 +21,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.runs.recording import Recorder, Recording
 
-TIMES = 5.0
-"""A jump is that many times what acceleration, and what is usual in this motion, account for."""
-
-USUAL = 99.0
-"""Percentile of bends that counts as usual."""
-
 
 def finished(bus: DriveBus, recorder: Recorder, acceleration: float) -> Recording:
     """Turn what was recorded of a motion into arrays; see `refuse_jumps`."""
@@ -68,7 +62,8 @@ def refuse_jumps(
     speeds = steps / intervals[:, None]
     bends = np.abs(np.diff(speeds, axis=0)) * period
     least = np.maximum(resolution, acceleration * period**2)
-    bounds = TIMES * np.maximum(_usual(bends), least)
+    # a jump is 5 times what acceleration, and what is usual in this motion, account for
+    bounds = 5.0 * np.maximum(_usual(bends), least)
     allowed = bounds + np.zeros_like(bends)
     if np.ptp(intervals) > EXACT:  # else speed cannot look like a bend
         allowed += period * np.maximum(np.abs(speeds[1:]), np.abs(speeds[:-1]))
@@ -87,6 +82,7 @@ def refuse_jumps(
 def _usual(bends: Array) -> Array:
     """Return what bends of each axis are usual, missing samples left out."""
     filled = np.nan_to_num(bends)
-    place = min(len(filled) - 1, int(len(filled) * USUAL / 100))
+    # the percentile of bends that counts as usual is 99
+    place = min(len(filled) - 1, int(len(filled) * 99.0 / 100))
     usual: Array = np.partition(filled, place, axis=0)[place]
     return usual

@@ -25,14 +25,8 @@ if TYPE_CHECKING:
 
 VELOCITY_TOLERANCE = 0.05
 """Mean velocity in a window may differ by this share."""
-PEAK = 0.9
-"""Share of the profile's highest speed that an accelerating stroke has to reach."""
-FRICTION_CHANGE = 0.05
-"""Half-sums of successive strokes may differ by this share of the friction level."""
 LAG = 0.02
 """Time over which a highest velocity is averaged [s]."""
-CREEPING = 0.25
-"""Share of the creep velocity below which an axis counts as stuck."""
 
 
 def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> Indices:
@@ -64,7 +58,8 @@ def windows(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
             )
             continue
         reached = _mean_velocity(recording, measurement, window)
-        wanted = float(measurement.profile(stroke).qd(measurement.profile(stroke).duration / 2))
+        profile = measurement.profile(stroke)
+        wanted = float(profile.motion(profile.duration / 2)[1])
         if abs(reached - wanted) > VELOCITY_TOLERANCE * abs(wanted):
             yield Finding(
                 "velocity",
@@ -98,7 +93,8 @@ def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Itera
     friction = float(np.abs(np.diff(means)).mean() / 2)
     noise = max(float(values.std() / np.sqrt(len(values))) for values in torque)
     spread = float(np.ptp(half_sums))
-    bound = FRICTION_CHANGE * friction + 4 * noise
+    # half-sums may differ by a twentieth of the friction level, and by chance
+    bound = 0.05 * friction + 4 * noise
     if spread > bound:
         unit = robot.torque_unit(measurement.index)
         yield Finding(
@@ -119,7 +115,8 @@ def stuck(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[
             continue
         q = recording.q[window, measurement.index]
         slowest = float(np.nanmin(np.abs(q[lag:] - q[:-lag]))) / (lag * recording.period)
-        bound = CREEPING * measurement.velocity
+        # an axis counts as stuck below a quarter of the creep velocity
+        bound = 0.25 * measurement.velocity
         if slowest < bound:
             yield Finding(
                 "stuck",
@@ -162,7 +159,8 @@ def _peak(
     q: Array, profile: Trapezoid, period: float, check: str, name: str, unit: str
 ) -> Iterator[Finding]:
     reached = _highest_velocity(q, period)
-    wanted = PEAK * _ideal_velocity(profile, round(period, 9))
+    # an accelerating stroke has to reach nine tenths of its profile's highest speed
+    wanted = 0.9 * _ideal_velocity(profile, round(period, 9))
     if reached < wanted:
         yield Finding(
             check,

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot_arrays import RobotArrays
 
-SAME = 1e-6
-"""Difference up to which frames of a URDF are those of a robot file [rad, m]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
@@ -73,7 +70,9 @@ def frames_of(chain: UrdfChain) -> Frames:
         placed.append(_placed(origin, x, z[j]))
     base = placed[0]
     if n > 1:
-        placed[-1] = placed[-2] @ _last(inverse(placed[-2]) @ placed[-1])
+        # the last frame turns and shifts about its own axis by nothing
+        alpha, d, _, _ = _parameters(inverse(placed[-2]) @ placed[-1])
+        placed[-1] = placed[-2] @ pose_of(alpha, d, 0.0, 0.0)
     before = [base, *placed[:-1]]
     steps = [inverse(a) @ b for a, b in zip(before, placed, strict=True)]
     alpha, d, theta, r = np.array([_parameters(step) for step in steps]).T
@@ -91,7 +90,8 @@ def difference(chain: UrdfChain, robot: RobotArrays) -> str:
         if key in {"alpha", "theta"}:
             apart = np.minimum(apart % math.tau, -apart % math.tau)
         worst = int(np.argmax(apart))
-        if apart[worst] > SAME:
+        # frames that differ by up to 1e-6 [rad, m] are the same
+        if apart[worst] > 1e-6:
             return (
                 f"{key} of joint {worst + 1} is {found[worst]:.6g}, of the model"
                 f" {stated[worst]:.6g}"
@@ -137,12 +137,6 @@ def _placed(origin: Array, x: Array, z: Array) -> Array:
     frame[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     frame[:3, 3] = origin
     return frame
-
-
-def _last(step: Array) -> Array:
-    """The step to the last frame, without turn and shift about its own axis."""
-    alpha, d, _, _ = _parameters(step)
-    return np.asarray(pose_of(alpha, d, 0.0, 0.0))
 
 
 def _parameters(step: Array) -> tuple[float, float, float, float]:

@@ -23,13 +23,14 @@ import json
 import math
 import re
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
+from checked_files.yaml_file import FileError, FileModel, parse_yaml, read_text, refuse
 from hil.model.frames import QUARTER, meant
 from hil.model.polynomial import parse
 from hil.model.readers.axes_to_frames import Frames
@@ -149,13 +150,8 @@ def read_dh(path: str | Path, notation: Notation) -> DhRobot:
     if Path(path).suffix.lower() not in (".yaml", ".yml"):
         text = yaml_of_table(text, source)
     table = parse_yaml(text, DhTable, source)
-    wrong = [
-        f"{source}:{line_of(text, at)}: {place(at)}: {message}"
-        for number, row in enumerate(table.joints)
-        for at, message in _implausible(number, row, table)
-    ]
-    if wrong:
-        raise FileError("\n".join(wrong))
+    rows = enumerate(table.joints)
+    refuse(source, text, chain.from_iterable(_implausible(*row, table) for row in rows))
     return _robot(table, table.name or Path(path).stem, notation)
 
 

@@ -19,14 +19,14 @@ from checked_files.yaml_file import UNSTATED
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
 from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.urdf import UrdfChain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from hil.arrays import Array
     from hil.model.readers.axes_to_frames import Frames
     from hil.model.readers.dh_table import DhRobot
-    from hil.model.readers.urdf import LimitedJoint, UrdfChain
+    from hil.model.readers.urdf import LimitedJoint
 
     _Rest = Callable[[LimitedJoint], Iterator[str]]
 
@@ -40,39 +40,26 @@ FARTHEST = round(2 * math.tau, 3)
 """Either side of zero, where a URDF states no range: two turns, in three digits [rad or m]."""
 
 
-def draft_robot(chain: UrdfChain, gravity: Sequence[float]) -> str:
+def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float]) -> str:
     """Text of a robot file.
 
     Parameters
     ----------
-    chain : UrdfChain
+    source : UrdfChain or DhRobot
+        Of a URDF, or of a table.
     gravity : sequence of three floats
-        In the base link [m/s^2].
+        In the URDF's base link, or in the table's frame 0 [m/s^2].
     """
+    if isinstance(source, UrdfChain):
+        title = [f"# Robot {_ends(source)}, drafted from a URDF.", *_ABOUT_MARKS]
+        return _text(source, gravity, title, _to_be_stated)
     title = [
-        f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, drafted from a URDF.",
-        *_ABOUT_MARKS,
-    ]
-    return _of_chain(chain, gravity, title, _to_be_stated)
-
-
-def draft_robot_of_table(table: DhRobot, gravity: Sequence[float]) -> str:
-    """Text of a robot file.
-
-    Parameters
-    ----------
-    table : DhRobot
-    gravity : sequence of three floats
-        In the table's frame 0 [m/s^2].
-    """
-    title = [
-        f"# Robot {_comment(table.name)}, drafted from a table of {table.notation}"
+        f"# Robot {_comment(source.name)}, drafted from a table of {source.notation}"
         " Denavit-Hartenberg",
         "# parameters. Here d and r are what the table calls a and d.",
         *_ABOUT_MARKS,
     ]
-    in_frame_0 = np.asarray(gravity, dtype=float)
-    return _text(table.name, in_frame_0, title, table.joints, table.frames, _to_be_stated)
+    return _text(source, gravity, title, _to_be_stated)
 
 
 def robot_as_stated(chain: UrdfChain, gravity: Sequence[float]) -> str:
@@ -85,36 +72,35 @@ def robot_as_stated(chain: UrdfChain, gravity: Sequence[float]) -> str:
         In the base link [m/s^2].
     """
     title = [
-        f"# Robot {chain.robot}, from {chain.base} to {chain.tip}, as its URDF says.",
+        f"# Robot {_ends(chain)}, as its URDF says.",
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
-    return _of_chain(chain, gravity, title, _left_open)
+    return _text(chain, gravity, title, _left_open)
 
 
-def _of_chain(chain: UrdfChain, gravity: Sequence[float], title: Sequence[str], rest: _Rest) -> str:
-    frames = frames_of(chain)
-    in_frame_0 = frames.base[:3, :3].T @ np.asarray(gravity, dtype=float)
-    return _text(chain.robot, in_frame_0, title, chain.joints, frames, rest)
+def _ends(chain: UrdfChain) -> str:
+    return f"{chain.robot}, from {chain.base} to {chain.tip}"
 
 
 def _text(
-    name: str,
-    in_frame_0: Array,
-    title: Sequence[str],
-    joints: Sequence[LimitedJoint],
-    frames: Frames,
-    rest: _Rest,
+    source: UrdfChain | DhRobot, gravity: Sequence[float], title: Sequence[str], rest: _Rest
 ) -> str:
+    if isinstance(source, UrdfChain):
+        name, frames = source.robot, frames_of(source)
+    else:
+        name, frames = source.name, source.frames
+    in_frame_0 = frames.base[:3, :3].T @ np.asarray(gravity, dtype=float)
     lengths = _Lengths()
     lines = [
         line
-        for number, joint in enumerate(joints)
+        for number, joint in enumerate(source.joints)
         for line in (*_joint(joint, _frame(frames, number, lengths)), *rest(joint))
     ]
     return "\n".join(
         [
             *title,
-            f"name: {_name(name)}",
+            # as robot files may have it
+            f"name: {re.sub(r'[^A-Za-z0-9._-]+', '-', name).strip('._-') or 'robot'}",
             f"gravity: [{', '.join(_number(round(g, 9)) for g in in_frame_0)}] # m/s2, in frame 0",
             f"lengths: {{{lengths}}} # m",
             "joints:",
@@ -199,11 +185,6 @@ def _angle(angle: float) -> str:
 
 def _number(value: float) -> str:
     return repr(float(value) + 0.0).removesuffix(".0")
-
-
-def _name(stated: str) -> str:
-    """A name as robot files may have it."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", stated).strip("._-") or "robot"
 
 
 def _comment(stated: str) -> str:

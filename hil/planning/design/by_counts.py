@@ -41,12 +41,8 @@ if TYPE_CHECKING:
 
 COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
 """Measurements of each kind unless asked for: as long as the 64, 92 and 9 of section 8."""
-OF_A_PARAMETER = 3
-"""Measurements at least for each parameter that a kind is to show, unless asked for otherwise."""
 TRAVEL: float = Plan.model_fields["travel"].default
 """Share of the limits used between configurations."""
-SPACING = 0.06
-"""Least distance between configurations in one joint at least, as part of its range."""
 LEAST_SHARE = 4
 """Measurements that an element gets at least, however few parameters its row holds."""
 
@@ -84,7 +80,9 @@ def design(
         columns = sought[kind.group]
         if columns:
             elements = ELEMENTS[name](guarded, list(columns))
-            usual = max(COUNTS[name], OF_A_PARAMETER * len(columns))
+            # measurements of a kind, unless asked for otherwise: 3 at least for each parameter that
+            # it shows
+            usual = max(COUNTS[name], 3 * len(columns))
             chosen = _choose(guarded, elements, (counts or {}).get(name), usual, workspace)
             middle = (guarded.q_min + guarded.q_max) / 2
             order = nearest_first(guarded, middle, np.array([q for _, q, _ in chosen]), TRAVEL)
@@ -113,7 +111,8 @@ def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[in
         best = int(np.argmax(np.where(left, gain, -1.0)))
         direction = covariance @ rows[best]
         covariance -= np.outer(direction, direction) / (1.0 + gain[best])
-        left &= np.abs(places - places[best]).max(axis=1, initial=0.0) > SPACING
+        # least distance between configurations in one joint at least: 6 % of its range
+        left &= np.abs(places - places[best]).max(axis=1, initial=0.0) > 0.06
         picked.append(best)
     return picked
 
@@ -177,13 +176,9 @@ def _shares(
     if not any(varying):
         count = count or LEAST_SHARE * len(rows)
         varying = [True] * len(rows)
-    return _divided(
-        [_held(r) if varies else 0 for r, varies in zip(rows, varying, strict=True)], count or usual
-    )
-
-
-def _held(rows: Array) -> int:
-    return max(1, int(np.any(np.abs(rows) > 1e-12, axis=0).sum()))
+    held = [max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for r in rows]
+    shown = [own if varies else 0 for own, varies in zip(held, varying, strict=True)]
+    return _divided(shown, count or usual)
 
 
 def _divided(held: Sequence[int], count: int) -> list[int]:

@@ -51,8 +51,6 @@ SAMPLE_PERIOD: float = Plan.model_fields["sample_period"].default
 """That of plans [s]."""
 CORE_BESIDE_TRAJECTORIES = CORE // 2
 """The same where trajectories are measured too."""
-_AHEAD = 1.15
-"""Share of the budget up to which measurements are chosen before they are put in order."""
 
 
 def design_within(
@@ -188,7 +186,8 @@ def _filled(
     workspace: Workspace | None,
 ) -> list[ParameterMeasurement]:
     """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
-    while selection.duration < _AHEAD * budget or len(selection.chosen) < least:
+    # measurements are chosen for 15 % more than the budget before they are put in order
+    while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = [options[k].measurement for k in selection.chosen]
     fitting = chosen[: _how_many(robot, chosen, least, budget)]

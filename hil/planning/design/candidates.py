@@ -40,17 +40,12 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.noise import Noise
-    from hil.planning.trajectory import Trajectory
     from hil.planning.workspace import Workspace
 
 
-EACH = 64
-"""Configurations of every element."""
 DIFFERENT, BLOCK = 2, 3
 """Trajectories, and periods of a block."""
 SEARCH = Search(random=100, refined=2)
-INSTANTS = 1000
-"""Of a period at which boxes are looked at."""
 THINNED = 2
 """Every so many samples are judged, as means of so many: that is quicker and as informative."""
 
@@ -78,7 +73,7 @@ class Option:
 
 
 def pool(
-    robot: Robot, workspace: Workspace | None, period: float, noise: Noise, each: int = EACH
+    robot: Robot, workspace: Workspace | None, period: float, noise: Noise, each: int = 64
 ) -> list[Option]:
     """Plan and judge `each` measurements of every element, sampled every `period` [s].
 
@@ -127,7 +122,7 @@ def trajectories(
         wave = design_trajectory(
             robot, cycles=BLOCK, seed=seed, search=SEARCH, name=f"t{seed + 1:02d}"
         )
-        if workspace and not _keeps_clear(robot, workspace, wave):
+        if not keeps_clear(robot, workspace, wave.motion(np.linspace(0.0, wave.period, 1000))[0]):
             continue
         of_block = worth(robot, shares(robot, wave, THINNED * period, noise.differences), mean)
         blocks = max(1, math.ceil(60 * minutes / wave.duration))
@@ -140,9 +135,10 @@ def trajectories(
     return found
 
 
-def _keeps_clear(robot: Robot, workspace: Workspace, wave: Trajectory) -> bool:
-    q = wave.motion(np.linspace(0.0, wave.period, INSTANTS))[0]
-    return bool(are_clear(robot, workspace, JointBoxes(q[:-1], q[1:])).all())
+def keeps_clear(robot: Robot, workspace: Workspace | None, q: Array) -> bool:
+    """Whether an arm keeps clear of all boxes that passes configurations (n, n_joints) in turn."""
+    sweep = JointBoxes(q[:-1], q[1:])
+    return workspace is None or bool(are_clear(robot, workspace, sweep).all())
 
 
 def worth(robot: Robot, judged: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:

@@ -45,18 +45,10 @@ if TYPE_CHECKING:
 
 SLOWEST = 0.003
 """Lowest speed of a sweep, as share of the limit: slow enough to show a Stribeck peak."""
-SPEEDS = 16
-"""Speeds of an axis in a sweep."""
-CYCLES = 2
-"""Back-and-forth motions at each speed."""
-WARM = 60.0
-"""Motion of an axis at about half its speed limit before its sweep [s]."""
 INTERVAL = 12.0
 """Time from one torque to the next in continuous motion [s]."""
 STOPS = (300.0, 60.0, 120.0)
 """Stops in continuous motion [s]."""
-MOTION = 600.0
-"""Continuous motion before, between and after the stops [s]."""
 OPERATION = (0.0, 600.0, 1800.0, 3600.0)
 """Times of continuous operation at which a characteristic is measured [s]."""
 OPERATING_SPEEDS, OPERATING_SLOWEST = 10, 0.02
@@ -74,7 +66,7 @@ CANDIDATES = 64
 def sweep(
     robot: Robot,
     axes: Sequence[int] = (),
-    speeds: int = SPEEDS,
+    speeds: int = 16,
     slowest: float = SLOWEST,
     workspace: Workspace | None = None,
 ) -> Plan:
@@ -101,7 +93,8 @@ def sweep(
     for axis in axes or range(robot.n_joints):
         order = _scattered(bench.speeds(axis, speeds, slowest))
         for number, velocity in enumerate(order, start=1):
-            exercise = None if number > 1 else WARM
+            # 60 s of motion at about half the speed limit before an axis's sweep
+            exercise = None if number > 1 else 60.0
             name = f"f{axis + 1}-{number:02d}"
             measurements.append(bench.measurement(name, axis, velocity, exercise=exercise))
     return as_plan(robot, measurements, workspace=workspace)
@@ -110,7 +103,7 @@ def sweep(
 def stops(
     robot: Robot,
     axis: int,
-    motion: float = MOTION,
+    motion: float = 600.0,
     rests: Sequence[float] = STOPS,
     workspace: Workspace | None = None,
 ) -> Plan:
@@ -192,7 +185,7 @@ class _Bench:
         return [float(v) for v in np.geomspace(low, top, count)]
 
     def measurement(
-        self, name: str, axis: int, velocity: float, cycles: int = CYCLES, **history: float | None
+        self, name: str, axis: int, velocity: float, cycles: int = 2, **history: float | None
     ) -> Friction:
         """One speed of one axis, about a configuration that all speeds of the axis share."""
         motion = self._motion(axis, velocity)
@@ -221,11 +214,8 @@ class _Bench:
 
     def _place(self, axis: int) -> tuple[float, ...]:
         """Joints in the middle of their ranges, or where the whole stroke is clear of boxes."""
-        if axis not in self._places:
-            self._places[axis] = self._clear_place(axis)
-        return self._places[axis]
-
-    def _clear_place(self, axis: int) -> tuple[float, ...]:
+        if axis in self._places:
+            return self._places[axis]
         low, high = self._guarded.q_min, self._guarded.q_max
         middle = (low + high) / 2
         if self._workspace is None:
@@ -244,7 +234,8 @@ class _Bench:
                 f"axis {axis + 1} cannot pass its range clear of the workspace's boxes; narrow"
                 f" joint {axis + 1}'s range there, or make boxes or margin smaller"
             )
-        return tuple(q[int(clear.argmax())].tolist())
+        self._places[axis] = tuple(q[int(clear.argmax())].tolist())
+        return self._places[axis]
 
 
 def _scattered(speeds: Sequence[float]) -> list[float]:

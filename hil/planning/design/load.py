@@ -27,13 +27,11 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.clearance import are_clear
 from hil.planning.design.by_counts import TRAVEL
 from hil.planning.design.by_minutes import lasting, numbered, ordered
-from hil.planning.design.candidates import judged, pool
+from hil.planning.design.candidates import judged, keeps_clear, pool
 from hil.planning.design.tour import guarded_tour
 from hil.planning.measurement import shows_parameters
-from hil.planning.path_clearance import JointBoxes
 from hil.planning.plan import as_plan
 from hil.planning.prediction.information import forecast
 from hil.planning.strokes import Strokes
@@ -62,18 +60,9 @@ SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
 2."""
 SLOW_SHARE = 0.4
 """Share of the time for slow strokes."""
-IN_TIME = 0.9
-"""Share of what is left of the time that the fast stage plans with: drives take a little longer for
-many short strokes than their profiles do."""
 REACH = 0.2
 """Radius of gyration that a load may have, and distance of its centre from the last frame, as long
 as they are unknown [m]."""
-SURE = 3.0
-"""Standard errors that an estimate may be off."""
-_EACH = 24
-"""Configurations of every element that are chosen from."""
-_LEAST = 1e-6
-"""Information that counts as nothing, as share of a mean option's."""
 _INSTANT = 0.02
 """Between instants at which torques are looked at [s]."""
 
@@ -163,7 +152,8 @@ class WithoutLoad:
         """
         n = n_unknowns(self.robot)
         mean = np.mean([np.diag(self.embedded(option.worth)) for option in options], axis=0)
-        known = np.diag(np.where(mean > 0, _LEAST * mean, 1.0))
+        # information that counts as nothing: a millionth of a mean option's
+        known = np.diag(np.where(mean > 0, 1e-6 * mean, 1.0))
         known[:n, :n] += self.information
         for measurement in (m for plan in measured for m in plan.measurements):
             if shows_parameters(measurement):
@@ -282,7 +272,9 @@ def fast_plan(
         )
     entries = timetable(slow, bare.robot, slow.measurements)
     spent = sum(each.travel + each.duration for each in entries)
-    return _chosen(bare, fitting, bare.before(fitting, [slow]), IN_TIME * (60 * minutes - spent))
+    # drives take a little longer for many short strokes than their profiles do: 9/10 of what is
+    # left
+    return _chosen(bare, fitting, bare.before(fitting, [slow]), 0.9 * (60 * minutes - spent))
 
 
 def holds(bare: WithoutLoad, plan: Plan) -> float:
@@ -323,7 +315,7 @@ def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
         return _held(bare, _options(bare, poses[:-1]), *poses[-1])
     plan = bare.plan
     guarded = narrowed(bare.robot, plan.workspace)
-    return pool(guarded, plan.workspace, plan.sample_period, bare.noise, _EACH)
+    return pool(guarded, plan.workspace, plan.sample_period, bare.noise, 24)
 
 
 def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: float) -> list[Option]:
@@ -335,15 +327,12 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
             f"axis {axis + 1} at {position:.4g} must be within {low:.4g} ... {high:.4g}"
             f" {'rad' if bare.robot.revolute[axis] else 'm'}, its range; correct --pose"
         )
-    turned = (
-        replace(option, measurement=at_position(option.measurement, axis, position))
-        for option in options
-        if axis not in option.measurement.moved
-    )
+    still = [option for option in options if axis not in option.measurement.moved]
+    turned = [at_position(option.measurement, axis, position) for option in still]
     found = [
-        replace(each, worth=guarded.judged(each.measurement))
-        for each in turned
-        if _is_clear(guarded, each.measurement)
+        replace(option, measurement=there, worth=guarded.judged(there))
+        for option, there in zip(still, turned, strict=True)
+        if keeps_clear(guarded.robot, bare.plan.workspace, forecast(there, _INSTANT).q)
     ]
     if not found:
         raise InvalidValue(
@@ -353,20 +342,13 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
     return found
 
 
-def _is_clear(bare: WithoutLoad, measurement: ParameterMeasurement) -> bool:
-    workspace = bare.plan.workspace
-    if workspace is None:
-        return True
-    q = forecast(measurement, _INSTANT).q
-    return bool(are_clear(bare.robot, workspace, JointBoxes(q[:-1], q[1:])).all())
-
-
 def _possible(found: FoundLoad) -> list[Array]:
     """The load found, and the largest that it may be: heavier, and of `REACH` about its centre."""
     shown = np.abs(found.phi) + np.diag(found.covariance) > 0
     shown[list(INERTIAS)] = True
     error = float(np.sqrt(found.covariance[MASS, MASS]))
-    most = max(found.phi[MASS] + SURE * error, 0.1)
+    # heavier by three standard errors
+    most = max(found.phi[MASS] + 3.0 * error, 0.1)
     centre = found.phi[list(FIRST_MOMENTS)] / max(found.phi[MASS], most / 2)
     return [_body(mass, centre, shown) for mass in (max(found.phi[MASS], 0.0), most)]
 

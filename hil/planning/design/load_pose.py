@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 
 STEP = math.radians(15)
 """Between positions of an axis that turns."""
-PLACES = 9
-"""Positions of an axis that slides."""
-MATTERS = 1.2
-"""Greatest over least deviation from which on the position of an axis matters."""
-_TRIED = 40
-"""Measurements, the most promising ones, whose torques are looked at."""
 
 
 class Pose(NamedTuple):
@@ -87,7 +81,8 @@ class _Search:
     def of(self, k: int) -> Pose | None:
         now = self.deviation(k)
         gains = [self.deviation(k, each.worth) for each in self.options]
-        best = [self.options[at] for at in np.argsort(gains)[:_TRIED]]
+        # the torques of the 40 most promising measurements are looked at
+        best = [self.options[at] for at in np.argsort(gains)[:40]]
         fitting = allowed(self.bare, self.found, best)
         if not fitting:
             return None
@@ -95,7 +90,8 @@ class _Search:
         still = [a for a in range(self.bare.robot.n_joints) if a not in measurement.moved]
         curves = [(a, *self._curve(k, measurement, a)) for a in still]
         axis, places, sizes = max(curves, key=lambda each: float(each[2].max() / each[2].min()))
-        if sizes.max() < MATTERS * sizes.min():
+        # the position of an axis matters where it changes the deviation by a fifth
+        if sizes.max() < 1.2 * sizes.min():
             share = self.deviation(k, self.bare.judged(measurement)) / now
             return Pose(measurement.moved[0] + 1, None, share)
         return Pose(axis + 1, float(places[np.argmin(sizes)]), float(sizes.min() / now))
@@ -105,6 +101,6 @@ class _Search:
         low, high = self.bare.robot.q_min[axis], self.bare.robot.q_max[axis]
         places: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
         if not self.bare.robot.revolute[axis]:
-            places = np.linspace(low, high, PLACES)
+            places = np.linspace(low, high, 9)
         turned = (at_position(measurement, axis, float(at)) for at in places)
         return places, np.array([self.deviation(k, self.bare.judged(each)) for each in turned])

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 CANDIDATES = 512
 RANGE = 0.95
 """Share of each joint's range that configurations use."""
-TURNED = 0.2
-"""Share of it that turning the motor takes at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +244,8 @@ def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Arr
 
 def _turn(robot: Robot, axis: int) -> float:
     """Way over which configurations of an axis spread the motor's angle: a turn, if it fits."""
-    most = TURNED * float(robot.q_max[axis] - robot.q_min[axis])
+    # a fifth of the range at most
+    most = 0.2 * float(robot.q_max[axis] - robot.q_min[axis])
     return min(math.tau / float(robot.gear_ratio[axis]), most)
 
 

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 
 SelectionCriterion = Literal["det", "torque"]
-_PRIOR = 1e-6
-"""Information that counts as nothing, as share of a mean option's."""
 
 
 class Selection:
@@ -167,4 +165,5 @@ def _prior(options: Sequence[Option], n: int) -> Array:
     for option in options:
         for at, worth in option.worth:
             diagonal[at] += np.diag(worth) / len(options)
-    return np.diag(np.where(diagonal > 0, _PRIOR * diagonal, 1.0))
+    # information that counts as nothing: a millionth of a mean option's
+    return np.diag(np.where(diagonal > 0, 1e-6 * diagonal, 1.0))

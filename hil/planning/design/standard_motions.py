@@ -29,18 +29,12 @@ if TYPE_CHECKING:
 
 GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_STROKE = 0.10, (1.0, 2.0), 0.3
 """Share of the speed limit, shortest and longest window [s], way that prolongs one [rad]."""
-GRAVITY_WINDOWS = 5.0
-"""What the windows of one measurement last together, at least and in each direction [s]."""
 INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.15, 6
 """Shares of the limits, shortest ramp [s]."""
 RAMPS = 3
 """Ways of a ramp that an inertia's stroke is long: both ramps, and constant velocity between."""
 LONGEST_STROKE = 1.0
 """So that a measurement stays in the neighbourhood of its configuration [rad]."""
-WAY = 0.5
-"""Share of a joint's range that a stroke uses at most; the rest is left to choose from."""
-LONGEST_CREEP = 1.7
-"""Way of a creeping axis [rad]."""
 SLOWEST = 1.1 * SLOW
 """Least speed at which anything is read, as share of the speed limit."""
 CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
@@ -79,7 +73,8 @@ def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
         "stroke": stroke,
         "velocity": velocity,
         "acceleration": velocity / _ramp(robot, axis, velocity),
-        "cycles": math.ceil(GRAVITY_WINDOWS / window),
+        # windows of one direction last 5 s together, at least
+        "cycles": math.ceil(5.0 / window),
     }
 
 
@@ -115,7 +110,7 @@ def creep_motion(robot: Robot, axis: int) -> dict[str, Any]:
     limit, room = float(robot.velocity_limit[axis]), _room(robot, axis)
     velocity = min(max(room / CREEP_TIME, SLOWEST * limit), CREEP_SPEED * limit)
     return {
-        "stroke": min(velocity * CREEP_TIME, LONGEST_CREEP, room),
+        "stroke": min(velocity * CREEP_TIME, 1.7, room),  # 1.7 rad at most
         "velocity": velocity,
         "acceleration": velocity / _ramp(robot, axis, velocity),
         "cycles": CREEP_CYCLES,
@@ -166,4 +161,5 @@ def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
 
 
 def _room(robot: Robot, axis: int) -> float:
-    return WAY * float(robot.q_max[axis] - robot.q_min[axis])
+    # half of a joint's range at most; the rest is left to choose from
+    return 0.5 * float(robot.q_max[axis] - robot.q_min[axis])

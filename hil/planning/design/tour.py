@@ -7,6 +7,7 @@ between two measurements where both ways are clear.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -28,9 +29,6 @@ M = TypeVar("M", bound="Measurement")
 
 _AT_ONCE = 4
 """Ways looked at together: mostly the first is clear."""
-
-_BEGINNINGS = 8
-"""Measurements that are tried as the first one."""
 
 
 def nearest_first(robot: Robot, here: Array, places: Array, fraction: float) -> list[int]:
@@ -59,7 +57,8 @@ def guarded_tour(
     starts = np.array([measurement.start for measurement in measurements])
     ways = _Ways(robot, workspace, starts, fraction)
     tour: list[int] = []
-    for first in range(min(_BEGINNINGS, len(measurements))):
+    # as the first one 8 measurements are tried
+    for first in range(min(8, len(measurements))):
         tour = max(tour, ways.greedy(first), key=len)
         if len(tour) == len(measurements):
             break
@@ -73,18 +72,18 @@ def guarded_tour(
     return [measurements[number] for number in tour]
 
 
+@dataclass(frozen=True, eq=False)
 class _Ways:
     """Travels between configurations `starts`, shape (n, n_joints)."""
 
-    def __init__(self, robot: Robot, workspace: Workspace, starts: Array, fraction: float) -> None:
-        self._robot = robot
-        self._workspace = workspace
-        self._starts = starts
-        self._fraction = fraction
+    robot: Robot
+    workspace: Workspace
+    starts: Array
+    fraction: float
 
     def greedy(self, first: int) -> list[int]:
         """Go from `first` to the nearest that is left, as long as a clear travel leads there."""
-        left = [number for number in range(len(self._starts)) if number != first]
+        left = [number for number in range(len(self.starts)) if number != first]
         tour = [first]
         while (following := self._nearest(tour[-1], left)) is not None:
             left.remove(following)
@@ -112,7 +111,7 @@ class _Ways:
         return None
 
     def _clear(self, begins: list[int], ends: list[int]) -> Mask:
-        return are_clear(self._robot, self._workspace, self._travels(begins, ends))
+        return are_clear(self.robot, self.workspace, self._travels(begins, ends))
 
     def _travels(self, begins: list[int], ends: list[int]) -> Travels:
-        return travels(self._starts[begins], self._starts[ends], self._fraction, self._robot)
+        return travels(self.starts[begins], self.starts[ends], self.fraction, self.robot)

@@ -25,6 +25,7 @@ so that the same seed gives the same trajectory on any machine.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -36,8 +37,6 @@ from hil.planning.prediction.precision import torque_scale
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
@@ -53,13 +52,6 @@ SAMPLES = 20
 """Instants of a period, for each harmonic, at which limits and regressor are judged."""
 SHARE = 0.9
 """Of range and velocity limit that a trajectory may use."""
-BETWEEN = 0.98
-"""Of the bound on acceleration that is used at these instants: between them it is up to 1.2 % more,
-1 - cos(pi / SAMPLES), and drives round their limits."""
-PENALTIES = (1.0, 10.0, 100.0)
-"""Weights of the limits in successive searches."""
-_STEP = 1e-5
-"""Step of central differences, as share of a limit: about the third root of doubles' rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +152,10 @@ class Basis:
         )
         self._middle = (robot.q_max + robot.q_min) / 2
         self._reach = SHARE * (robot.q_max - robot.q_min) / 2
-        self._limits = np.stack(
-            [
-                self._reach,
-                SHARE * robot.velocity_limit,
-                BETWEEN * ACCELERATION_SHARE * robot.acceleration_limit,
-            ]
-        )
+        # 0.98: between these instants acceleration is up to 1.2 % more, 1 - cos(pi / SAMPLES), and
+        # drives round their limits
+        acceleration = 0.98 * ACCELERATION_SHARE * robot.acceleration_limit
+        self._limits = np.stack([self._reach, SHARE * robot.velocity_limit, acceleration])
 
     @property
     def n_unknowns(self) -> int:
@@ -186,15 +175,9 @@ class Basis:
         waves = x.copy()
         waves[0] = 0.0
         q, qd, qdd = self._motion(waves)
-        room = 1.0 - np.abs(x[0])
-        used = np.max(
-            [
-                np.abs(q - self._middle).max(axis=0) / (self._reach * room),
-                np.abs(qd).max(axis=0) / self._limits[1],
-                np.abs(qdd).max(axis=0) / self._limits[2],
-            ],
-            axis=0,
-        )
+        limits = self._limits * [1.0 - np.abs(x[0]), np.ones(len(x[0])), np.ones(len(x[0]))]
+        peaks = [np.abs(each).max(axis=0) for each in (q - self._middle, qd, qdd)]
+        used = np.max(peaks / limits, axis=0)
         x[1:] /= used if fill else np.maximum(used, 1.0)
         return x
 
@@ -249,21 +232,17 @@ class Basis:
     def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
         """Derivative of sum G_ij W_ij by each joint's q, qd and qdd at each instant."""
         n = self._robot.n_joints
-        steps = [_STEP * np.maximum(self._limits[part], 1e-9) for part in range(3)]
-        found = [np.empty((self._n_samples, n)) for _ in range(3)]
+        # central differences by 1e-5 of a limit: about the third root of doubles' rounding
+        steps = (1e-5 * np.maximum(self._limits, 1e-9)).ravel()
         moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
-        for part in range(3):
-            for joint in range(n):
-                row = 2 * (part * n + joint)
-                moved[part, row, :, joint] += steps[part][joint]
-                moved[part, row + 1, :, joint] -= steps[part][joint]
+        for k, step in enumerate(steps):
+            part, joint = divmod(k, n)
+            moved[part, 2 * k, :, joint] += step
+            moved[part, 2 * k + 1, :, joint] -= step
         A = regressor(self._robot, *moved) / self._units
         sums = np.einsum("rsij,sij->rs", A, G)
-        for part in range(3):
-            for joint in range(n):
-                row = 2 * (part * n + joint)
-                found[part][:, joint] = (sums[row] - sums[row + 1]) / (2 * steps[part][joint])
-        return found
+        found = (sums[::2] - sums[1::2]) / (2 * steps[:, np.newaxis])
+        return list(found.reshape(3, n, -1).swapaxes(1, 2))
 
 
 def units(robot: Robot) -> Array:
@@ -282,27 +261,21 @@ def _stacked(A: Array) -> Array:
 
 
 def _refine(basis: Basis, start: Array, criterion: ExcitationCriterion, steps: int) -> Array:
-    x = start
-    for penalty in PENALTIES:
+    def cost(x: Array, penalty: float) -> tuple[float, Array]:
+        value, gradient = basis.cost(x.reshape(start.shape), criterion, penalty)
+        return value, gradient.ravel()
+
+    x = start.ravel()
+    for weight in (1.0, 10.0, 100.0):  # of the limits
         done = optimize.minimize(
-            _flat(basis, criterion, penalty, x.shape),
-            x.ravel(),
+            partial(cost, penalty=weight),
+            x,
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": steps, "maxfun": 2 * steps},
         )
-        x = done.x.reshape(x.shape)
-    return basis.within(x)
-
-
-def _flat(
-    basis: Basis, criterion: ExcitationCriterion, penalty: float, shape: tuple[int, ...]
-) -> Callable[[Array], tuple[float, Array]]:
-    def cost(x: Array) -> tuple[float, Array]:
-        value, gradient = basis.cost(x.reshape(shape), criterion, penalty)
-        return value, gradient.ravel()
-
-    return cost
+        x = done.x
+    return basis.within(x.reshape(start.shape))
 
 
 def _value(sizes: Array, criterion: ExcitationCriterion) -> float:

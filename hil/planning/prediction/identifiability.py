@@ -39,9 +39,6 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ElementMeasurement
     from hil.planning.plan import Plan
 
-INFLATION = 10.0
-"""Growth of a standard error, by the others being unknown too, above which it is too much."""
-
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
@@ -189,7 +186,8 @@ def _judge(
     rank, condition = inverse_root(N, IDENTIFIABLE, size).shape[1], float("inf")
     lost = undetermined(N, IDENTIFIABLE, size)
     if rank == n:
-        lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > INFLATION
+        # a standard error that grows tenfold, by the others being unknown too, is too much
+        lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > 10.0
         condition = float(np.sqrt(np.linalg.cond(N)))
     poorly = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)
     return Identifiability(group, names, n_rows, rank, condition, poorly)

@@ -44,8 +44,6 @@ if TYPE_CHECKING:
 
 IMPRECISE = 0.001
 """Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
-_INSTANTS = 512
-"""Instants of a mean: its relative error is some 1/512 by a low-discrepancy sequence."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +182,8 @@ def torque_scale(robot: Robot) -> Array:
     to their limits; shape (n_base,).
     """
     n = robot.n_joints
-    points = 2 * halton(_INSTANTS, 3 * n) - 1
+    # relative error of a mean over 512 instants: some 1/512 by a low-discrepancy sequence
+    points = 2 * halton(512, 3 * n) - 1
     middle, half = (robot.q_min + robot.q_max) / 2, (robot.q_max - robot.q_min) / 2
     A = regressor(
         robot,

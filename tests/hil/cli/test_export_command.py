@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from small_run import write_run
 
-from hil.export.formats import FORMATS, SIMULATORS
-from hil.export.recordings.formats import RECORDINGS
+from hil.export.formats import FORMATS, RECORDINGS, SIMULATORS
 from hil.results.identification import identify
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.model import Model

@@ -11,10 +11,9 @@ import pytest
 from compiled_code import COMPILER, STRICT, called, compiled, module, needs_compiler
 from stated_model import stated_model
 
-from hil.export.c_code import write_c
 from hil.export.expressions import count
 from hil.export.functions import rigid
-from hil.export.python_code import write_python
+from hil.export.languages import write_c, write_python
 from hil.export.rigid_bodies import of_whole_links
 from hil.export.source_code import identifier
 from hil.model.robot import load_robot, parse_robot

@@ -44,8 +44,8 @@ def value(results: list[Expression]) -> list[float]:
     """What the code made of expressions computes."""
     named, texts = assignments(results, PLAIN)
     known = dict(VALUES)
-    for each in named:
-        known[each.name] = eval(each.value, {}, known)  # noqa: S307 - our own text
+    for name, made in named.items():
+        known[name] = eval(made, {}, known)  # noqa: S307 - our own text
     return [eval(text, {}, known) for text in texts]  # noqa: S307
 
 
@@ -85,4 +85,4 @@ def test_a_long_expression_is_broken_into_named_parts() -> None:
     for k in range(60):
         total = total + graph.symbol("x") * (k + 2.5)
     named, (text,) = assignments([total], PLAIN)
-    assert max(len(line) for line in [text, *(each.value for each in named)]) < 120
+    assert max(len(line) for line in [text, *named.values()]) < 120

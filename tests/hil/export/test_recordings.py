@@ -16,7 +16,7 @@ from trajectory_run import write_trajectory_run
 
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.errors import NotEnoughData
-from hil.export.recordings.formats import RECORDINGS, export_recordings
+from hil.export.formats import RECORDINGS, export_recordings
 from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
@@ -57,7 +57,7 @@ def measured(small_plan: Plan, manutec: Robot, tmp_path: Path) -> RunFolder:
             begin = float(recording.time[-1]) + 1.0
     with folder.session(SIMULATED) as session:
         folder.keep_repeated("g1", 1, ["axis 2 stuck"])
-        folder.keep_notes(["axis 3: its fan stands still"])
+        folder.keep(notes=("axis 3: its fan stands still",))
         recording = record(manutec, g1, TABLE_3_A, Friction())
         recording.q[5, 1] = recording.tau[5, 1] = np.nan
         recording.flags[5, 1] = 1

@@ -13,8 +13,8 @@ from urdf_robots import ROBOTS, urdf
 from hil.errors import FileError, Mismatch
 from hil.estimation.consistent.conditions import BodyBounds
 from hil.export.formats import export
-from hil.export.given_urdf import bodies_of, body_of, given_urdf
 from hil.export.simulated_robot import simulated_robot
+from hil.export.urdf_file import bodies_of, body_of, given_urdf
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor, Spring

@@ -9,7 +9,6 @@ from small_recording import a_map, table, write_csv, write_map
 from checked_files.yaml_file import FileError
 from hil import execution
 from hil.imports.importing import import_recordings
-from hil.imports.readers.text import _NoNumber
 from hil.runs.journal import read_journal
 
 NAMES = ("first", "second", "third")
@@ -65,11 +64,6 @@ def test_a_dask_cluster_makes_the_same_run(tmp_path, maps):
     ):
         import_recordings(maps, tmp_path / "x", execute=execute)
     assert content(tmp_path / "x") == content(tmp_path / "in turn")
-
-
-def test_the_cause_of_an_error_can_travel_with_it():
-    """Some libraries send causes along with an exception."""
-    assert sent(_NoNumber("oops", 2)).args == ("oops", 2)
 
 
 def test_errors_name_their_maps_and_nothing_is_written(tmp_path, maps):

@@ -16,7 +16,7 @@ from trajectory_run import recorded as periods
 from trajectory_run import some_trajectory
 
 from hil.cli.measuring import OnBus, measure
-from hil.live.friction_so_far import FrictionSoFar, level_of
+from hil.live.lines import FrictionSoFar, level_of
 from hil.live.listener import Listener, ListenerFailed
 from hil.planning.measurement import Gravity
 from hil.planning.plan import repeated

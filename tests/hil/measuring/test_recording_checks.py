@@ -32,7 +32,7 @@ def recording(seed: int = 0, noise: float = 1.0, resolution: float = 0.1) -> Rec
     times = [np.arange(0.0, profile.duration, PERIOD) for profile in strokes]
     pairs = list(zip(strokes, times, strict=True))
     q = np.concatenate([profile.q(t) for profile, t in pairs])
-    velocity = np.concatenate([profile.qd(t) for profile, t in pairs])
+    velocity = np.concatenate([profile.motion(t)[1] for profile, t in pairs])
     n = len(q)
     torque = 100 * np.tanh(velocity / 0.02) + rng.normal(0, noise, n)
     numbers = np.concatenate([np.full(len(t), k, dtype=np.int16) for k, t in enumerate(times)])

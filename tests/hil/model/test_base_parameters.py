@@ -10,7 +10,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.model.base_parameters import BaseParameters, base_parameters, dependencies
+from hil.model.base_parameters import BaseParameters, base_parameters
 from hil.model.robot import load_robot, parse_robot
 
 EQUATION_22 = """
@@ -79,7 +79,7 @@ def test_manutec_groups_are_those_of_section_7(manutec):
 
 @pytest.mark.parametrize("i", range(6))
 def test_manutec_gives_table_2_cell_by_cell(manutec, i):
-    found = dependencies(manutec)
+    found = base_parameters(manutec).dependencies
     cells = [[int(k) - 1 for k in cell.split()] for cell in TABLE_2[i].split("|")]
     assert np.flatnonzero(found.gravity[i]).tolist() == cells[6]
     for j in range(i, 6):

@@ -14,7 +14,7 @@ from checked_files.yaml_file import UNSTATED, FileError
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.readers.dh_table import read_dh
-from hil.model.readers.robot_draft import draft_robot_of_table
+from hil.model.readers.robot_draft import draft_robot
 from hil.model.robot import parse_robot
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def test_a_drafted_robot_has_the_torques_of_its_table(
 ) -> None:
     rows, gravity = TABLES[name], (1.0, -2.0, -9.0)
     table = read(tmp_path, csv(rows), notation)
-    robot = parse_robot(filled(draft_robot_of_table(table, gravity)), "draft")
+    robot = parse_robot(filled(draft_robot(table, gravity)), "draft")
     model = pinocchio_of(rows, notation, np.array(gravity))
     poses = table.frames.poses(np.zeros(len(rows)), robot.revolute)
     p = base_parameters(robot).matrix @ standard_parameters(model, poses)
@@ -173,7 +173,7 @@ def test_limits_are_converted_and_what_is_missing_is_marked(tmp_path: Path) -> N
         "torque_limit\n"
         "0,0,0,0,R,-90,180,45,90,12\n0,0,0,0,P,-50,250,100,,\n"
     )
-    draft = draft_robot_of_table(read(tmp_path, text), (0, 0, -9.81))
+    draft = draft_robot(read(tmp_path, text), (0, 0, -9.81))
     robot = parse_robot(filled(draft), "draft")
     assert robot.q_min.tolist() == pytest.approx([-math.pi / 2, -0.05])
     assert robot.q_max.tolist() == pytest.approx([math.pi, 0.25])

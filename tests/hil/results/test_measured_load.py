@@ -27,6 +27,7 @@ from hil.results.load import (
 )
 from hil.results.load_file import NAME, write_load
 from hil.results.load_tables import advised, unsure, verdict
+from hil.runs.journal import axis_records
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
@@ -66,8 +67,11 @@ def carried_out(path, plan, robot, p, seed=7, machine=None):
     offset = np.array([1.0, -1.0, 0.4, -0.3, 0.2, 0.1]) * rng.uniform(0.5, 1.5, 6)
     friction = Friction(coulomb=2.0, viscous=0.3, root=0.3, growth=2e-4, offset=offset)
     with folder.session(SIMULATED) as session:
-        folder.keep_axes([AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
-                          for n in range(1, 7)])  # fmt: skip
+        axes = [
+            AxisInfo(f"joint {n}", f"drive no. {n}", -3.0, 3.0, 3.0, 99.0, 0.1, 1e-5)
+            for n in range(1, 7)
+        ]
+        folder.keep(axes=axis_records(axes))
         for measurement, own in zip(plan.measurements, p, strict=True):
             recording = record(
                 machine or robot, measurement, own, friction, begin=begin, noise=NOISE, rng=rng

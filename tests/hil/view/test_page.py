@@ -151,7 +151,7 @@ def test_the_page_holds_the_planned_motion(
     for t in (*profile.window, profile.duration):
         at = np.abs(time - (begin + g1.beginnings[1] + t)).argmin()
         assert value[at] == pytest.approx(profile.q(t), abs=2e-5)
-        assert slope[at] == pytest.approx(profile.qd(t), abs=2e-5) or t == profile.duration
+        assert slope[at] == pytest.approx(profile.motion(t)[1], abs=2e-5) or t == profile.duration
 
 
 def test_a_friction_measurement_is_preceded_by_rest_and_exercise(

@@ -1,7 +1,9 @@
-"""A model as C99: one header of static inline functions, an example, and a CMake file.
+"""A model as C99 or as one Python module.
 
-No memory is allocated, nothing is included but <math.h>, and no state is kept. Numbers are double,
-or float where ``NAME_SINGLE`` is defined before the header is included.
+C: one header of static inline functions, an example, and a CMake file. No memory is allocated,
+nothing is included but <math.h>, and no state is kept. Numbers are double, or float where
+``NAME_SINGLE`` is defined before the header is included. Python: a module that needs numpy alone;
+its functions take any number of samples.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
 _FUNCTIONS = {"abs": "fabs"}
 _MACROS = {"sign": "HIL_SIGN", "direction": "HIL_DIRECTION"}
-SYNTAX = Syntax(
+C = Syntax(
     number=lambda value: f"HIL_R({value!r})",
     function=lambda name, of: (
         f"{_MACROS[name]}({of})"
@@ -79,39 +81,40 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as a header with an example and a CMake file."""
     name, found = identifier(model.robot.name), functions(model)
     upper, against = name.upper(), cautions(model)
+    inertias = ", ".join(map(repr, model.robot.reflected_inertia.tolist()))
     header = "\n".join([
-        _comment(description(model, origin, found)),
+        _c_comment(description(model, origin, found)),
         f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
         _TYPES.format(name=name, upper=upper),
         f"#define {upper}_JOINTS {model.robot.n_joints}",
         "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
-        f"#define {upper}_MOTOR_INERTIA {_list(model.robot.reflected_inertia.tolist())}\n",
-        *(_function(name, upper, each) for each in found),
+        f"#define {upper}_MOTOR_INERTIA {{{inertias}}}\n",
+        *(_c_function(name, upper, each) for each in found),
         "#undef HIL_F\n#undef HIL_R\n#undef HIL_SIGN\n#undef HIL_DIRECTION\n\n#endif\n",
     ])  # fmt: skip
     files = {
         f"{name}_dynamics.h": header,
-        "example.c": (_comment(against) if against else "")
+        "example.c": (_c_comment(against) if against else "")
         + _EXAMPLE.format(name=name, upper=upper),
         "CMakeLists.txt": "".join(f"# {line}\n" for line in against) + _CMAKE.format(name=name),
     }
     return Exported(files, remarks(model, found))
 
 
-def _function(name: str, upper: str, function: Function) -> str:
+def _c_function(name: str, upper: str, function: Function) -> str:
     size = f"{upper}_JOINTS" + (f" * {upper}_JOINTS" if function.name == "mass_matrix" else "")
     inputs = [f"const {name}_real {each}[{upper}_JOINTS]" for each in function.arguments]
-    named, values = assignments(function.results, SYNTAX)
+    named, values = assignments(function.results, C)
     results = [f"r{k}" for k in range(len(values))]
     lines = [
         *(f"(void){each};" for each in _unused(function)),
-        *(f"const {name}_real {each.name} = {each.value};" for each in named),
+        *(f"const {name}_real {each} = {value};" for each, value in named.items()),
         *(f"const {name}_real {r} = {v};" for r, v in zip(results, values, strict=True)),
         *(f"out[{k}] = {each};" for k, each in enumerate(results)),
     ]
     body = "\n".join(f"    {line}" for line in lines)
     return (
-        f"{_comment((f'{function.purpose} {count(function.results)}.',))}"
+        f"{_c_comment((f'{function.purpose} {count(function.results)}.',))}"
         f"static inline void {name}_{function.name}(\n"
         f"    {', '.join(inputs)},\n    {name}_real out[{size}])\n{{\n{body}\n}}\n"
     )
@@ -123,11 +126,68 @@ def _unused(function: Function) -> list[str]:
     return [argument for argument in function.arguments if argument not in used]
 
 
-def _comment(lines: tuple[str, ...]) -> str:
+def _c_comment(lines: tuple[str, ...]) -> str:
     """Lines as a comment, whatever stands in them."""
     harmless = (line.replace("*/", "* /").replace("/*", "/ *").rstrip("\\") for line in lines)
     return "/* " + "\n * ".join(harmless) + "\n */\n"
 
 
-def _list(values: list[float]) -> str:
-    return "{" + ", ".join(map(repr, values)) + "}"
+PYTHON = Syntax(
+    number=lambda value: repr(value) if value >= 0 else f"({value!r})",
+    function=lambda name, of: (
+        f"_direction({of})" if name == "direction" else f"np.{name.replace('atan', 'arctan')}({of})"
+    ),
+)
+_HELPERS = '''
+def _columns(joint_array):
+    """Values of each joint, from an array of shape (n_joints,) or (n_samples, n_joints)."""
+    values = np.asarray(joint_array, dtype=float)
+    if values.shape[-1:] != (JOINTS,):
+        raise ValueError(f"shape {values.shape}: the last axis must be {JOINTS} joints")
+    return np.moveaxis(values, -1, 0)
+
+
+def _direction(share):
+    """Sign of a velocity; 0 where it is too slow to have one."""
+    return np.trunc(np.clip(share, -1.0, 1.0))
+
+
+def _stacked(samples, results):
+    """Results of each joint as one array, joints last."""
+    return np.stack([np.broadcast_to(each, samples.shape) for each in results], axis=-1)
+'''
+
+
+def write_python(model: Model, origin: tuple[str, ...]) -> Exported:
+    """Return the model as a module."""
+    name, found = identifier(model.robot.name), functions(model)
+    head = "\n".join(f"# {line}".rstrip() for line in description(model, origin, found))
+    text = "\n".join([
+        head,
+        '"""Dynamics of an identified robot; see above for origin and units."""\n',
+        "import numpy as np\n",
+        f"JOINTS = {model.robot.n_joints}",
+        f"MOTOR_INERTIA = np.array({model.robot.reflected_inertia.tolist()!r})",
+        _HELPERS,
+        *(_python_function(each) for each in found),
+    ])  # fmt: skip
+    return Exported({f"{name}_dynamics.py": text}, remarks(model, found))
+
+
+def _python_function(function: Function) -> str:
+    named, values = assignments(function.results, PYTHON)
+    first = next(iter(function.arguments))
+    is_matrix = function.name == "mass_matrix"
+    square = ".reshape(*found.shape[:-1], JOINTS, JOINTS)" if is_matrix else ""
+    lines = [
+        f'"""{function.purpose}"""',
+        *(f"{each} = _columns({each})" for each in function.arguments),
+        *(f"{each} = {value}" for each, value in named.items()),
+        "results = [",
+        *(f"    {value}," for value in values),
+        "]",
+        f"found = _stacked({first}[0], results)",
+        f"return found{square}",
+    ]
+    body = "\n".join(f"    {line}" for line in lines)
+    return f"\ndef {function.name}({', '.join(function.arguments)}):\n{body}\n"
