@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity
+from hil.runs.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -177,3 +179,23 @@ def test_the_default_leaves_no_more_than_weighted_least_squares_where_sensors_ha
         recording.tau[:] += 0.05 * np.random.default_rng(1).standard_normal(q.shape)
     default, plain = (estimate(arm(), data, name) for name in ("free motion", WEIGHTED))
     assert (default.residual < 1.05 * plain.residual).all()
+
+
+def test_recordings_of_two_rates_are_kinds_of_their_own(robot: Robot) -> None:
+    """Each has its own filter; the parameters are of both, the settings of the fastest."""
+    whole = recorded(robot, TRUTH)
+    slow = [(motion, thinned(recording, 2)) for motion, recording in whole[2:]]
+    together = estimate(robot, [*whole[:2], *slow], "free motion")
+    alone = estimate(robot, whole[:2], "free motion")
+    assert together.n_measurements == 4
+    assert together.free is not None
+    assert alone.free is not None
+    assert together.free.cut_off == alone.free.cut_off
+    assert (together.p != alone.p).any()
+    assert distance(together) < 2e-3
+
+
+def thinned(recording: Recording, every: int) -> Recording:
+    """Every second sample, as a slower controller records."""
+    names = [each.name for each in fields(Recording) if getattr(recording, each.name) is not None]
+    return replace(recording, **{name: getattr(recording, name)[::every] for name in names})

@@ -4,7 +4,7 @@ Every seed is a plant with noise and friction of its own, measured and identifie
 method; of each rule it is stated how many intervals of 95 % hold the truth, and how wide they are
 over the standard error of white noise (median)::
 
-    python benchmarks/coverage.py [KIND ...] [--first 801] [--seeds 11] [--runs FOLDER]
+    python benchmarks/covariances.py [KIND ...] [--first 801] [--seeds 11] [--runs FOLDER]
 
 Kinds are strokes, trajectories, load (4 kg, which the robot file does not know) and drift (strokes,
 friction drifting three times as strongly). The default rule, CR2, is the narrowest that holds on

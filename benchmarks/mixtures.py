@@ -1,0 +1,102 @@
+"""Whether strokes and an imported trajectory of one plant make a better model than each alone.
+
+Every seed is a plant with noise and friction of its own. It is measured by strokes and by three
+minutes of a trajectory; the trajectory is written as a table and imported, as that of another
+controller would be. Torques of a free motion that the base parameters miss are stated in the mean
+of all axes, for strokes, the import, and both together, with the intervals of 95 % that hold::
+
+    python benchmarks/mixtures.py [--drift 1] [--first 831] [--seeds 6] [--runs FOLDER]
+
+``--drift 3``: friction drifts three times as strongly. The rule was made on seeds 801 to 829; seeds
+831 to 836, and 841 to 846 with ``--drift 3``, were not looked at before.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+from covariances import KINDS, measured
+
+from hil.estimation.identify import JOINT, estimate
+from hil.ground_truth.true_parameters import true_parameters
+from hil.imports.importing import import_recordings
+from hil.results.prediction import FreeTorques
+from hil.runs.pooling import Pooled
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from hil.arrays import Array
+
+
+def imported(run: Run, folder: Path) -> Run:
+    """What a run recorded, as a table that was imported."""
+    if (folder / "run").exists():
+        return Run.open(folder / "run")
+    folder.mkdir(parents=True)
+    (folder / "robot.yaml").write_text(run.robot.text)
+    maps = []
+    for number, each in enumerate(run):
+        recording = each.recording
+        names = [f"{kind}{axis + 1}" for kind in "qm" for axis in range(recording.n_joints)]
+        table = np.column_stack([recording.time, recording.q, recording.tau])
+        path = folder / f"{number}.csv"
+        np.savetxt(path, table, "%.10g", ",", header=",".join(["t", *names]), comments="")
+        joints = [
+            {"position": {"column": q, "unit": "rad"}, "torque": {"column": m, "unit": "N m"}}
+            for q, m in zip(names[: recording.n_joints], names[recording.n_joints :], strict=True)
+        ]
+        content = {
+            "robot": "robot.yaml",
+            "files": [path.name],
+            "joints": joints,
+            "time": {"column": "t", "unit": "s"},
+        }
+        maps.append(path.with_suffix(".yaml"))
+        maps[-1].write_text(yaml.safe_dump(content))
+    return import_recordings(maps, folder / "run")
+
+
+def judged(strokes: Run, trajectory: Run, truth: Array) -> list[float]:
+    """Of strokes, import and both: error of torques [%], and intervals that hold."""
+    free, found = FreeTorques(strokes.robot), []
+    for runs, method in (
+        ([strokes], "improved"),
+        ([trajectory], "free motion"),
+        ([strokes, trajectory], JOINT),
+    ):
+        made = estimate(strokes.robot, Pooled(runs), method)
+        missed = made.p - truth
+        found.append(100 * float((free.rms(missed) / free.rms(truth)).mean()))
+        found.append(int((np.abs(missed) <= made.half_width()).sum()))
+    return found
+
+
+def main() -> None:
+    """Measure, import, identify, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("--drift", type=float, default=1.0)
+    parser.add_argument("--first", type=int, default=831)
+    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--runs", type=Path, default=Path("build/mixtures"))
+    given = parser.parse_args()
+    folder = given.runs.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    for kind in ("strokes", "trajectories"):
+        KINDS[kind] = KINDS[kind][0], {"drift_strength": given.drift}
+    rows = []
+    print("seed   strokes: % holds   import: % holds   both: % holds")
+    for seed in range(given.first, given.first + given.seeds):
+        strokes, plant = measured(folder, "strokes", seed)
+        trajectory = imported(measured(folder, "trajectories", seed)[0], folder / f"csv-{seed}")
+        rows.append(judged(strokes, trajectory, true_parameters(strokes.robot, plant)))
+        print(seed, *(f"{x:.3f}" if k % 2 == 0 else x for k, x in enumerate(rows[-1])), flush=True)
+    mean, n = np.mean(rows, axis=0), len(true_parameters(strokes.robot, plant))
+    print("mean", *(f"{x:.3f}" for x in mean[::2]), f"% ; hold {mean[1::2] / n}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Regressions that share unknowns: a kind whose errors repeat within its groups counts less."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.least_squares.balance import Kind, balanced, factors
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.regression import Regression
+
+SHARED = ("p1", "p2")
+TRUTH = np.array([3.0, -2.0])
+SAMPLES = 50
+
+
+def kind(
+    rng: np.random.Generator, name: str, groups: int = 20, within: float = 0.0, noise: float = 0.1
+) -> Regression:
+    """Regression of one channel whose groups have white noise, and an error each that repeats.
+
+    Columns are the same sign within a group, so what repeats there passes for a parameter.
+    """
+    W = np.abs(rng.normal(size=(groups, SAMPLES, 2))) * rng.choice([-1, 1], size=(groups, 1, 2))
+    y = W @ TRUTH + within * rng.normal(size=(groups, 1))
+    y += noise * rng.normal(size=y.shape)
+    rows = np.concatenate([y[..., np.newaxis], W, np.ones((groups, SAMPLES, 1))], axis=-1)
+    products = np.einsum("gni,gnj->gij", rows, rows)[:, np.newaxis]
+    counts = np.full((groups, 1), float(SAMPLES))
+    return Regression.weighed(Blocks(SHARED, ("offset",), products, counts, (name,)))
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Noise that is the same each time."""
+    return np.random.default_rng(3)
+
+
+def test_kinds_that_are_alike_count_alike(rng: np.random.Generator) -> None:
+    """White noise in both, the same number of groups."""
+    found = factors([kind(rng, "a", 200), kind(rng, "b", 200)], SHARED)
+    assert found[-1] == 1.0
+    assert found[0] == pytest.approx(1.0, abs=0.4)
+
+
+def test_what_repeats_within_groups_makes_a_kind_count_less(rng: np.random.Generator) -> None:
+    """Residuals of both have about one size; errors of the first do not average within a group."""
+    repeats, white = kind(rng, "a", within=0.3, noise=0.01), kind(rng, "b", noise=0.3)
+    assert factors([repeats, white], SHARED)[0] < 0.2
+
+
+def test_the_order_of_kinds_does_not_matter(rng: np.random.Generator) -> None:
+    """Factors are ratios."""
+    one, other = kind(rng, "a", within=0.2), kind(rng, "b")
+    forth, back = factors([one, other], SHARED), factors([other, one], SHARED)
+    assert forth[0] == pytest.approx(1.0 / back[0], rel=1e-3)
+
+
+def test_together_they_are_nearer_the_truth_than_each_alone() -> None:
+    """In the mean of forty draws, one kind with errors that repeat and one without."""
+    errors = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        parts = [kind(rng, "a", within=0.3, noise=0.01), kind(rng, "b", groups=6, noise=0.6)]
+        both = balanced([Kind(part) for part in parts], SHARED).regression
+        weighed = [each.solution[:2] for each in (*parts, both)]
+        errors.append([np.linalg.norm(x - TRUTH) for x in weighed])
+    first, second, together = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert together < min(first, second)
+
+
+def test_each_kind_keeps_its_own_unknowns(rng: np.random.Generator) -> None:
+    """An offset of each channel, and the same parameters."""
+    both = balanced([Kind(kind(rng, "a")), Kind(kind(rng, "b"))], SHARED)
+    assert both.regression.layout.names == ("p1", "p2", "a offset", "b offset")
+    assert both.cells is None
