@@ -166,6 +166,25 @@ class SimultaneousFit:
         """Base parameters that all measurements together leave open, shape (n_base,)."""
         return undetermined_beside(self.information, self._n_base)
 
+    @property
+    def covariance_of_steps(self) -> Array:
+        """Covariance of p from the unknown share of what encoders' steps add, between 0 and 1."""
+        sides = np.zeros((len(self.information), self._n_joints))
+        for _, axes in self.stacked:
+            for each in axes:
+                if each.noise is not None:
+                    at = place(self._robot, each.axis)
+                    around = np.concatenate([[1.0, 0.0], -self.solution[at]])
+                    weight = self.weight[each.axis] * each.each
+                    sides[at] += weight * (each.noise @ around)[:, 2:].T
+        effect = self._moved_by(sides)
+        return effect @ effect.T / 12
+
+    def _moved_by(self, sides: Array) -> Array:
+        """Change of p by right-hand sides, shape (n_unknowns, k)."""
+        sides[np.setdiff1d(np.arange(len(sides)), self.regression.kept)] = 0.0
+        return solved(self.information, sides)[: self._n_base]
+
     def _load_friction(self) -> LoadFriction:
         """Mu of every axis with its standard error from the measurements' scores."""
         fit = self.regression.fit("clusters")
@@ -185,6 +204,4 @@ class SimultaneousFit:
             at, motor = place(self._robot, axis), total[axis][columns, rotor]
             sides[at, axis] = weight * (total[axis][columns, 0] + motor)
             sides[at, n + axis] = -weight * motor
-        left_out = np.setdiff1d(np.arange(len(sides)), self.regression.kept)
-        sides[left_out] = 0.0
-        return solved(self.information, sides)[: self._n_base]
+        return self._moved_by(sides)

@@ -30,7 +30,7 @@ import numpy as np
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.causes import CERTAIN, find_causes
-from hil.estimation.drive_train_search import find_drive_train
+from hil.estimation.drive_train import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.history import history
@@ -180,7 +180,7 @@ def _improved(
     fit = solver.regression.fit(options.covariance)
     p, n = solver.solve(), solver.n_base
     covariance = fit.covariance[:n, :n] + drive_train.covariance
-    covariance += covariance_of_gears(robot, raw, drive_train, p)
+    covariance += covariance_of_gears(robot, raw, drive_train, p) + solver.covariance_of_steps
     estimate = estimate_of(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
         covariance, fit.degrees_of_freedom[:n],
