@@ -68,7 +68,8 @@ def judged(run: Run, plant: Path) -> Iterator[tuple[str, Mask, float]]:
     found, n = joint(robot, raw), len(truth)
     regression, p = found.solver.regression, found.solver.solve()
     beside = found.drive_train.covariance + covariance_of_gears(robot, raw, found.drive_train, p)
-    beside = beside + found.solver.covariance_of_steps
+    change, of_steps = found.solver.steps()
+    p, beside = p + change, beside + of_steps
     white = np.sqrt(np.diag(regression.uncertainty("white").covariance)[:n])
     for rule in RULES:
         error = regression.uncertainty(rule)

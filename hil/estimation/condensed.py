@@ -48,10 +48,6 @@ if TYPE_CHECKING:
 
 MOTOR = 1
 """Place of the motor's part of the torque in the products of a `Condensed`."""
-CONTROLLED = 0.5
-"""Share of what encoders' steps add that is taken off. Where a loop follows its encoder, the axis
-moves as its steps say, and nothing is to be taken off; beyond the bandwidth of the loop all of it.
-Nothing tells the share, so it is any from 0 to 1."""
 SPARSE = 8
 """Every n-th used sample says how much an error of acceleration matters there: one in 0.1 s."""
 ROTOR = "known rotor"
@@ -163,10 +159,7 @@ class Stacked:
     def condensed(self) -> Condensed:
         """Inner products of torques and X, friction eliminated."""
         columns = np.hstack([self.torques, self.X, self.friction])
-        product, own = columns.T @ columns, slice(columns.shape[1] - self.friction.shape[1])
-        if self.noise is not None:
-            product[own, own] -= CONTROLLED * self.noise.sum(axis=0)
-        product, rank = eliminated(product, self.friction.shape[1])
+        product, rank = eliminated(columns.T @ columns, self.friction.shape[1])
         return Condensed(self.axis, self.each * product, self.each * len(columns) - rank)
 
 

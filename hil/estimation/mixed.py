@@ -78,7 +78,6 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     n = len(names)
     p, covariance = fit.x[:n], fit.covariance[:n, :n]
     covariance = covariance + covariance_of_gears(robot, raw, measured.drive_train, p)
-    covariance = covariance + measured.solver.covariance_of_steps
     fits, useless = local_fits(robot, measured.prepared)
     estimate = estimate_of(
         robot, "joint", fits, conditions(robot, fits), (*unusable, *useless), measured.solver, p,

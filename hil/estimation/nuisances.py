@@ -38,7 +38,7 @@ import numpy as np
 from hil.estimation.condensed import ROTOR
 from hil.estimation.signals import interpolation
 from hil.friction.terms import BENT, CLASSICAL
-from hil.least_squares.choice import HeldOut, simplest
+from hil.least_squares.choice import NEGLIGIBLE, HeldOut, simplest
 from hil.least_squares.regression import Regression, least_squares
 from hil.model.dynamics import inverse_dynamics
 
@@ -201,7 +201,11 @@ class Search:
     def grown(
         self, state: State, axes: Sequence[int], more: Callable[[State, int], State | None]
     ) -> State:
-        """State with what predicts held-out blocks certainly better, axis by axis."""
+        """State with what predicts held-out blocks certainly better, axis by axis.
+
+        Blocks that are held out have others of the same motion nearby. So either half of the
+        recordings must be predicted from the other better, too, and on no axis worse.
+        """
         left = list(axes)
         while left:
             self.weights = self.weighed(state)
@@ -212,7 +216,15 @@ class Search:
                     states[str(axis)], errors[str(axis)] = other, self._held_out(other)
             if simplest(errors, self._blocks.n_channels) == "none":
                 break
-            best = min(errors, key=lambda name: float(errors[name].sum()))
+            before, least = self._by_halves(state), float(errors["none"].sum())
+            better = {
+                name: float(error.sum())
+                for name, error in errors.items()
+                if error.sum() < least and _no_worse(self._by_halves(states[name]), before)
+            }
+            if not better:
+                break
+            best = min(better, key=lambda name: better[name])
             state = states[best]
             left.remove(int(best))
         return state
@@ -246,6 +258,16 @@ class Search:
         system = found.blocks.normal(self.weights)
         heard = np.einsum("bkk->k", system.N)[found.kept] > 0
         return HeldOut(system, system).error(found.kept[heard])
+
+    def _by_halves(self, state: State) -> Array:
+        """Weighted squares of each axis that a fit to one half leaves of the other."""
+        found = self.regression(state)
+        half = np.arange(len(found.blocks)) < len(found.blocks) // 2
+        left = np.zeros(found.blocks.n_channels)
+        for seen in (half, ~half):
+            x = found.of(found.blocks.where(seen)).solution
+            left += self.weights * found.blocks.where(~seen).total.squares_left(x)[0]
+        return left
 
     def _kept(self, layout: Layout, state: State, terms: Sequence[str] = ()) -> Indices:
         """Unknowns of a state."""
@@ -294,3 +316,9 @@ class Search:
         step = 1e-3 * apart
         slope = (weights(lag + step) - weights(lag - step)) / (2.0 * step)
         return weights(lag), -slope
+
+
+def _no_worse(squares: Array, before: Array) -> bool:
+    """Whether squares of all axes are fewer in sum, and on none more by what is not negligible."""
+    most = (1.0 + NEGLIGIBLE) ** 2 * before
+    return bool(squares.sum() < before.sum() and (squares <= most).all())

@@ -166,19 +166,22 @@ class SimultaneousFit:
         """Base parameters that all measurements together leave open, shape (n_base,)."""
         return undetermined_beside(self.information, self._n_base)
 
-    @property
-    def covariance_of_steps(self) -> Array:
-        """Covariance of p from the unknown share of what encoders' steps add, between 0 and 1."""
+    def steps(self) -> tuple[Array, Array]:
+        """Change of p by what encoders' steps add to the equations, and its covariance.
+
+        Where a loop follows its encoder, the axis moves as its steps say, and nothing is to be
+        taken off; beyond the bandwidth of the loop all of it. Nothing tells the share of an axis,
+        so it is any from 0 to 1: half is taken off, with the variance 1/12 of the share.
+        """
         sides = np.zeros((len(self.information), self._n_joints))
         for _, axes in self.stacked:
             for each in axes:
-                if each.noise is not None:
-                    at = place(self._robot, each.axis)
-                    around = np.concatenate([[1.0, 0.0], -self.solution[at]])
-                    weight = self.weight[each.axis] * each.each
-                    sides[at] += weight * (each.noise @ around)[:, 2:].T
+                at = place(self._robot, each.axis)
+                around = np.concatenate([[1.0, 0.0], -self.solution[at]])
+                weight = self.weight[each.axis] * each.each
+                sides[at] -= weight * (each.noise @ around)[:, 2:].T
         effect = self._moved_by(sides)
-        return effect @ effect.T / 12
+        return effect.sum(axis=1) / 2, effect @ effect.T / 12
 
     def _moved_by(self, sides: Array) -> Array:
         """Change of p by right-hand sides, shape (n_unknowns, k)."""

@@ -179,8 +179,10 @@ def _improved(
     require_rank(robot, found.prepared, fits, condition, solver)
     fit = solver.regression.fit(options.covariance)
     p, n = solver.solve(), solver.n_base
+    change, of_steps = solver.steps()
     covariance = fit.covariance[:n, :n] + drive_train.covariance
-    covariance += covariance_of_gears(robot, raw, drive_train, p) + solver.covariance_of_steps
+    covariance += covariance_of_gears(robot, raw, drive_train, p) + of_steps
+    p = p + change
     estimate = estimate_of(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
         covariance, fit.degrees_of_freedom[:n],
