@@ -38,7 +38,7 @@ import numpy as np
 from hil.estimation.condensed import ROTOR
 from hil.estimation.signals import interpolation
 from hil.friction.terms import BENT, CLASSICAL
-from hil.least_squares.choice import NEGLIGIBLE, HeldOut, simplest
+from hil.least_squares.choice import MATERIAL, HeldOut, simplest
 from hil.least_squares.regression import Regression, least_squares
 from hil.model.dynamics import inverse_dynamics
 
@@ -204,7 +204,7 @@ class Search:
         """State with what predicts held-out blocks certainly better, axis by axis.
 
         Blocks that are held out have others of the same motion nearby. So either half of the
-        recordings must be predicted from the other better, too, and on no axis worse.
+        recordings must be predicted from the other better, too, and on no axis by `MATERIAL` worse.
         """
         left = list(axes)
         while left:
@@ -319,6 +319,6 @@ class Search:
 
 
 def _no_worse(squares: Array, before: Array) -> bool:
-    """Whether squares of all axes are fewer in sum, and on none more by what is not negligible."""
-    most = (1.0 + NEGLIGIBLE) ** 2 * before
+    """Whether squares of all axes are fewer in sum, and on none more than `MATERIAL` allows."""
+    most = (1.0 + MATERIAL) ** 2 * before
     return bool(squares.sum() < before.sum() and (squares <= most).all())

@@ -129,11 +129,6 @@ ONES = {
 }
 
 
-KNOWN_LOSSES = {"motor readings of a cobot": [3]}
-"""Axes on which another motion is predicted worse by more than a fifth: a defect that is known.
-Presliding gains a tenth over all axes of the cobot, and costs its third 1.37."""
-
-
 @pytest.mark.parametrize("name", ONES)
 def test_the_default_leaves_no_more_than_weighted_least_squares(name: str, tmp_path: Path) -> None:
     seen, unseen = (
@@ -145,8 +140,7 @@ def test_the_default_leaves_no_more_than_weighted_least_squares(name: str, tmp_p
         ours, theirs = (left(model, run) for model in (default, plain))
         assert np.linalg.norm(ours) < 1.05 * np.linalg.norm(theirs)
         assert np.median(ours / theirs) < 1.01
-        beyond = np.flatnonzero(ours > 1.2 * theirs) + 1
-        assert beyond.tolist() == (KNOWN_LOSSES.get(name, []) if run is unseen else [])
+        assert (ours < 1.2 * theirs).all()
 
 
 def left(model: Model, run: Run) -> Array:
