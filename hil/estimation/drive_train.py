@@ -272,12 +272,13 @@ def _effect(robot: Robot, regression: Regression) -> Array:
     The others are held: measurements without acceleration identify them.
     """
     layout, kept = regression.layout, regression.kept
-    shared, lags = len(layout.shared), [layout.at(LAG, axis) for axis in range(robot.n_joints)]
+    shared = len(layout.shared)
+    lags = np.array([layout.at(LAG, axis) for axis in range(robot.n_joints)])
     free = np.append(base_parameters(robot).groups[DIAGONAL], np.arange(shared, layout.size))
     free = np.setdiff1d(np.intersect1d(free, kept), lags).astype(int)
     N = regression.blocks.total.normal(regression.weights).information
     found = np.zeros((layout.size, robot.n_joints))
-    found[free] = -inverse(N[np.ix_(free, free)], RANK) @ N[np.ix_(free, lags)]
+    found[free] = -inverse(N[np.ix_(free, free)], RANK) @ N[free][:, lags]
     return found[: len(base_parameters(robot))]
 
 

@@ -38,7 +38,7 @@ import numpy as np
 from hil.estimation.condensed import ROTOR
 from hil.estimation.signals import interpolation
 from hil.friction.terms import BENT, CLASSICAL
-from hil.least_squares.choice import MATERIAL, HeldOut, simplest
+from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression, least_squares
 from hil.model.dynamics import inverse_dynamics
 
@@ -62,6 +62,9 @@ SETTLING = 3
 """Times that lags and weights are found from each other: weights of axes hardly depend on lags."""
 AROUND = 3
 """Shifts that interpolation needs beyond any lag."""
+WORST = 0.2
+"""Growth of the residual (rms) of one axis that no gain of others is worth: by so much the default
+may leave more than weighted least squares on any axis (`benchmarks/real_machines.py`)."""
 LAG = "lag"
 _SHIFT, _OVER, _SOFT = "shift", "over", "compliance {}"
 
@@ -191,12 +194,12 @@ class Search:
     def errors_of_lags(self, state: State, covariance: Covariance, most: int | None) -> Array:
         """Standard errors of all lags [s]; 0 where none is unknown."""
         fit = self.regression(state).fit(covariance, most=most)
-        return np.sqrt(self.lags_of(np.diag(fit.covariance)).clip(0.0))
+        return np.asarray(np.sqrt(self.lags_of(np.diag(fit.covariance)).clip(0.0)))
 
     def lags_of(self, x: Array) -> Array:
         """What stands at the lags among all unknowns, shape (n_joints,)."""
         n, first = self._blocks.n_channels, len(self._names)
-        return x[first + (len(self._terms) + 1) * np.arange(1, n + 1) - 1]
+        return np.asarray(x[first + (len(self._terms) + 1) * np.arange(1, n + 1) - 1])
 
     def grown(
         self, state: State, axes: Sequence[int], more: Callable[[State, int], State | None]
@@ -204,7 +207,7 @@ class Search:
         """State with what predicts held-out blocks certainly better, axis by axis.
 
         Blocks that are held out have others of the same motion nearby. So either half of the
-        recordings must be predicted from the other better, too, and on no axis by `MATERIAL` worse.
+        recordings must be predicted from the other better, too, and on no axis by `WORST` worse.
         """
         left = list(axes)
         while left:
@@ -319,6 +322,6 @@ class Search:
 
 
 def _no_worse(squares: Array, before: Array) -> bool:
-    """Whether squares of all axes are fewer in sum, and on none more than `MATERIAL` allows."""
-    most = (1.0 + MATERIAL) ** 2 * before
+    """Whether squares of all axes are fewer in sum, and on none more than `WORST` allows."""
+    most = (1.0 + WORST) ** 2 * before
     return bool(squares.sum() < before.sum() and (squares <= most).all())

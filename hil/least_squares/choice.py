@@ -35,9 +35,6 @@ FLIPS = 4096
 NEGLIGIBLE = 0.01
 """Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
 where friction is Coulomb's and viscous exactly (two axes, white noise)."""
-MATERIAL = 0.05
-"""Growth of a residual (rms) that nothing is worth, no dead zone and no positive mass matrix: by so
-much the default may leave more than weighted least squares."""
 
 
 def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:

@@ -25,10 +25,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.free_motion.choice import covariance_of_choices
+from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
 from hil.estimation.free_motion.offsets import only_directions, split_covariance, with_doubt
 from hil.estimation.free_motion.positive import nearest_positive
-from hil.least_squares.choice import MATERIAL
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Solver
 from hil.least_squares.solving import condition, inverse, undetermined
