@@ -6,8 +6,9 @@ over the standard error of white noise (median)::
 
     python benchmarks/covariances.py [KIND ...] [--first 801] [--seeds 11] [--runs FOLDER]
 
-Kinds are strokes, trajectories, load (4 kg, which the robot file does not know) and drift (strokes,
-friction drifting three times as strongly). The default rule, CR2, is the narrowest that holds on
+Kinds are strokes, trajectories, load (4 kg, which the robot file does not know), coarse (the same
+with encoders of 512 counts a motor turn) and drift (strokes, friction drifting three times as
+strongly). The default rule, CR2, is the narrowest that holds on
 all four; strokes, trajectories and load were looked at with seeds 801 to 811, drift 901 to 907.
 """
 
@@ -26,6 +27,7 @@ from hil.estimation.intervals import half_width
 from hil.estimation.two_step_methods import covariance_of_gears, joint, prepare
 from hil.ground_truth.true_parameters import true_parameters
 from hil.least_squares.uncertainty import effective_degrees, left_out
+from hil.model.robot import ROBOTS
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
 from sim_plant.plant_file import load_plant_file
@@ -40,9 +42,12 @@ KINDS: dict[str, tuple[str, dict[str, Any]]] = {
     "strokes": ("rough", {}),
     "trajectories": ("periodic", {}),
     "load": ("periodic", {"payload": LIGHT}),
+    "coarse": ("periodic", {"payload": LIGHT}),
     "drift": ("rough", {"drift_strength": 3.0}),
 }
 """Plan of `golden`, and what the plant has otherwise."""
+COARSE = 512
+"""Counts a motor turn of the coarse encoders, in place of 4096."""
 RULES = ("jackknife", "clusters", "CR2", "white")
 
 
@@ -50,14 +55,21 @@ def measured(folder: Path, kind: str, seed: int) -> tuple[Run, Path]:
     """Run of one seed, recorded unless it is there, and its plant."""
     plan, differs = KINDS[kind]
     plant, run = folder / f"{kind}.plant.yaml", folder / f"{kind}-{seed}"
+    drives = folder / f"{kind}.drives.yaml"
     if not (folder / f"{plan}.yaml").exists():
         command, *rest = PLANS[plan]
         must(folder, command, *rest, "-o", f"{plan}.yaml")
     if not run.exists():
         content = load_plant_file(MANUTEC).model_dump(mode="json") | differs
+        stated = yaml.safe_load((ROBOTS / f"{MANUTEC}.drives.yaml").read_text())
+        if kind == "coarse":
+            for axis, own in zip(content["axes"], stated["axes"], strict=True):
+                axis["drive"] |= {"increments": COARSE, "zero": 0}
+                own |= {"increments_per_revolution": COARSE, "zero": 0}
+        drives.write_text(yaml.safe_dump(stated, sort_keys=False))
         plant.write_text(yaml.safe_dump(content, sort_keys=False))
-        must(folder, "run", f"{plan}.yaml", "-o", run, "--channel", plant, "--bus-option",
-             f"seed={seed}")  # fmt: skip
+        must(folder, "run", f"{plan}.yaml", "-o", run, "--channel", plant, "--drives", drives,
+             "--bus-option", f"seed={seed}")  # fmt: skip
     return Run.open(run), plant
 
 
@@ -68,6 +80,8 @@ def judged(run: Run, plant: Path) -> Iterator[tuple[str, Mask, float]]:
     found, n = joint(robot, raw), len(truth)
     regression, p = found.solver.regression, found.solver.solve()
     beside = found.drive_train.covariance + covariance_of_gears(robot, raw, found.drive_train, p)
+    change, of_steps = found.solver.steps()
+    p, beside = p + change, beside + of_steps
     white = np.sqrt(np.diag(regression.uncertainty("white").covariance)[:n])
     for rule in RULES:
         error = regression.uncertainty(rule)

@@ -27,14 +27,16 @@ import numpy as np
 
 from hil.friction.equation import COMMON, FEWEST, LOAD, N_COMMON, term_columns
 from hil.least_squares.blocks import Blocks
+from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import eliminated
 from hil.least_squares.thinned import window_means
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -46,8 +48,10 @@ if TYPE_CHECKING:
 
 MOTOR = 1
 """Place of the motor's part of the torque in the products of a `Condensed`."""
-ROTOR = "rotor"
-"""Name of its column: the torque of rotors whose inertia is known."""
+SPARSE = 8
+"""Every n-th used sample says how much an error of acceleration matters there: one in 0.1 s."""
+ROTOR = "known rotor"
+"""Column of the torque of rotors of known inertia."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +88,6 @@ class Condensed:
         """X' times the motor's part of the torque, shape (n_base + N_COMMON,)."""
         return self.product[2:, MOTOR]
 
-    def without(self, columns: NDArray[np.intp]) -> Condensed:
-        """The same less some rows and columns of `product`."""
-        kept = np.setdiff1d(np.arange(len(self.product)), columns)
-        return Condensed(self.axis, self.product[np.ix_(kept, kept)], self.n)
-
     def without_load(self) -> Condensed:
         """The same with columns of load-dependent friction that are zero."""
         product = self.product.copy()
@@ -121,6 +120,9 @@ class Stacked:
         Of the samples in the measurement's signals.
     time : float
         Mean of the samples' [s].
+    noise : ndarray, shape (n_joints, m, m)
+        What each encoder's step adds to inner products of torques and X of these samples, on
+        average, were the position that it reads not controlled by it.
     """
 
     axis: int
@@ -131,6 +133,7 @@ class Stacked:
     each: int
     index: NDArray[np.intp]
     time: float
+    noise: Array | None = None
 
     def loaded(self, load: Array) -> Stacked:
         """The same with the columns of load-dependent friction.
@@ -160,22 +163,31 @@ class Stacked:
         return Condensed(self.axis, self.each * product, self.each * len(columns) - rank)
 
 
-def condensed_blocks(robot: Robot, items: Sequence[Sequence[Condensed]]) -> Blocks:
+def condensed_blocks(
+    robot: Robot,
+    items: Sequence[Sequence[Condensed]],
+    shifts: Sequence[str] = (),
+    gears: Sequence[str] = (),
+) -> Blocks:
     """Inner products of condensed measurements, each a group; those of a rotor are shared, too.
 
     Parameters
     ----------
     items : sequence of sequence of Condensed
         Of each measurement, the axes that move.
+    shifts, gears : sequence of str
+        Columns that stand behind the motor's part, and behind the base parameters.
     """
-    names, common = base_parameters(robot).names, COMMON
-    m = 2 + len(names) + len(common)
-    products = np.zeros((len(items), robot.n_joints, m, m))
+    shared, own = (ROTOR, *base_parameters(robot).names, *gears), (*shifts, *COMMON)
+    columns = (ROTOR, *shifts, *shared[1:], *COMMON)
+    order = [0, *(1 + columns.index(name) for name in (*shared, *own))]
+    products = np.zeros((len(items), robot.n_joints, len(order), len(order)))
     counts = np.zeros((len(items), robot.n_joints))
     for group, axes in enumerate(items):
         for item in axes:
-            products[group, item.axis], counts[group, item.axis] = item.product, item.n
-    return Blocks((ROTOR, *names), common, products, counts)
+            products[group, item.axis] = item.product[np.ix_(order, order)]
+            counts[group, item.axis] = item.n
+    return Blocks(shared, own, products, counts)
 
 
 def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[Stacked]]:
@@ -183,16 +195,64 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
 
     What holds too few usable samples is left out.
     """
+    motors = motor_torque(robot, s.q, s.qd, s.qdd)
+
+    def part(axis: int) -> tuple[Array, Mask]:
+        torques = np.column_stack([s.tau[:, axis] - motors[:, axis], motors[:, axis]])
+        return torques, s.usable(robot, axis)
+
+    found = stack_axes(robot, s, measurement.moved, part)
+    return [[replace(each, noise=_of_steps(robot, s, each)) for each in axes] for axes in found]
+
+
+def _of_steps(robot: Robot, s: Signals, stacked: Stacked) -> Array:
+    """What the step of each encoder adds to inner products of torques and X, on average.
+
+    A position that is read in steps d errs by d^2 / 12 (variance), from sample to sample anew, and
+    differences and window make an error of the acceleration of it. All that an acceleration is
+    multiplied by errs with it, and inertias come out too small, unless what that adds is taken off
+    (W. A. Fuller, Measurement Error Models, 1987, section 2.2).
+
+    Returns
+    -------
+    ndarray, shape (n_joints, m, m)
+    """
+    at, axis = stacked.index[::SPARSE], stacked.axis
+    variance = np.broadcast_to(s.resolution, robot.n_joints) ** 2 / 12
+    variance = variance * np.sum(rounding_window(s.period) ** 2) * len(stacked.index) / len(at)
+    q, zero = s.q[at], np.zeros((len(at), robot.n_joints))
+    m, own = 2 + stacked.X.shape[1], slice(2 + stacked.n_base)
+    found, weight = np.zeros((robot.n_joints, m, m)), regressor(robot, q, zero, zero, [axis])[:, 0]
+    for joint in np.flatnonzero(variance):
+        unit = zero + np.eye(robot.n_joints)[joint]
+        motor = motor_torque(robot, q, zero, unit)[:, axis]
+        rows = regressor(robot, q, zero, unit, [axis])[:, 0] - weight
+        change = np.column_stack([-motor, motor, rows])
+        found[joint, own, own] = variance[joint] * change.T @ change
+    return found
+
+
+def stack_axes(
+    robot: Robot,
+    s: Signals,
+    axes: Iterable[int],
+    part: Callable[[int], tuple[Array, Mask]],
+    passes: int = 1,
+) -> list[list[Stacked]]:
+    """Stack axes: of each period or measurement those with enough usable samples.
+
+    Parameters
+    ----------
+    part : callable
+        Of an axis, its left-hand sides and the samples that are usable, as of `stack_axis`.
+    """
     periods = list(groups(s))
     found: list[list[Stacked]] = [[] for _ in periods]
-    motors = motor_torque(robot, s.q, s.qd, s.qdd)
-    for axis in measurement.moved:
-        used = s.usable(robot, axis)
-        torques = np.column_stack([s.tau[:, axis] - motors[:, axis], motors[:, axis]])
-        for place, mine in enumerate(stack_axis(robot, s, axis, torques, used, periods)):
+    for axis in axes:
+        for place, mine in enumerate(stack_axis(robot, s, axis, *part(axis), periods, passes)):
             if mine is not None:
                 found[place].append(mine)
-    return [axes for axes in found if axes]
+    return [each for each in found if each]
 
 
 def stack_axis(

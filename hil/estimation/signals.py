@@ -53,6 +53,8 @@ CUTOFF = 30.0
 """Of the low-pass [Hz]."""
 ORDER = 4
 """Of the filter that runs forth and back."""
+ROUNDING = 1e-9
+"""Share of the largest position that rounding of its decimals may make: a file has ten of them."""
 RINGING = 0.5
 """After which the filter's response is below rounding [s]."""
 
@@ -77,6 +79,8 @@ class Signals:
         Angle by which each gear gives way [rad]; None where all are rigid.
     group : ndarray, shape (n,), optional
         As in the recording.
+    resolution : ndarray, shape (n_joints,)
+        Least difference of positions [rad]: the encoder's step.
     kept : dict
         What was computed from the motion alone (`once`).
     """
@@ -92,6 +96,7 @@ class Signals:
     valid: Mask
     twist: Array | None = None
     group: NDArray[np.int16] | None = None
+    resolution: Array | float = 0.0
     kept: dict[Hashable, tuple[tuple[Any, ...], object]] = field(default_factory=dict, repr=False)
 
     @property
@@ -209,7 +214,15 @@ def _signals(recording: Recording) -> Signals:
         partner_stroke=recording.partner_stroke[nearest],
         valid=~spoilt,
         group=None if recording.group is None else recording.group[nearest],
+        resolution=np.array([_least_difference(own) for own in recording.q[sampled].T]),
     )
+
+
+def _least_difference(q: Array) -> float:
+    """Least difference of positions that is no rounding, shape (n,); 0 where there is none."""
+    apart = np.diff(np.sort(q))
+    apart = apart[apart > ROUNDING * np.abs(q).max()]
+    return float(apart.min(initial=np.inf)) if len(apart) else 0.0
 
 
 def interpolation(shift: float) -> tuple[int, Array]:

@@ -166,6 +166,28 @@ class SimultaneousFit:
         """Base parameters that all measurements together leave open, shape (n_base,)."""
         return undetermined_beside(self.information, self._n_base)
 
+    def steps(self) -> tuple[Array, Array]:
+        """Change of p by what encoders' steps add to the equations, and its covariance.
+
+        Where a loop follows its encoder, the axis moves as its steps say, and nothing is to be
+        taken off; beyond the bandwidth of the loop all of it. Nothing tells the share of an axis,
+        so it is any from 0 to 1: half is taken off, with the variance 1/12 of the share.
+        """
+        sides = np.zeros((len(self.information), self._n_joints))
+        for _, axes in self.stacked:
+            for each in axes:
+                at = place(self._robot, each.axis)
+                around = np.concatenate([[1.0, 0.0], -self.solution[at]])
+                weight = self.weight[each.axis] * each.each
+                sides[at] -= weight * (each.noise @ around)[:, 2:].T
+        effect = self._moved_by(sides)
+        return effect.sum(axis=1) / 2, effect @ effect.T / 12
+
+    def _moved_by(self, sides: Array) -> Array:
+        """Change of p by right-hand sides, shape (n_unknowns, k)."""
+        sides[np.setdiff1d(np.arange(len(sides)), self.regression.kept)] = 0.0
+        return solved(self.information, sides)[: self._n_base]
+
     def _load_friction(self) -> LoadFriction:
         """Mu of every axis with its standard error from the measurements' scores."""
         fit = self.regression.fit("clusters")
@@ -185,6 +207,4 @@ class SimultaneousFit:
             at, motor = place(self._robot, axis), total[axis][columns, rotor]
             sides[at, axis] = weight * (total[axis][columns, 0] + motor)
             sides[at, n + axis] = -weight * motor
-        left_out = np.setdiff1d(np.arange(len(sides)), self.regression.kept)
-        sides[left_out] = 0.0
-        return solved(self.information, sides)[: self._n_base]
+        return self._moved_by(sides)

@@ -30,7 +30,7 @@ import numpy as np
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.causes import CERTAIN, find_causes
-from hil.estimation.drive_train_search import find_drive_train
+from hil.estimation.drive_train import find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.history import history
@@ -179,8 +179,10 @@ def _improved(
     require_rank(robot, found.prepared, fits, condition, solver)
     fit = solver.regression.fit(options.covariance)
     p, n = solver.solve(), solver.n_base
+    change, of_steps = solver.steps()
     covariance = fit.covariance[:n, :n] + drive_train.covariance
-    covariance += covariance_of_gears(robot, raw, drive_train, p)
+    covariance += covariance_of_gears(robot, raw, drive_train, p) + of_steps
+    p = p + change
     estimate = estimate_of(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
         covariance, fit.degrees_of_freedom[:n],

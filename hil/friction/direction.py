@@ -1,6 +1,6 @@
 """Direction of an axis's friction: the sign of its velocity, or Dahl's model of what follows it.
 
-The latter is explained in `hil.estimation.free_motion.nuisances`.
+The latter is explained in `hil.estimation.nuisances`.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
-from hil.estimation.drive_train_search import find_drive_train
+from hil.estimation.drive_train import find_drive_train
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake

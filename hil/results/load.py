@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from hil.errors import InvalidValue, Mismatch, NoLoad, NotIdentifiable
-from hil.estimation.drive_train_search import find_drive_train
+from hil.estimation.drive_train import find_drive_train
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS

@@ -21,7 +21,7 @@ from scipy import special
 from hil.estimation.back_and_forth.excitation import NOTICEABLE
 from hil.estimation.back_and_forth.halves import COMMON, known, numbered_pairs
 from hil.estimation.back_and_forth.result import Combination, CurvePoint, FrictionCurve
-from hil.estimation.free_motion.columns import ROTOR
+from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.description import Residuals, loose_parameters
 from hil.estimation.free_motion.result import LOOSE
 from hil.friction.law import TermValue

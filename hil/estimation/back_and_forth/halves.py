@@ -29,7 +29,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from hil.estimation.back_and_forth.pairs import pairs_of
-from hil.estimation.free_motion.columns import ROTOR, axis_columns, shared_names
+from hil.estimation.condensed import ROTOR
+from hil.estimation.free_motion.columns import axis_columns, shared_names
 from hil.estimation.free_motion.motion import Processing, filtered_motion, low_passed
 from hil.estimation.free_motion.settings import bandwidth, cut_off_of
 from hil.estimation.free_motion.survey import SLOWEST, greatest_speed

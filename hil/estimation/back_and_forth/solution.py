@@ -19,8 +19,8 @@ import numpy as np
 
 from hil.estimation.back_and_forth.excitation import Excitation, excitation
 from hil.estimation.back_and_forth.halves import COMMON, known, numbered_pairs
+from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.accumulation import cells_of
-from hil.estimation.free_motion.columns import ROTOR
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import axis_names
 from hil.least_squares.normal_equations import reweighted

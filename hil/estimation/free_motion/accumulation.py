@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.free_motion.columns import ROTOR, axis_columns, shared_names
+from hil.estimation.condensed import ROTOR
+from hil.estimation.free_motion.columns import axis_columns, shared_names
 from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.normal_equations import successive

@@ -2,7 +2,9 @@
 
 Alternatives are compared on pieces of time that were held out (`hil.least_squares.choice`). What is
 usual is weighted least squares with the classical law. Nothing simpler is tried: it would save an
-unknown or two and leave more of some other motion.
+unknown or two and leave more of some other motion. Pieces that are held out have others of the same
+motion nearby, so a law must not predict either half of the recordings worse from the other than the
+usual one, either.
 
 Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
 spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
@@ -141,14 +143,17 @@ def choose(
         weights = usual(fitted).weights
         pieces, total = fitted.normal(weights), fitted.total.normal(weights)
         held_out = HeldOut(pieces, scored)
+        by_halves = HeldOut(pieces.grouped(2), scored.grouped(2))
         laws, errors = [tried[0]] * n, []
         for axis in range(n):
             others = {law: (*laws[:axis], law, *laws[axis + 1 :]) for law in tried}
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
             load = whole.layout.at("load", axis)
+            halves = {law: error.sum() for law, error in by_halves.errors(kept).items()}
             found = held_out.errors({
                 law: each for law, each in kept.items()
-                if len(tried) == 1 or _is_friction(total.solution(each)[load])
+                if len(tried) == 1
+                or (halves[law] <= halves[tried[0]] and _is_friction(total.solution(each)[load]))
             })  # fmt: skip
             laws[axis] = simplest(found, n)
             errors.append(_relative(found, laws[axis]))

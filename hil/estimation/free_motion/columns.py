@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.motion import Motion
     from hil.model.robot import Robot
 
-ROTOR = "known rotor"
-"""Column of the torque of rotors of known inertia."""
 SEEN = 0.4
 """Cycles of the motor in a sample up to which ripple over its angle is seen as such."""
 

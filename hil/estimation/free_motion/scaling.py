@@ -41,9 +41,9 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from hil.errors import NotIdentifiable
+from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.accumulation import Products
 from hil.estimation.free_motion.choice import USUAL, kept_by, usual
-from hil.estimation.free_motion.columns import ROTOR
 from hil.estimation.free_motion.result import GainValue
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded

@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.estimation.condensed import ROTOR as CONDENSED_ROTOR
-from hil.estimation.condensed import condensed_blocks, stack
+from hil.estimation.condensed import ROTOR, condensed_blocks, stack
 from hil.estimation.free_motion.choice import law_terms
-from hil.estimation.free_motion.columns import ROTOR
 from hil.estimation.free_motion.solution import BLOCKS
 from hil.friction.equation import ASYMMETRIC, COMMON, LOAD
 from hil.friction.terms import COLUMNS
@@ -73,13 +71,13 @@ class Evidence:
 def of_strokes(robot: Robot, items: Sequence[Sequence[Condensed]], loaded: Mask) -> Evidence:
     """Evidence of condensed measurements, friction of the load on axes that are `loaded` alone."""
     blocks, common, n = condensed_blocks(robot, items), COMMON, robot.n_joints
-    torque, rotor = np.eye(1, blocks.products.shape[-1]), blocks.place(CONDENSED_ROTOR)
+    torque, rotor = np.eye(1, blocks.products.shape[-1]), blocks.place(ROTOR)
     motors = np.zeros_like(torque)
     # condensed is the torque less that of the rotors
     torque[:, rotor] = motors[:, rotor] = 1.0
     return Evidence(
         kind="strokes",
-        blocks=blocks.recast(torque, {ROTOR: motors}, (CONDENSED_ROTOR,)),
+        blocks=blocks.recast(torque, {ROTOR: motors}, (ROTOR,)),
         apart=frozenset(common[k] for k in ASYMMETRIC),
         terms=tuple(frozenset(common if each else common[:LOAD]) for each in loaded),
         gains=np.ones(n),

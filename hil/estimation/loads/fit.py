@@ -46,7 +46,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import linalg, special
 
-from hil.estimation.free_motion.columns import ROTOR
+from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling, gain_name
 from hil.estimation.intervals import MANY
 from hil.estimation.loads.figures import AxisMisfit, Chance, Load

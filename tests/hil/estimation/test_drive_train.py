@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A, Friction, record
 
-from hil.estimation.drive_train import directly_driven
-from hil.estimation.drive_train_search import find_drive_train
+from hil.estimation.drive_train import directly_driven, find_drive_train
 from hil.estimation.identify import estimate
 from hil.estimation.signals import derivatives, signals
 from hil.estimation.simultaneous import SimultaneousFit

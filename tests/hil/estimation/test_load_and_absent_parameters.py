@@ -7,8 +7,7 @@ import pytest
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.estimation.absent_parameters import examine
-from hil.estimation.drive_train import directly_driven
-from hil.estimation.drive_train_search import find_drive_train
+from hil.estimation.drive_train import directly_driven, find_drive_train
 from hil.estimation.gravity_phase import SEEN, models, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.loads.evidence import condensed_like, of_strokes

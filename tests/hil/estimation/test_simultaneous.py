@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from free_run import TRUTH, arm, recorded
 
 from hil.estimation.condensed import ROTOR
@@ -54,3 +55,18 @@ def test_weights_follow_residuals_until_neither_changes() -> None:
     once, always = reweighted(fit, 2), reweighted(fit, 20)
     assert np.abs(once - always).max() > 0.1
     np.testing.assert_allclose(fit.without_load_friction, always, rtol=1e-6)
+
+
+def test_inertias_that_steps_of_encoders_make_too_small_are_within_what_is_stated() -> None:
+    """The axes move as they are told here, so all of what steps add is to be taken off."""
+    step, prepared = 2e-4, []
+    for motion, recording in recorded(ROBOT, TRUTH, n=4, duration=20.0, noise=1e-4):
+        q = step * np.rint(recording.q / step)
+        prepared.append((motion, signals(replace(recording, q=q))))
+    fit = SimultaneousFit(ROBOT, prepared)
+    change, covariance = fit.steps()
+    missing, error = TRUTH - fit.solve(), np.sqrt(np.diag(covariance))
+    worst = int(np.argmax(np.abs(missing) / np.abs(TRUTH)))
+    assert missing[worst] == pytest.approx(2.0 * change[worst], rel=0.3)
+    assert abs(missing[worst] - change[worst]) < 1.96 * error[worst]
+    np.testing.assert_allclose(prepared[0][1].resolution, step, rtol=1e-6)

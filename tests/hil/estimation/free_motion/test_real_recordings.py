@@ -129,9 +129,9 @@ ONES = {
 }
 
 
-KNOWN_LOSSES = {"motor readings of a cobot": [3]}
+KNOWN_LOSSES = {"motor torques with a counterbalance": [3]}
 """Axes on which another motion is predicted worse by more than a fifth: a defect that is known.
-Presliding gains a tenth over all axes of the cobot, and costs its third 1.37."""
+Presliding gains an eighth over all axes of the counterbalanced arm, and costs its third 1.203."""
 
 
 @pytest.mark.parametrize("name", ONES)
