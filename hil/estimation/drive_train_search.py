@@ -23,7 +23,7 @@ from hil.estimation.drive_train import directly_driven
 from hil.estimation.drive_train_likelihood import EARLIEST, LATEST, STEP, Likelihood
 from hil.estimation.signals import derivatives, interpolation
 from hil.least_squares.window import half_window, widened
-from hil.model.dynamics import inverse_dynamics, mass_matrix
+from hil.model.dynamics import inverse_dynamics, mass_matrix, regressor
 from hil.model.motors import motor_inertia, motor_torque
 from hil.planning.measurement import shows_element
 
@@ -115,19 +115,16 @@ def _with_springs(
     friction = _of_load(s, load) if loaded.any() else load
     for _ in range(PASSES):
         load = s.smoothed(load)
-    rates = derivatives(load, s.period)
+    step = STEP * np.stack([load, *derivatives(load, s.period)])
+    motion, joints = np.stack([s.q, s.qd, s.qdd]), np.arange(robot.n_joints)
     found = []
     for each in stacked:
         at = each.index
-        K = np.empty((len(at), robot.n_joints))
-        rigid = inverse_dynamics(robot, p, s.q[at], s.qd[at], s.qdd[at])[:, each.axis]
-        for joint in range(robot.n_joints):
-            moved = []
-            for motion, part in zip((s.q, s.qd, s.qdd), (load, *rates), strict=True):
-                other = motion[at].copy()
-                other[:, joint] -= STEP * part[at, joint]
-                moved.append(other)
-            K[:, joint] = inverse_dynamics(robot, p, *moved)[:, each.axis] - rigid
+        moved = np.repeat(motion[:, np.newaxis, at], 1 + robot.n_joints, axis=1)
+        moved[:, 1 + joints, :, joints] -= np.moveaxis(step[:, at], -1, 0)
+        q, qd, qdd = moved
+        torque = regressor(robot, q, qd, qdd, joints=[each.axis])[..., 0, :] @ p
+        K = (torque[1:] - torque[0]).T
         own = each.loaded(friction[at, each.axis]) if loaded[each.axis] else each
         X = np.insert(own.X, [each.n_base] * robot.n_joints, K, axis=1)
         found.append(replace(each, X=X).condensed())

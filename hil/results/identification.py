@@ -19,7 +19,6 @@ from hil.estimation.mistakes.finding import find_mistake
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for
-from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.model import Model
