@@ -16,7 +16,6 @@ from hil.estimation.drive_train_search import find_drive_train
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
-from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for
 from hil.planning.measurement import shows_element
@@ -179,6 +178,8 @@ def experience(folders: Sequence[Run]) -> Levels:
     NotEnoughData
         No measurement of use.
     """
+    from hil.estimation.noise_levels import noise_levels  # noqa: PLC0415 - loads an optimiser
+
     robot = folders[0].robot
     raw, _ = prepare(pooled(folders))
     if not raw:
