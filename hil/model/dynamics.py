@@ -13,6 +13,7 @@ have the same leading axes: none for a single sample. Torques in N m (forces in 
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from functools import lru_cache
@@ -75,23 +76,37 @@ def regressor(
     ValueError
         Shapes that do not fit the robot, or no such joint.
     """
+    return regressors(robot, q, [(qd, qdd)], joints, gravity)[0]
+
+
+def regressors(
+    robot: Robot,
+    q: ArrayLike,
+    rates: Sequence[tuple[ArrayLike, ArrayLike]],
+    joints: Sequence[int] | None = None,
+    gravity: ArrayLike | None = None,
+) -> list[Array]:
+    """`regressor` at the same positions with several velocities and accelerations."""
     model = _model(robot)
     wanted = _rows(robot, joints)
     rows = np.unique(wanted)
-    q, qd, qdd = _samples(robot, q, qd, qdd)
-    lead = q.shape[:-1]
-    flat = np.empty((q.size // robot.n_joints, rows.size, model.kinds.size))
-    way = _recursion(len(flat) * rows.size)
+    moved = [_samples(robot, q, *each) for each in rates]
+    at = moved[0][0]
+    every = np.empty((len(moved), at.size // robot.n_joints, rows.size, model.kinds.size))
+    way = _recursion(math.prod(every.shape[:-1]))
     pull = robot.gravity if gravity is None else np.asarray(gravity, dtype=np.float64)
-    for part, state in _chunks(model, way, q, qd, qdd):
-        way.columns(state, model.chain, pull, model.kinds, model.links, rows, flat[part])
-    if model.mixing is not None:
-        flat = flat @ model.mixing
-    if len(model.added):
-        flat = np.concatenate([flat, _added(robot, model, q, qdd, rows)], axis=-1)
-    if not np.array_equal(rows, wanted):
-        flat = flat[:, np.searchsorted(rows, wanted)]
-    return flat.reshape(*lead, wanted.size, flat.shape[-1])
+    for part, states in _chunks(model, way, at, [each[1:] for each in moved]):
+        for state, flat in zip(states, every[:, part], strict=True):
+            way.columns(state, model.chain, pull, model.kinds, model.links, rows, flat)
+    found = []
+    for flat, (_, _, qdd) in zip(every, moved, strict=True):
+        A = flat if model.mixing is None else flat @ model.mixing
+        if len(model.added):
+            A = np.concatenate([A, _added(robot, model, at, qdd, rows)], axis=-1)
+        if not np.array_equal(rows, wanted):
+            A = A[:, np.searchsorted(rows, wanted)]
+        found.append(A.reshape(*at.shape[:-1], wanted.size, A.shape[-1]))
+    return found
 
 
 def inverse_dynamics(
@@ -179,7 +194,7 @@ def _torques(
     flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
     # whoever asks for a single sample is in a loop, which must not wait later on
     way = _recursion(flat.size if q.ndim > 1 else _UNCOMPILED)
-    for part, state in _chunks(model, way, q, qd, qdd):
+    for part, (state,) in _chunks(model, way, q, [(qd, qdd)]):
         way.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
     if n_added:
         own = p[n_links:]
@@ -228,38 +243,46 @@ def _samples(
 
 
 def _chunks(
-    model: _Model, way: ModuleType, q: Array, qd: Array, qdd: Array
-) -> Iterator[tuple[slice, Any]]:
-    """Yield the samples in parts, with the state of each as a recursion takes it."""
+    model: _Model, way: ModuleType, q: Array, rates: Sequence[tuple[Array, Array]]
+) -> Iterator[tuple[slice, Iterator[Any]]]:
+    """Yield the samples in parts, with the state by each of `rates` as a recursion takes it."""
     n_joints = model.revolute.size
-    q, qd, qdd = (x.reshape(-1, n_joints) for x in (q, qd, qdd))
-    state = _components if way is recursion_by_arrays else _state
+    q = q.reshape(-1, n_joints)
+    flat = [(qd.reshape(-1, n_joints), qdd.reshape(-1, n_joints)) for qd, qdd in rates]
+    states = _components if way is recursion_by_arrays else _states
     for first in range(0, len(q), _CHUNK):
         part = slice(first, first + _CHUNK)
-        yield part, state(model, q[part], qd[part], qdd[part])
+        yield part, states(model, q[part], [(qd[part], qdd[part]) for qd, qdd in flat])
 
 
-def _state(model: _Model, q: Array, qd: Array, qdd: Array) -> Array:
-    """State as `recursion.columns` takes it, shape (5, n_samples, n_joints)."""
+def _states(model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]) -> Iterator[Array]:
+    """Yield states as `recursion.columns` takes them, shape (5, n_samples, n_joints)."""
     angle = model.theta + model.revolute * q
     state = np.empty((5, *angle.shape))
     np.cos(angle, out=state[0])
     np.sin(angle, out=state[1])
     state[2] = model.shift + (1.0 - model.revolute) * q
-    state[3], state[4] = qd, qdd
-    return state
+    for qd, qdd in rates:
+        state[3], state[4] = qd, qdd
+        yield state
 
 
-def _components(model: _Model, q: Array, qd: Array, qdd: Array) -> list[tuple[Any, ...]]:
-    """State as `recursion_by_arrays.columns` takes it, joint by joint."""
-    found = []
+def _components(
+    model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]
+) -> Iterator[list[tuple[Any, ...]]]:
+    """Yield states as `recursion_by_arrays.columns` takes them, joint by joint."""
+    positions = []
     for joint, revolute in enumerate(model.revolute):
-        at, *rates = (_component(x[:, joint]) for x in (q, qd, qdd))
         angle: Any = float(model.theta[joint])
         shift: Any = float(model.shift[joint])
+        at = _component(q[:, joint])
         angle, shift = (angle + at, shift) if revolute else (angle, shift + at)
-        found.append((np.cos(angle), np.sin(angle), shift, *rates))
-    return found
+        positions.append((np.cos(angle), np.sin(angle), shift))
+    for qd, qdd in rates:
+        yield [
+            (*at, _component(v), _component(a))
+            for at, v, a in zip(positions, qd.T, qdd.T, strict=True)
+        ]
 
 
 def _component(x: Array) -> Array | float:

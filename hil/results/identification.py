@@ -151,7 +151,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
     return Provenance(
         robot=run.robot.name,
         robot_digest=run.robot.digest,
-        plan_digest=run.plan.digest,
+        plan_digest=run.journal.plan_digest,
         measured=sessions[-1].started if sessions else "",
         bus=sessions[-1].bus if sessions else "",
         simulated=any(each.journal.simulated for each in (run, *others)),
