@@ -3,8 +3,8 @@
 Equations and their order are those of `hil.model.recursion`, so that regressors are the same to the
 last bit; torques come from a pass inwards. Loading what is compiled there takes longer than a few
 million rows take here: what is zero of a robot, of right angles and of a motion, is not calculated
-with. Nothing is shared: what is compiled stands in one file, by which its cache is kept, and imports
-the compiler.
+with. Nothing is shared: what is compiled stands in one file, by which its cache is kept, and
+imports the compiler.
 """
 
 from __future__ import annotations
