@@ -220,9 +220,7 @@ def stack_axis(
     if used.sum() < FEWEST:
         yield from (None for _ in periods)
         return
-    rows, common, friction = s.once(
-        (term_columns, robot, axis), lambda: term_columns(robot, s, axis)
-    )
+    rows, common, friction = term_columns(robot, s, axis)
     for period in periods:
         index = np.flatnonzero(used & period)[::each]
         if len(index) * each < FEWEST:
