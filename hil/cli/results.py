@@ -195,12 +195,13 @@ def _refuse_unknown(method: str | None) -> None:
 
 def show_bodies(model: Model) -> None:
     """Show the bodies of a model, if they were asked for."""
+    if model.consistent is None:
+        return
     from hil.results.consistency import bodies, changed_parameters, torque_costs
     from hil.results.tables.terminal import show
 
-    if model.consistent is not None:
-        for table in (bodies, changed_parameters, torque_costs):
-            show(table(model.robot, model.consistent), out)
+    for table in (bodies, changed_parameters, torque_costs):
+        show(table(model.robot, model.consistent), out)
 
 
 def _show_shortfall(run: Run) -> None:

@@ -228,7 +228,11 @@ def _encoder_noise(robot: Robot, raw: Prepared, p: Array) -> Array:
     It is what eighth differences of positions show in steady motion, which leave nothing of motion.
     """
     variance, count = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
-    for m, s in raw:
+    looked_at = [s.q[::_EVERY] for _, s in raw]
+    inertias = mass_matrix(robot, p, np.concatenate(looked_at))
+    inertias += motor_inertia(robot, looked_at[0][0])
+    parts = np.split(inertias, np.cumsum(list(map(len, looked_at)))[:-1])
+    for (m, s), inertia in zip(raw, parts, strict=True):
         gain = np.sum(np.convolve(SECOND, weights(s.period)) ** 2) / s.period**4
         differences = np.diff(s.q, _ORDER, axis=0)
         noise = np.zeros(robot.n_joints)
@@ -238,11 +242,9 @@ def _encoder_noise(robot: Robot, raw: Prepared, p: Array) -> Array:
                 noise[joint] = (
                     np.mean(differences[steady, joint] ** 2) * gain / comb(2 * _ORDER, _ORDER)
                 )
-        some = s.q[::_EVERY]
-        inertia = mass_matrix(robot, p, some) + motor_inertia(robot, s.q[0])
         for axis in m.moved:
             variance[axis] += (inertia[:, axis] ** 2 @ noise).sum()
-            count[axis] += len(some)
+            count[axis] += len(inertia)
     return variance / np.maximum(count, 1.0)
 
 

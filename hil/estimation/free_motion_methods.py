@@ -28,6 +28,7 @@ from hil.estimation.free_motion.survey import configurations
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
 from hil.least_squares.balance import balanced
+from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:

@@ -18,17 +18,18 @@ not the row at the nominal configuration, since a window covers a range of q.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
 from hil.friction.equation import SLOW
+from hil.least_squares.layout import embedded
 from hil.least_squares.solving import orthonormal
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GRAVITY
-from hil.model.dynamics import regressor
+from hil.model.dynamics import regressors
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
@@ -68,7 +69,8 @@ def local_fit(robot: Robot, measurement: ElementMeasurement, s: Signals) -> Loca
 
 def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
     i = m.index
-    sides, v, _, _ = _filtered(robot, s, i)
+    signals = _filtered(robot, s, i)
+    sides, v = signals.sides, signals.v
     means: tuple[list[Array], list[Array]] = ([], [])
     for stroke in range(m.n_strokes):
         window = _window(m, s, v, stroke)
@@ -79,9 +81,9 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
         raise NotEnoughData("no window of constant velocity in both directions; repeat it")
     forward, backward = np.array(means[0][:pairs]), np.array(means[1][:pairs])
     half_sums, half_differences = (forward + backward) / 2, (forward - backward) / 2
-    still = np.zeros(sides.shape[1])
-    still[:2] = 1.0
-    scatter = (half_sums - half_sums.mean(axis=0)) * still
+    mean = half_sums.mean(axis=0)
+    n = 2 + len(base_parameters(robot))
+    torques = half_sums[:, :2] - mean[:2]
     return LocalFit(
         id=m.id,
         kind=m.kind,
@@ -89,11 +91,11 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
         partner=i,
         q=_mean_q(s, s.stroke >= 0),
         time=float(s.time.mean()),
-        sides=half_sums.mean(axis=0) * still,
-        friction=half_differences.mean(axis=0),
-        gram=scatter.T @ scatter / max(pairs - 1, 1),
+        sides=embedded(mean[:2], np.arange(2), n),
+        friction=embedded(half_differences.mean(axis=0), signals.place, n),
+        gram=embedded(torques.T @ torques / max(pairs - 1, 1), np.arange(2), n),
         leverage=1.0 / np.sqrt(pairs) if pairs > 1 else np.nan,
-        row=half_sums[:, 2:].mean(axis=0),
+        row=embedded(mean, signals.place, n)[2:],
     )
 
 
@@ -135,9 +137,9 @@ def _mass_element(
     used : ndarray of bool, shape (n,)
         Samples to choose from.
     """
-    sides, v, W, gravity = _filtered(robot, s, element[0], columns)
-    used = used & _away_from_reversals(robot, s, element[0], v)
-    W, C = W[used], sides[used]
+    signals = _filtered(robot, s, element[0], columns, element[1])
+    used = used & _away_from_reversals(robot, s, element[0], signals.v)
+    W, C, n = signals.columns[used], signals.sides[used], 2 + len(base_parameters(robot))
     if len(W) < FEWEST * W.shape[1]:
         raise NotEnoughData(
             f"{len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat it"
@@ -147,7 +149,6 @@ def _mass_element(
     pr = root @ (Q.T @ C)
     left = C - W @ pr
     weight = s.qdd[used, element[1]] ** 2
-    rows = _unit_rows(robot, s.q[used], *element) - gravity[used]
     return LocalFit(
         id=m.id,
         kind=m.kind,
@@ -155,44 +156,63 @@ def _mass_element(
         partner=element[1],
         q=_mean_q(s, used),
         time=float(s.time.mean()),
-        sides=pr[0],
-        friction=levels @ pr,
-        gram=left.T @ left / (len(W) - W.shape[1]),
+        sides=embedded(pr[0], signals.place, n),
+        friction=embedded(levels @ pr, signals.place, n),
+        gram=embedded(left.T @ left / (len(W) - W.shape[1]), signals.place, n),
         leverage=float(np.linalg.norm(root[0])),
-        row=weight @ rows / weight.sum(),
+        row=weight @ signals.element[used] / weight.sum(),
     )
 
 
-def _filtered(
-    robot: Robot, s: Signals, axis: int, columns: Array | None = None
-) -> tuple[Array, Array, Array, Array]:
-    """Pass everything about an axis through the filter at once.
+class _Filtered(NamedTuple):
+    """Everything about an axis in one measurement, passed through the filter.
 
-    Returns
-    -------
-    sides : ndarray, shape (n, 2 + n_base)
-        Columns of the right-hand side: see `LocalFit`.
+    Attributes
+    ----------
+    sides : ndarray, shape (n, k)
+        Those columns of the right-hand side that are not zero: see `LocalFit`.
+    place : ndarray of int, shape (k,)
+        Of them among all.
     v : ndarray, shape (n,)
         Velocity [rad/s].
-    columns : ndarray, shape (n, k)
-    gravity : ndarray, shape (n, n_base)
-        Rows of the gravity torque, not filtered.
+    columns : ndarray, shape (n, m)
+        Of the observation matrix.
+    element : ndarray, shape (n, n_base)
+        Of M(q) by the model, per unit of each base parameter; not filtered.
     """
-    shown = list(base_parameters(robot).groups[GRAVITY])
+
+    sides: Array
+    place: NDArray[np.intp]
+    v: Array
+    columns: Array
+    element: Array
+
+
+def _filtered(
+    robot: Robot,
+    s: Signals,
+    axis: int,
+    columns: Array | None = None,
+    accelerated: int | None = None,
+) -> _Filtered:
+    """Pass everything about an axis through the filter, while a joint accelerates or none does."""
+    shown = np.array(base_parameters(robot).groups[GRAVITY], dtype=int)
 
     def of_motion() -> tuple[Array, Array]:
-        gravity = _unit_rows(robot, s.q, axis)
+        still = np.zeros(robot.n_joints)
+        rates = [(still, still)]
+        if accelerated is not None:
+            rates.append((still, np.eye(robot.n_joints)[accelerated]))
+        rows = [each[:, 0] for each in regressors(robot, s.q, rates, joints=[axis])]
         motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-        others = np.empty((len(gravity), 0)) if columns is None else columns
-        given = np.column_stack([s.qd[:, axis], motor, gravity[:, shown], others])
-        return gravity, s.filtered(given)
+        given = [s.qd[:, axis], motor, rows[0][:, shown], *([] if columns is None else [columns])]
+        return rows[-1] - rows[0], s.filtered(np.column_stack(given))
 
     # the columns of a measurement are always the same
-    gravity, found = s.once((_filtered, robot, axis), of_motion)
+    element, found = s.once((_filtered, robot, axis), of_motion)
     k = 2 + len(shown)
-    sides = np.column_stack([s.filtered(s.tau[:, axis]), found[:, 1], gravity])
-    sides[:, [2 + c for c in shown]] = found[:, 2:k]
-    return sides, found[:, 0], found[:, k:], gravity
+    sides = np.column_stack([s.filtered(s.tau[:, axis]), found[:, 1:k]])
+    return _Filtered(sides, np.append([0, 1], 2 + shown), found[:, 0], found[:, k:], element)
 
 
 def _away_from_reversals(robot: Robot, s: Signals, axis: int, v: Array) -> NDArray[np.bool_]:
@@ -209,14 +229,6 @@ def _window(m: Gravity, s: Signals, v: Array, stroke: int) -> NDArray[np.bool_]:
         first = int(np.flatnonzero(steady)[0])
         steady[first : first + round(SETTLING / s.period)] = False
     return steady
-
-
-def _unit_rows(robot: Robot, q: Array, axis: int, accelerated: int | None = None) -> Array:
-    """Rows of an axis at rest, while a joint has the acceleration of one unit, or none has."""
-    unit = np.zeros(robot.n_joints)
-    if accelerated is not None:
-        unit[accelerated] = 1.0
-    return regressor(robot, q, 0.0, unit, joints=[axis])[:, 0]
 
 
 def _mean_q(s: Signals, used: NDArray[np.bool_]) -> Array:

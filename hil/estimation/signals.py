@@ -25,6 +25,7 @@ rest, and samples closer to an end or to a missing sample than the filters reach
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
@@ -242,6 +243,7 @@ def derivatives(x: Array, period: float) -> tuple[Array, Array]:
     return correlated(x, FIRST / period), correlated(x, SECOND / period**2)
 
 
+@cache
 def _forth_and_back(n: int, period: float) -> Array:
     """What the Butterworth filter, run forth and back, leaves of the spectrum of `n` samples."""
     frequencies = np.tan(np.pi * fft.rfftfreq(n)) / np.tan(np.pi * CUTOFF * period)

@@ -43,7 +43,8 @@ def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
 
 def multiples(angle: NDArray[np.float64], orders: range) -> NDArray[np.complex128]:
     """exp(j n angle) of successive orders n, shape (n_orders, n): cosines and sines."""
-    once = np.exp(1j * angle)
+    once = np.empty(len(angle), dtype=complex)
+    once.real, once.imag = np.cos(angle), np.sin(angle)
     found = np.empty((len(orders), len(angle)), dtype=complex)
     found[0] = once ** orders[0]
     for lower, higher in pairwise(found):

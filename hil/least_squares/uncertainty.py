@@ -169,7 +169,7 @@ def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> A
     fewest : float
         As of `effective_degrees`.
     """
-    return effective_degrees(np.einsum("ij,njk,ki->ni", inverse, shares, inverse), fewest)
+    return effective_degrees(((inverse @ shares) * inverse.T).sum(axis=-1), fewest)
 
 
 def leave_one_out(shares: Array, sides: Array) -> Solved:

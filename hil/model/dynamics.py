@@ -1,11 +1,11 @@
 """Inverse dynamics, linear in the base parameters: A(q, qd, qdd) p of eq. (6).
 
 Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c + g and the inverse
-dynamics agree to rounding. What is compiled of it is loaded when there is enough to do; the first
-regressors come from the same equations in NumPy (`model.recursion_by_arrays`). Base parameters
-enter in the standard parameters that head their groups, all others being zero (`base_parameters`),
-so that a robot costs no more than the parameters that it has. Besides rigid bodies there are
-springs and what of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
+dynamics agree to rounding. What is compiled of it is loaded when there is enough to do; until then
+the same equations are evaluated by NumPy (`model.recursion_by_arrays`). Base parameters enter in
+the standard parameters that head their groups, all others being zero (`base_parameters`), so that a
+robot costs no more than the parameters that it has. Besides rigid bodies there are springs and what
+of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.
@@ -13,10 +13,11 @@ have the same leading axes: none for a single sample. Torques in N m (forces in 
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +27,8 @@ from hil.model.base_parameters import base_parameters
 from hil.model.frames import cos_sin
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
+    from types import ModuleType
 
     from numpy.typing import ArrayLike
 
@@ -36,8 +38,11 @@ if TYPE_CHECKING:
 
 _CHUNK = 2048
 """Samples at a time, so that intermediate values stay in the cache."""
-_UNCOMPILED = 200_000
-"""Rows that a process computes before it loads the compiled recursion, which takes longer."""
+_UNCOMPILED = 5_000_000
+"""Rows that a process computes before it loads the compiled recursion: 0.1 to 0.2 us a row more
+than with it, which takes 0.7 s to load."""
+_CALL = 1000
+"""Rows that take as long as a call by itself does."""
 
 
 def regressor(
@@ -71,23 +76,37 @@ def regressor(
     ValueError
         Shapes that do not fit the robot, or no such joint.
     """
+    return regressors(robot, q, [(qd, qdd)], joints, gravity)[0]
+
+
+def regressors(
+    robot: Robot,
+    q: ArrayLike,
+    rates: Sequence[tuple[ArrayLike, ArrayLike]],
+    joints: Sequence[int] | None = None,
+    gravity: ArrayLike | None = None,
+) -> list[Array]:
+    """`regressor` at the same positions with several velocities and accelerations."""
     model = _model(robot)
     wanted = _rows(robot, joints)
     rows = np.unique(wanted)
-    q, qd, qdd = _samples(robot, q, qd, qdd)
-    lead = q.shape[:-1]
-    flat = np.empty((q.size // robot.n_joints, rows.size, model.kinds.size))
-    columns = _columns(len(flat) * rows.size)
+    moved = [_samples(robot, q, *each) for each in rates]
+    at = moved[0][0]
+    every = np.empty((len(moved), at.size // robot.n_joints, rows.size, model.kinds.size))
+    way = _recursion(math.prod(every.shape[:-1]))
     pull = robot.gravity if gravity is None else np.asarray(gravity, dtype=np.float64)
-    for part, state in _chunks(model, q, qd, qdd):
-        columns(state, model.chain, pull, model.kinds, model.links, rows, flat[part])
-    if model.mixing is not None:
-        flat = flat @ model.mixing
-    if len(model.added):
-        flat = np.concatenate([flat, _added(robot, model, q, qdd, rows)], axis=-1)
-    if not np.array_equal(rows, wanted):
-        flat = flat[:, np.searchsorted(rows, wanted)]
-    return flat.reshape(*lead, wanted.size, flat.shape[-1])
+    for part, states in _chunks(model, way, at, [each[1:] for each in moved]):
+        for state, flat in zip(states, every[:, part], strict=True):
+            way.columns(state, model.chain, pull, model.kinds, model.links, rows, flat)
+    found = []
+    for flat, (_, _, qdd) in zip(every, moved, strict=True):
+        A = flat if model.mixing is None else flat @ model.mixing
+        if len(model.added):
+            A = np.concatenate([A, _added(robot, model, at, qdd, rows)], axis=-1)
+        if not np.array_equal(rows, wanted):
+            A = A[:, np.searchsorted(rows, wanted)]
+        found.append(A.reshape(*at.shape[:-1], wanted.size, A.shape[-1]))
+    return found
 
 
 def inverse_dynamics(
@@ -171,12 +190,12 @@ def _torques(
     if p.shape != (n_base := n_links + n_added,):
         raise ValueError(f"p has shape {p.shape}; {robot.name} has {n_base} base parameters")
     q, qd, qdd = _samples(robot, q, qd, qdd)
-    from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
-
     values = model.placement @ p[:n_links]
     flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
-    for part, state in _chunks(model, q, qd, qdd):
-        recursion.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
+    # whoever asks for a single sample is in a loop, which must not wait later on
+    way = _recursion(flat.size if q.ndim > 1 else _UNCOMPILED)
+    for part, (state,) in _chunks(model, way, q, [(qd, qdd)]):
+        way.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
     if n_added:
         own = p[n_links:]
         flat += qdd.reshape(flat.shape) @ np.tensordot(own, model.inertias, 1)
@@ -191,14 +210,14 @@ class _Uncompiled:
     rows = 0
 
 
-def _columns(rows: int) -> Callable[..., None]:
-    """`columns` of the recursion that takes less time for `rows` more of them."""
-    if _Uncompiled.rows + rows > _UNCOMPILED or "hil.model.recursion" in sys.modules:
+def _recursion(rows: int) -> ModuleType:
+    """Recursion that takes less time for `rows` more of them."""
+    _Uncompiled.rows += rows + _CALL
+    if _Uncompiled.rows > _UNCOMPILED or "hil.model.recursion" in sys.modules:
         from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
 
-        return recursion.columns
-    _Uncompiled.rows += rows
-    return recursion_by_arrays.columns
+        return recursion
+    return recursion_by_arrays
 
 
 def _rows(robot: Robot, joints: Sequence[int] | None) -> Integers:
@@ -223,16 +242,49 @@ def _samples(
     )
 
 
-def _chunks(model: _Model, q: Array, qd: Array, qdd: Array) -> Iterator[tuple[slice, Array]]:
-    """Yield the samples in parts, with the recursion's state of each."""
+def _chunks(
+    model: _Model, way: ModuleType, q: Array, rates: Sequence[tuple[Array, Array]]
+) -> Iterator[tuple[slice, Iterator[Any]]]:
+    """Yield the samples in parts, with the state by each of `rates` as a recursion takes it."""
     n_joints = model.revolute.size
-    q, qd, qdd = (x.reshape(-1, n_joints) for x in (q, qd, qdd))
+    q = q.reshape(-1, n_joints)
+    flat = [(qd.reshape(-1, n_joints), qdd.reshape(-1, n_joints)) for qd, qdd in rates]
+    states = _components if way is recursion_by_arrays else _states
     for first in range(0, len(q), _CHUNK):
         part = slice(first, first + _CHUNK)
-        angle = model.theta + model.revolute * q[part]
-        state = np.empty((5, *angle.shape))
-        np.cos(angle, out=state[0])
-        np.sin(angle, out=state[1])
-        state[2] = model.shift + (1.0 - model.revolute) * q[part]
-        state[3], state[4] = qd[part], qdd[part]
-        yield part, state
+        yield part, states(model, q[part], [(qd[part], qdd[part]) for qd, qdd in flat])
+
+
+def _states(model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]) -> Iterator[Array]:
+    """Yield states as `recursion.columns` takes them, shape (5, n_samples, n_joints)."""
+    angle = model.theta + model.revolute * q
+    state = np.empty((5, *angle.shape))
+    np.cos(angle, out=state[0])
+    np.sin(angle, out=state[1])
+    state[2] = model.shift + (1.0 - model.revolute) * q
+    for qd, qdd in rates:
+        state[3], state[4] = qd, qdd
+        yield state
+
+
+def _components(
+    model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]
+) -> Iterator[list[tuple[Any, ...]]]:
+    """Yield states as `recursion_by_arrays.columns` takes them, joint by joint."""
+    positions = []
+    for joint, revolute in enumerate(model.revolute):
+        angle: Any = float(model.theta[joint])
+        shift: Any = float(model.shift[joint])
+        at = _component(q[:, joint])
+        angle, shift = (angle + at, shift) if revolute else (angle, shift + at)
+        positions.append((np.cos(angle), np.sin(angle), shift))
+    for qd, qdd in rates:
+        yield [
+            (*at, _component(v), _component(a))
+            for at, v, a in zip(positions, qd.T, qdd.T, strict=True)
+        ]
+
+
+def _component(x: Array) -> Array | float:
+    """Array in one piece, or the number that was broadcast to it."""
+    return float(x[0]) if x.strides == (0,) else np.ascontiguousarray(x)

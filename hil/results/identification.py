@@ -16,10 +16,8 @@ from hil.estimation.drive_train import find_drive_train
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.mistakes.finding import find_mistake
-from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for
-from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.model import Model
@@ -153,7 +151,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
     return Provenance(
         robot=run.robot.name,
         robot_digest=run.robot.digest,
-        plan_digest=run.plan.digest,
+        plan_digest=run.journal.plan_digest,
         measured=sessions[-1].started if sessions else "",
         bus=sessions[-1].bus if sessions else "",
         simulated=any(each.journal.simulated for each in (run, *others)),
@@ -180,6 +178,8 @@ def experience(folders: Sequence[Run]) -> Levels:
     NotEnoughData
         No measurement of use.
     """
+    from hil.estimation.noise_levels import noise_levels  # noqa: PLC0415 - loads an optimiser
+
     robot = folders[0].robot
     raw, _ = prepare(pooled(folders))
     if not raw:

@@ -82,7 +82,7 @@ class RunStamp(FileModel):
             folder=os.path.relpath(folder.path, holder.path),
             measured=sessions[-1].started if sessions else "",
             robot_digest=folder.robot.digest,
-            plan_digest=folder.plan.digest,
+            plan_digest=folder.journal.plan_digest,
             recordings=_recordings(folder),
         )
 

@@ -185,6 +185,6 @@ def _checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:
     for name, array in sorted(arrays.items()):
         little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
         digest.update(f"{name} {little.dtype.str} {little.shape}\n".encode())
-        digest.update(little.tobytes())
+        digest.update(little.data)
     digest.update(json.dumps(meta, sort_keys=True).encode())
     return digest.hexdigest()

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.model import recursion  # noqa: F401 - compiled before the first sample, which cannot wait
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.watching.friction import FrictionLevel, FrictionTables, columns_of

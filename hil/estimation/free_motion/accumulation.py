@@ -308,10 +308,7 @@ def _crossed(
 def _stacked(
     robot: Robot, motion: Motion, axis: int, first: Array, y: Array, terms: tuple[str, ...]
 ) -> Array:
-    every = axis_columns(robot, motion, axis, first)
-    friction = every.shape[1] - len(COLUMNS) + np.array([COLUMNS.index(term) for term in terms])
-    shared = np.arange(every.shape[1] - len(COLUMNS))
-    columns = motion.passed(every[:, np.concatenate([shared, friction])])
+    columns = motion.passed(axis_columns(robot, motion, axis, first, terms))
     return np.hstack([y[: len(columns), axis, np.newaxis], columns[: len(y)]])
 
 

@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.friction.terms import coupled_friction, friction_columns, motor_angle
+from hil.friction.terms import COLUMNS, coupled_friction, friction_columns, motor_angle
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
     from hil.estimation.free_motion.motion import Motion
     from hil.model.robot import Robot
@@ -40,7 +42,9 @@ def shared_names(robot: Robot) -> tuple[str, ...]:
     return base_parameters(robot).names + tuple(n for pair in coupled_names(robot) for n in pair)
 
 
-def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array:
+def axis_columns(
+    robot: Robot, motion: Motion, axis: int, first: Array, terms: Sequence[str] = COLUMNS
+) -> Array:
     """All columns of one axis, at the motion's samples, shape (n, n_shared + 1 + n_terms).
 
     The torque of the axis's rotor, whose inertia is known, stands behind the shared ones.
@@ -50,6 +54,8 @@ def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array
     first : ndarray, shape (n_base,)
         First estimate of the base parameters, for the torque that is transmitted: it enters a small
         term of friction, so it need not be good.
+    terms : sequence of str
+        Of friction.
     """
     q, qd = motion.q, motion.qd
     rows = regressor(robot, q, qd, motion.qdd, joints=[axis])[:, 0]
@@ -59,6 +65,7 @@ def axis_columns(robot: Robot, motion: Motion, axis: int, first: Array) -> Array
         rows @ first,
         motor_angle(robot, q, axis),
         motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
+        terms=terms,
     )
     rotor = rotor_torque(robot, motion, axis)[:, np.newaxis]
     return np.hstack([rows, coupled_friction(robot, qd, axis), rotor, friction])

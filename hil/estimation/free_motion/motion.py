@@ -18,7 +18,7 @@ is dropped afterwards: no fit sees a reflected sample.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,20 +97,28 @@ def low_passed(
     # what does not change passes as it is
     changes = np.flatnonzero((x != x[0]).any(axis=0))
     kept, n_kept = whole // every, -(-n // every)
-    frequencies = fft.rfftfreq(whole, period)[: kept // 2 + 1]
+    frequencies, gain = _response(whole, kept, period, cut_off)
     continued = _continued(x[:, changes], pad, whole)
     spectrum = fft.rfft(continued, overwrite_x=True)[:, : kept // 2 + 1]
-    spectrum = spectrum / (1.0 + (frequencies / cut_off) ** (2 * ORDER))
+    spectrum *= gain
     if ahead is not None:
         spectrum *= np.exp(2j * np.pi * np.outer(ahead[changes], frequencies))
     found = []
     for order in range(derivatives + 1):
+        if order:
+            spectrum *= 2j * np.pi * frequencies
         passed = np.tile(x[0] * (order == 0), (n_kept, 1))
         y = fft.irfft(spectrum, kept)[:, pad // every :][:, :n_kept]
         passed[:, changes] = y.T / every
         found.append(passed)
-        spectrum = spectrum * (2j * np.pi * frequencies)
     return tuple(found)
+
+
+@lru_cache(maxsize=16)
+def _response(whole: int, kept: int, period: float, cut_off: float) -> tuple[Array, Array]:
+    """Frequencies that are kept of a spectrum of `whole` samples [Hz], and their gain."""
+    frequencies = fft.rfftfreq(whole, period)[: kept // 2 + 1]
+    return frequencies, 1.0 / (1.0 + (frequencies / cut_off) ** (2 * ORDER))
 
 
 def reach(period: float, cut_off: float) -> int:

@@ -29,8 +29,10 @@ def test_arrays_give_what_is_compiled_to_the_last_bit(rows: tuple[int, ...]) -> 
     chain = np.column_stack([np.cos(alpha), np.sin(alpha), drawn.uniform(size=4), revolute])
     kinds, links = np.tile(np.arange(10), 4), np.repeat(np.arange(4), 10)
     found = []
-    for way in (recursion, recursion_by_arrays):
+    by_joint = [[c.copy() for c in joint] for joint in state.transpose(2, 0, 1)]
+    common = chain, np.array([1.0, 2.0, -9.81]), kinds, links
+    for way, of in ((recursion, state), (recursion_by_arrays, by_joint)):
         out = np.full((37, len(rows), 40), np.nan)
-        way.columns(state, chain, np.array([1.0, 2.0, -9.81]), kinds, links, np.array(rows), out)
+        way.columns(of, *common, np.array(rows), out)
         found.append(out)
     assert (found[0] == found[1]).all()
