@@ -79,6 +79,8 @@ class Personality(FileModel):
         The EDS declares PDO mappings as ARRAY instead of RECORD.
     mapping_entries : int
         How many objects one PDO takes.
+    start_lag : float
+        How long the node takes from NMT start to OPERATIONAL [s].
     mode_display_lag : float
         How long 6061h shows -1 after 6060h was written [s].
     mode_locked_by_halt : bool
@@ -105,6 +107,7 @@ class Personality(FileModel):
     sdo_states_size: bool = True
     mapping_arrays: bool = False
     mapping_entries: Annotated[int, Field(ge=1, le=8)] = 8
+    start_lag: Seconds = 0.0
     mode_display_lag: Seconds = 0.0
     mode_locked_by_halt: bool = False
     acknowledge_lag: Seconds = 0.0

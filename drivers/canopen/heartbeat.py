@@ -2,8 +2,8 @@
 
 The drives stop by themselves when our heartbeat stays away (1016, 6007): that saves the robot when
 this process dies. In the other direction a node that falls silent, restarts or leaves the state
-OPERATIONAL is trouble. Time is that of SYNC's pacing, so in lock-step it stands still between two
-SYNCs.
+OPERATIONAL is trouble; only at the start may it take a while to get there. Time is that of SYNC's
+pacing, so in lock-step it stands still between two SYNCs.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from drivers.canopen.network import PumpedNetwork
+
+START_TIME = 2.0
+"""How long a node may take from NMT start to OPERATIONAL [s]; CiA 301 states no bound."""
 
 OPERATIONAL = 0x05
 PRE_OPERATIONAL = 0x7F
@@ -53,6 +56,8 @@ class Heartbeats:
         Why a drive is no longer with us.
     ceased : bool
         Ours is sent no more.
+    starting : set of int
+        Nodes that have been commanded to start and have not shown OPERATIONAL yet.
     requests : list of can.Message
         Sent with each heartbeat: they ask for the state of drives that watch these requests.
     """
@@ -80,22 +85,25 @@ class Heartbeats:
         self._timeout = timeout
         self._now = now
         self._heard: dict[int, float] = {}
-        self._starting: set[int] = set()
+        self.starting: set[int] = set()
+        self._start_ends = -math.inf
         for node in labels:
             network.subscribe(0x700 + node, self._on_heartbeat)
         network.subscribe(0x700 + master, self._on_ours)
 
-    def watch(self) -> None:
+    def watch(self, *, starting: bool = False) -> None:
         """Begin to expect the drives' heartbeats, and to send ours where it has ceased.
 
-        The drives are OPERATIONAL from now on.
-
-        A heartbeat from before may still be under way, so the first that says pre-operational
-        does not count.
+        Parameters
+        ----------
+        starting : bool
+            The drives have just been commanded to start, so each may say for `START_TIME` that it
+            is pre-operational; else all are OPERATIONAL.
         """
         self.trouble, self.ceased = None, False
-        self._starting = set(self._labels)
+        self.starting = set(self._labels) if starting else set()
         self._heard = dict.fromkeys(self._labels, self._now())
+        self._start_ends = self._now() + START_TIME
 
     def beat(self) -> None:
         """Send our heartbeat if it is due."""
@@ -144,12 +152,12 @@ class Heartbeats:
         if node not in self._heard or not data:
             return
         state = data[0] & 0x7F
-        starting = node in self._starting
-        self._starting.discard(node)
-        if starting and state == PRE_OPERATIONAL:
-            return
         self._heard[node] = self._now()
-        if state != OPERATIONAL and self.trouble is None:
+        if state == OPERATIONAL:
+            self.starting.discard(node)
+            return
+        waits = node in self.starting and self._now() <= self._start_ends
+        if not (waits and state == PRE_OPERATIONAL) and self.trouble is None:
             what = _STATES.get(state, f"shows NMT state {state:02X}h")
             self.trouble = NodeSilent(
                 f"{self._labels[node]}: {what} in the middle of operation; check the drive's "

@@ -67,7 +67,7 @@ class CanopenNode:
         self._rewired = rewired
         self.dictionary = ObjectDictionary(node_id, personality)
         self.emergencies = Emergencies(self.dictionary, emit)
-        self.nmt = NmtSlave(node_id, self._nmt_changed, self._reset)
+        self.nmt = NmtSlave(node_id, self._nmt_changed, self._reset, timers, personality.start_lag)
         self._sdo = SdoServer(
             self.dictionary,
             functools.partial(emit, 0x580 + node_id),

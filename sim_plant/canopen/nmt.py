@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sim_plant.canopen.timers import Timers
+
 
 class NmtState(enum.IntEnum):
     """States as the heartbeat reports them."""
@@ -32,8 +34,9 @@ class NmtCommand(enum.IntEnum):
     RESET_COMMUNICATION = 130
 
 
+_STARTED = NmtState.OPERATIONAL
 _TARGETS = {
-    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.START: _STARTED,
     NmtCommand.STOP: NmtState.STOPPED,
     NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
 }
@@ -49,6 +52,10 @@ class NmtSlave:
         Called with every new state that services must follow.
     reset : callable
         Resets the node, all of it or its communication only (argument False), ending in boot-up.
+    timers : Timers
+        Shared by all nodes of the bus.
+    start_lag : float
+        How long it takes from NMT start to OPERATIONAL [s].
     """
 
     def __init__(
@@ -56,8 +63,13 @@ class NmtSlave:
         node_id: int,
         changed: Callable[[NmtState], None],
         reset: Callable[[bool], None],
+        timers: Timers,
+        start_lag: float = 0.0,
     ) -> None:
         self._node_id = node_id
+        self._timers = timers
+        self._start_lag = start_lag
+        self._lagging = (node_id, "NMT start")
         self._changed = changed
         self._reset = reset
         self.state = NmtState.INITIALISING
@@ -66,6 +78,11 @@ class NmtSlave:
         """Take a command frame; one for another node or without meaning is ignored."""
         if len(data) != 2 or data[1] not in (0, self._node_id):
             return
+        if data[0] == NmtCommand.START and self._start_lag and self.state is not _STARTED:
+            if not self._timers.runs(self._lagging):
+                self._timers.start(self._lagging, self._start_lag, lambda: self.enter(_STARTED))
+            return
+        self._timers.stop(self._lagging)
         if data[0] in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
             self.enter(NmtState.INITIALISING)
             self._reset(data[0] == NmtCommand.RESET_NODE)

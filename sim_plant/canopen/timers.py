@@ -47,6 +47,10 @@ class Timers:
         if self._running.pop(name, None) is not None:
             self._find_next()
 
+    def runs(self, name: Hashable) -> bool:
+        """Whether a timer of this name is under way."""
+        return name in self._running
+
     def run(self) -> None:
         """Call what is due now, earliest first."""
         while self.next <= self.now:

@@ -195,6 +195,19 @@ def test_a_slow_mode_display_shows_minus_one_for_a_while() -> None:
     assert desk.read(0x6061) == 1
 
 
+def test_a_node_may_become_operational_late_unless_it_is_commanded_otherwise_meanwhile() -> None:
+    desk = desk_of(Personality(name="x", start_lag=0.1))
+    node = desk.network.nodes[0]
+    for commands, after in (((1,), 5), ((128, 1, 128), 127), ((1, 1), 5)):
+        for command in commands:
+            desk.nmt(command)
+        desk.sync(24)
+        assert node.nmt.state == 127
+        desk.sync(2)
+        assert node.nmt.state == after
+        desk.nmt(128)
+
+
 def test_a_mode_change_may_be_refused_while_halt_is_set() -> None:
     desk = desk_of(Personality(name="x", mode_locked_by_halt=True))
     desk.write(0x6040, HALT)
