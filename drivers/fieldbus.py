@@ -85,6 +85,9 @@ class Objects(Protocol):
     def put(self, entry: Entry, value: int) -> None:
         """Write a number."""
 
+    def order(self, entry: Entry, value: int) -> None:
+        """Write a number at once and await no answer: what becomes of it must show elsewhere."""
+
     def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
         """Write a number and read it back; where it is missing, note what follows from that."""
 

@@ -8,6 +8,7 @@ races and no dead-locks, and on a bus in lock-step time stands still while a cli
 
 from __future__ import annotations
 
+import struct
 import time
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,8 @@ _SDO_SIZE = 8
 _SIZE_INDICATION = 0xE3
 _SIZE_LEFT_OPEN = 0x42
 """Bits of an answer that make it an expedited upload (command 2, e = 1) without size (s = 0)."""
+_EXPEDITED = 0x23
+"""A request to write (command 1), its data in the frame (e = 1) and their size stated (s = 1)."""
 _INITIATING = frozenset({1, 2})
 """Command specifiers of requests whose answer repeats index and sub-index."""
 
@@ -217,6 +220,12 @@ class PumpedSdoClient(SdoClient):
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
         self._size_left_open = answer[0] & _SIZE_INDICATION == _SIZE_LEFT_OPEN
         return answer
+
+
+def expedited(index: int, subindex: int, data: bytes) -> bytes:
+    """Return the request that writes an object of one to four bytes (CiA 301)."""
+    command = _EXPEDITED | (4 - len(data)) << 2
+    return struct.pack("<BHB4s", command, index, subindex, data)
 
 
 def _nothing() -> None:

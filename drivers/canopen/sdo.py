@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from canopen.sdo.exceptions import SdoAbortedError, SdoError
 
-from drivers.canopen.network import PumpedSdoClient
+from drivers.canopen.network import PumpedSdoClient, expedited
 from drivers.drive_bus import DriveRefused, NodeSilent
 
 if TYPE_CHECKING:
@@ -221,6 +221,17 @@ class RemoteDictionary:
             self._client.download(entry.index, entry.subindex, data)
         except SdoError as error:
             raise self._explained(error, entry, f"write {value} to") from error
+
+    def order(self, entry: Entry, value: int) -> None:
+        """Write a number at once, await no answer and keep nothing of what was there.
+
+        Raises
+        ------
+        BusUnavailable
+            The bus does not take the frame.
+        """
+        data = value.to_bytes(entry.size, "little", signed=entry.signed)
+        self._network.send_message(0x600 + self.node, expedited(entry.index, entry.subindex, data))
 
     def set(self, entry: Entry, value: int) -> None:
         """Write a number and read it back; note another value that is accepted.

@@ -11,10 +11,12 @@ where window is its following error window and age how old its last position was
 went out, and two SYNCs, for some drives act with the next one. Beyond either bound its voltage is
 disabled at once, and so it is if the drive does not even show within STOP_DELAY that it stops. That
 holds too where it is seen that nothing happens although the bus refuses the command. A drive that
-does not show that its voltage is off in time is lost: nothing but its own watchdog ends it.
+does not show that its voltage is off in time is lost: what ends it is its own watchdog, but it is
+commanded on to switch off.
 
-Positions are in increments; nothing here sends or waits: `AxisStop.step` takes what one SYNC
-showed.
+What follows from what a drive shows is one table (`step_of`), and what from a bound that is passed
+another (`overdue`). Positions are in increments; nothing here sends or waits: `AxisStop.step` takes
+what one SYNC showed.
 """
 
 from __future__ import annotations
@@ -51,9 +53,6 @@ SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY})
 NOT_ENERGISED = SHOWN_OFF | {State.READY_TO_SWITCH_ON}
 """States in which the motor has no power."""
 
-_OBEYING = frozenset({State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})
-_UNUSED = frozenset({State.READY_TO_SWITCH_ON, State.SWITCHED_ON})
-
 
 class StopBound(NamedTuple):
     """How far [increments] and for how long [s] an axis may go on after a stop command."""
@@ -82,11 +81,79 @@ class StopPhase(enum.Enum):
     """How far the stop of an axis has come."""
 
     STOPPING = "is commanded to stop"
+    SLOWING = "has shown that it obeys"
     RESTING = "stands still"
     DISABLING = "is commanded to switch off"
     OFF = "is off"
     UNSEEN = "does not show whether it is off"
     LOST = "does not switch off"
+    ADRIFT = "moves although it shows that it is off"
+
+
+class Shown(enum.Enum):
+    """What one SYNC shows of an axis that shall stop."""
+
+    NOTHING = "no telegram that is certain"
+    UNDEFINED = "no state of the standard"
+    OFF = "off"
+    OFF_AT_REST = "off, and it stands still"
+    READY = "without power, and it keeps its voltage"
+    ON = "switched on, not enabled"
+    ENABLED = "under power"
+    OBEYING = "stopping by itself"
+    AT_REST = "stopping by itself, and it stands still"
+
+
+_BRAKING = frozenset({StopPhase.STOPPING, StopPhase.SLOWING})
+AWAITED = _BRAKING | {StopPhase.DISABLING}
+"""Phases of an axis that may still be moving under power."""
+
+_SHOWN = dict.fromkeys(SHOWN_OFF, (Shown.OFF, Shown.OFF_AT_REST)) | {
+    State.READY_TO_SWITCH_ON: (Shown.READY, Shown.READY),
+    State.SWITCHED_ON: (Shown.ON, Shown.ON),
+    State.OPERATION_ENABLED: (Shown.ENABLED, Shown.ENABLED),
+    State.QUICK_STOP_ACTIVE: (Shown.OBEYING, Shown.AT_REST),
+    State.FAULT_REACTION_ACTIVE: (Shown.OBEYING, Shown.AT_REST),
+}
+"""What a state shows of an axis that moves, and of one that stands still."""
+
+_ENDS = {Shown.OFF: StopPhase.OFF, Shown.OFF_AT_REST: StopPhase.OFF}
+_UNUSED = {Shown.READY: StopPhase.DISABLING, Shown.ON: StopPhase.DISABLING}
+_SLOWS = _ENDS | _UNUSED | {Shown.OBEYING: StopPhase.SLOWING, Shown.AT_REST: StopPhase.RESTING}
+_NEXT: dict[StopPhase, dict[Shown, StopPhase]] = {
+    StopPhase.STOPPING: _SLOWS,
+    StopPhase.SLOWING: _SLOWS,
+    StopPhase.RESTING: _ENDS | _UNUSED | {Shown.ENABLED: StopPhase.DISABLING},
+    StopPhase.DISABLING: _ENDS,
+    StopPhase.OFF: dict.fromkeys(
+        (Shown.READY, Shown.ON, Shown.ENABLED, Shown.OBEYING, Shown.AT_REST), StopPhase.DISABLING
+    ),
+    StopPhase.UNSEEN: _ENDS,
+    StopPhase.LOST: _ENDS | {Shown.READY: StopPhase.OFF},
+    StopPhase.ADRIFT: {Shown.OFF_AT_REST: StopPhase.OFF},
+}
+"""What follows from what is shown; all else leaves the phase as it is."""
+
+
+def step_of(phase: StopPhase, shown: Shown) -> tuple[StopPhase, Command | None]:
+    """Return the phase that follows from what is shown, and what is commanded in it."""
+    following = _NEXT[phase].get(shown, phase)
+    return following, _command(following, shown)
+
+
+def _command(phase: StopPhase, shown: Shown) -> Command | None:
+    if phase in _BRAKING:
+        return None if shown in {Shown.OBEYING, Shown.AT_REST} else Command.QUICK_STOP
+    return None if phase is StopPhase.RESTING else Command.DISABLE_VOLTAGE
+
+
+def overdue(phase: StopPhase, shown: Shown) -> StopPhase:
+    """Return the phase that follows where the bound of `phase` is passed."""
+    if phase is not StopPhase.DISABLING:
+        return StopPhase.DISABLING
+    if shown is Shown.READY:
+        return StopPhase.OFF  # it keeps its voltage, and cannot turn its motor
+    return StopPhase.UNSEEN if shown is Shown.NOTHING else StopPhase.LOST
 
 
 class AxisStop:
@@ -115,6 +182,8 @@ class AxisStop:
         How far it has come.
     state : State or None
         What it showed at the last SYNC, None where that is unknown.
+    bound : StopBound
+        How far and for how long it may go on.
     overrun : tuple of float or None
         Way [increments] and time [s] at which it was seen to exceed its bound.
     left_at : int or None
@@ -137,60 +206,47 @@ class AxisStop:
         self.phase = StopPhase.STOPPING
         self.overrun: tuple[float, float] | None = None
         self.state: State | None = None
+        self.left_at: int | None = None
         self._seen, self._origin = time, position
         self._delay = delay
         self._speed, self._deceleration, self._window = speed, deceleration, window
         self._rest = rest
         self._settling = settling
+        self._asked = self._rested = now
         self._begun: float | None = None
-        self._asked = now
-        self._moving = True
-        self._confirmed = self._adrift = self._obeyed = False
-        self.left_at: int | None = None
+        self._confirmed = False
+        self._off_time = OFF_TIME_MOVING
         self._returns = 0
-        self._rested = now
-        self._bound = self._bound_at(now)
+        self.bound = self._bound_at(now)
 
     @property
     def ended(self) -> bool:
-        """Nothing is to be commanded any more."""
-        return self.phase in {StopPhase.OFF, StopPhase.UNSEEN, StopPhase.LOST}
-
-    @property
-    def bound(self) -> StopBound:
-        """How far and for how long it may go on."""
-        return self._bound
+        """Nothing is to be awaited any more."""
+        return self.phase not in AWAITED | {StopPhase.RESTING}
 
     @property
     def unsent(self) -> Command | None:
         """What the bus has not taken yet."""
-        if self._begun is not None:
+        if self._begun is not None or self.phase not in AWAITED:
             return None
-        return {
-            StopPhase.STOPPING: Command.QUICK_STOP,
-            StopPhase.DISABLING: Command.DISABLE_VOLTAGE,
-        }.get(self.phase)
+        return _command(self.phase, Shown.NOTHING)
 
     def sent(self, time: float) -> None:
         """Take note that the command of this phase went out [s]."""
         self._confirmed |= self.phase is StopPhase.OFF
         if self._begun is None:
             self._begun = time
-            if self.phase is StopPhase.STOPPING:
-                self._bound = self._bound_at(time)
+            if self.phase in _BRAKING:
+                self.bound = self._bound_at(time)
 
     def rested(self, time: float) -> float:
         """Return for how long it has been standing still [s], 0 while it moves."""
         return time - self._rested if self.phase is StopPhase.RESTING else 0.0
 
     def disable(self, time: float) -> None:
-        """Go on to switching off, unless that was reached already."""
-        if self.phase in {StopPhase.STOPPING, StopPhase.RESTING, StopPhase.OFF}:
-            self._returns += self.phase is StopPhase.OFF
-            if self._returns <= RETURNS:
-                self._begun, self._asked = None, time  # else the time that has passed counts
-            self._moving = self.phase is StopPhase.STOPPING
-            self.phase = StopPhase.DISABLING
+        """Switch off an axis that rests."""
+        if self.phase is StopPhase.RESTING:
+            self._enter(StopPhase.DISABLING, time)
 
     def step(self, time: float, word: int, position: int, *, fresh: bool) -> Command | None:
         """Take one SYNC; return what to command.
@@ -205,24 +261,21 @@ class AxisStop:
             They came with this SYNC; else they say nothing.
         """
         self.state = decode_state(word) if fresh else None
-        if self.state in SHOWN_OFF:
-            self._take_off(position)
-        elif self.state in _UNUSED or (self.state and self.phase is StopPhase.OFF):
-            self.disable(time)
-        elif self.phase in {StopPhase.STOPPING, StopPhase.RESTING}:
-            self._watch(time, position, fresh=fresh)
-        if self.phase is StopPhase.DISABLING:
-            self._await_off(time, fresh=fresh)
-        match self.phase:
-            case StopPhase.STOPPING if self.state not in _OBEYING:
-                return Command.QUICK_STOP
-            case StopPhase.DISABLING:
-                return Command.DISABLE_VOLTAGE
-            case StopPhase.OFF if (
-                not self._confirmed
-            ):  # the last word is never that of a quick stop
-                return Command.DISABLE_VOLTAGE
-        return None
+        shown = self._shown(position, fresh=fresh)
+        if shown in _ENDS and self.left_at is None:
+            self.left_at = position
+        before, way = self.phase, abs(position - self._origin)
+        self._enter(step_of(before, shown)[0], time)
+        stops = self.phase in _BRAKING | {StopPhase.RESTING}
+        far = stops and fresh and way > self.bound.way
+        if far or self._late(time, shown):
+            self._enter(overdue(self.phase, shown), time)
+        came_back = before is StopPhase.RESTING and shown is Shown.ENABLED
+        if came_back or (stops and self.phase is StopPhase.DISABLING):
+            self.overrun = (way, time - self._seen) if fresh else None
+        if self.phase is StopPhase.OFF and self._confirmed:
+            return None  # the last word was not that of a quick stop
+        return _command(self.phase, shown)
 
     def hang(self) -> None:
         """Give up what takes too long: it does not show any more whether it is off."""
@@ -231,43 +284,36 @@ class AxisStop:
 
     def give_up(self) -> None:
         """Take note that it moves although it shows that it is off: only standstill counts now."""
-        self._adrift, self.phase = True, StopPhase.LOST
+        self.phase = StopPhase.ADRIFT
 
-    def _take_off(self, position: int) -> None:
-        if self.left_at is None:
-            self.left_at = position
-        if not self._adrift or self._rest.update(position):
-            self.phase, self._adrift = StopPhase.OFF, False
+    def _shown(self, position: int, *, fresh: bool) -> Shown:
+        if not fresh:
+            return Shown.NOTHING
+        rests = self._rest.update(position)
+        return Shown.UNDEFINED if self.state is None else _SHOWN[self.state][rests]
 
-    def _watch(self, time: float, position: int, *, fresh: bool) -> None:
-        way = abs(position - self._origin)
-        rests = fresh and self._rest.update(position) and self.state in _OBEYING
-        if rests and self.phase is StopPhase.STOPPING:
-            self.phase, self._rested = StopPhase.RESTING, time
-        came_back = self.phase is StopPhase.RESTING and self.state is State.OPERATION_ENABLED
-        self._obeyed |= self.state in _OBEYING
-        deaf = fresh and not self._obeyed
-        patience = STOP_DELAY if deaf else self._bound.time
-        late = self.phase is StopPhase.STOPPING and self._overdue(time, patience, fresh=fresh)
-        far = fresh and way > self._bound.way
-        if late or far or came_back:
-            self.overrun = (way, time - self._seen) if fresh else None
-            self.disable(time)
+    def _enter(self, phase: StopPhase, time: float) -> None:
+        if phase is StopPhase.RESTING is not self.phase:
+            self._rested = time
+        elif phase is StopPhase.DISABLING is not self.phase:
+            self._returns += self.phase is StopPhase.OFF
+            if self._returns <= RETURNS:
+                self._begun, self._asked = None, time  # else the time that has passed counts
+            self._off_time = OFF_TIME_MOVING if self.phase in _BRAKING else OFF_TIME
+        self.phase = phase
 
-    def _await_off(self, time: float, *, fresh: bool) -> None:
-        if not self._overdue(time, OFF_TIME_MOVING if self._moving else OFF_TIME, fresh=fresh):
-            return
-        if self.state is State.READY_TO_SWITCH_ON:
-            self.phase = StopPhase.OFF  # it keeps its voltage, and cannot turn its motor
-        else:
-            self.phase = StopPhase.LOST if fresh else StopPhase.UNSEEN
-
-    def _overdue(self, time: float, bound: float, *, fresh: bool) -> bool:
-        if self._begun is None and not fresh:  # the bus takes nothing and brings nothing
-            unsent = UNSENT_TIME if self.phase is StopPhase.STOPPING else OFF_TIME_MOVING
-            return time - self._asked > unsent
+    def _late(self, time: float, shown: Shown) -> bool:
+        """Whether the time of this phase is over."""
+        if self.phase not in AWAITED:
+            return False
+        seen, brakes = shown is not Shown.NOTHING, self.phase in _BRAKING
+        if self._begun is None and not seen:  # the bus takes nothing and brings nothing
+            return time - self._asked > (UNSENT_TIME if brakes else OFF_TIME_MOVING)
+        most = self.bound.time if brakes else self._off_time
+        if self.phase is StopPhase.STOPPING and seen:
+            most = STOP_DELAY
         begun = self._asked if self._begun is None else self._begun
-        return time - begun > bound + self._settling
+        return time - begun > most + self._settling
 
     def _bound_at(self, time: float) -> StopBound:
         age = max(0.0, time - self._seen) + self._delay

@@ -39,6 +39,8 @@ class FakeDrive:
         It takes no command by process data any more.
     unplugged : bool
         It answers nothing any more.
+    takes_no_orders : bool
+        The bus does not carry orders to its object dictionary any more.
     history : list of State
         Those that it was in.
     """
@@ -49,7 +51,7 @@ class FakeDrive:
         self.state = State.SWITCH_ON_DISABLED
         self.history: list[State] = []
         self.position = self.target = 0
-        self.acknowledging = self.deaf = self.unplugged = False
+        self.acknowledging = self.deaf = self.unplugged = self.takes_no_orders = False
         self._values: dict[Entry, int] = {}
 
     @property
@@ -86,6 +88,12 @@ class FakeDrive:
         self._values[entry] = value
         if entry == objects.CONTROLWORD:
             self.control(value, self.target)
+
+    def order(self, entry: Entry, value: int) -> None:
+        """Write a number, whoever answers."""
+        if self.takes_no_orders:
+            raise BusUnavailable("no such mailbox")
+        self.put(entry, value)
 
     def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
         """Write a number."""

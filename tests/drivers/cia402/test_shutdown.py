@@ -59,8 +59,8 @@ def failing(nodes: set[int], times: int, error: Exception) -> Callable[[can.Mess
     left = dict.fromkeys(nodes, times)
 
     def fail(frame: can.Message) -> None:
-        node = frame.arbitration_id - 0x200
-        if left.get(node):
+        service, node = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F
+        if service in {0x200, 0x600} and left.get(node):
             left[node] -= 1
             raise error
 
@@ -76,7 +76,7 @@ def test_a_stop_command_that_fails_keeps_no_other_axis_from_being_stopped(can_bu
         drive_bus.move(MOVES)
         samples(drive_bus, 20)
         can_bus.sent.clear()
-        can_bus.on_send = failing({1}, 3, can.CanOperationError("transmit buffer full"))
+        can_bus.on_send = failing({1}, 6, can.CanOperationError("transmit buffer full"))
         raise KeyboardInterrupt
     before_sync = [f.arbitration_id for f in can_bus.sent]
     assert {0x202, 0x203} <= set(before_sync[: before_sync.index(0x80)])
@@ -90,7 +90,7 @@ def test_a_stop_command_is_repeated_at_every_sync_until_it_is_obeyed(can_bus: An
         drive_bus.move(MOVES)
         samples(drive_bus, 20)
         can_bus.sent.clear()
-        can_bus.on_send = failing({1, 2, 3}, 12, OSError("no buffer space available"))
+        can_bus.on_send = failing({1, 2, 3}, 24, OSError("no buffer space available"))
         raise KeyboardInterrupt
     syncs = [n for n, frame in enumerate(can_bus.sent) if frame.arbitration_id == 0x80]
     for first, second in pairwise(syncs[:6]):
@@ -380,11 +380,31 @@ def test_samples_after_a_trip_keep_the_axes_stopped(
     assert all_off(can_bus)
 
 
-def test_a_command_that_the_bus_refuses_for_one_axis_alone_ends_our_heartbeat(
+def test_a_command_whose_identifier_the_bus_refuses_is_given_by_sdo_at_once(
     can_bus: Any, drive_bus: CanopenDriveBus
 ) -> None:
     def refuse(frame: can.Message) -> None:
         if frame.arbitration_id == 0x202:
+            raise can.CanOperationError("no such mailbox")
+
+    with pytest.raises(KeyboardInterrupt), drive_bus:
+        drive_bus.move(MOVES)
+        samples(drive_bus, 20)
+        can_bus.sent.clear()
+        can_bus.on_send = refuse
+        raise KeyboardInterrupt
+    ordered = [frame.arbitration_id for frame in can_bus.sent].index(0x602)
+    assert bytes(can_bus.sent[ordered].data) == b"\x2b\x40\x60\x00\x02\x00\x00\x00"
+    assert 0x80 not in [frame.arbitration_id for frame in can_bus.sent[:ordered]]
+    assert watched(can_bus) == [False, False, False]
+    assert all_off(can_bus)
+
+
+def test_a_command_that_the_bus_refuses_for_one_axis_alone_ends_our_heartbeat(
+    can_bus: Any, drive_bus: CanopenDriveBus
+) -> None:
+    def refuse(frame: can.Message) -> None:
+        if frame.arbitration_id in {0x202, 0x602}:
             raise can.CanOperationError("no such mailbox")
 
     with pytest.raises(KeyboardInterrupt), drive_bus:

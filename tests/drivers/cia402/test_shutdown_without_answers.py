@@ -43,7 +43,7 @@ class Bus(FakeFieldbus):
         self.refusals, self.ceased = 0, math.inf
         self._clock = clock
         for drive in self.drives:
-            drive.state = State.OPERATION_ENABLED
+            drive.state, drive.takes_no_orders = State.OPERATION_ENABLED, True
 
     def command(self, axis: int, target: int, controlword: int) -> None:
         if axis == 1 and self.refusals:
@@ -100,6 +100,23 @@ def test_a_refusal_that_lasts_is_the_reason_why_a_drive_stays_on() -> None:
     shutdown.conclude()
     assert "axis 2: does not switch off" in shutdown.problems[0]
     assert "(no such mailbox)" in shutdown.problems[0]
+
+
+def test_a_command_that_the_bus_refuses_goes_out_as_an_object_at_once() -> None:
+    bus = Bus()
+    bus.refusals, bus.drives[1].takes_no_orders = 100_000, False
+    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    assert bus.drives[1].history[0] is State.QUICK_STOP_ACTIVE
+    assert shutdown.off == (True, True, True)
+    assert bus.alive
+
+
+def test_a_lost_drive_is_commanded_by_objects_too() -> None:
+    bus = Bus()
+    bus.drives[1].deaf, bus.drives[1].takes_no_orders = True, False
+    shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
+    shutdown.conclude()
+    assert shutdown.off == (True, True, True)
 
 
 def test_an_axis_rests_once_it_has_stood_still_for_forty_milliseconds() -> None:

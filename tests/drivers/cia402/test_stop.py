@@ -267,7 +267,18 @@ def test_the_time_for_a_command_begins_with_the_command_however_old_the_last_syn
     assert axis.step(10.0, 0, 0, fresh=False) is Command.QUICK_STOP
     axis.sent(10.0)
     assert axis.step(10.0 + PERIOD, STOPPING, 8000, fresh=True) is None
-    assert axis.phase is StopPhase.STOPPING
+    assert axis.phase is StopPhase.SLOWING
+
+
+def test_a_lost_axis_is_commanded_to_switch_off_for_as_long_as_it_shows_power() -> None:
+    axis = stop()
+    time = run(axis, lambda *_: ENABLED, lambda t: SPEED * t)
+    assert axis.phase is StopPhase.LOST
+    for sync in range(1, 1000):
+        later = time + sync * PERIOD
+        assert axis.step(later, ENABLED, 10**6, fresh=sync % 3 > 0) is Command.DISABLE_VOLTAGE
+    axis.step(later + PERIOD, OFF, 10**6, fresh=True)
+    assert axis.phase is StopPhase.OFF
 
 
 def test_an_axis_that_comes_back_from_its_stop_loses_its_voltage() -> None:

@@ -117,7 +117,7 @@ def test_positions_that_are_not_seen_do_not_show_that_an_axis_rests() -> None:
     for sync in range(8):
         axis.step(0.004 * sync, STOPPING, 0, fresh=False)
     axis.step(0.032, STOPPING, 0, fresh=True)
-    assert axis.phase is StopPhase.STOPPING
+    assert axis.phase is StopPhase.SLOWING
 
 
 @pytest.mark.parametrize("word", [READY, SWITCHED_ON])
@@ -136,7 +136,7 @@ def test_an_axis_that_shows_off_and_moves_is_off_only_once_it_rests() -> None:
     axis.give_up()
     for sync, position in enumerate((100, 200, 300)):
         axis.step(0.004 * sync, OFF, position, fresh=True)
-        assert axis.phase is StopPhase.LOST
+        assert axis.phase is StopPhase.ADRIFT
     axis.step(0.016, OFF, 300, fresh=True)
     assert axis.phase is StopPhase.OFF
 
