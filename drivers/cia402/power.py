@@ -13,6 +13,7 @@ from drivers.cia402 import objects
 from drivers.cia402.interlocks import safe_torque_off
 from drivers.cia402.states import Command, State, decode_state, next_command
 from drivers.cia402.stop import NOT_ENERGISED
+from drivers.cia402.supervision import RESET
 from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
 
 if TYPE_CHECKING:
@@ -125,10 +126,7 @@ class Power:
     def _reset(self, server: Objects, *, permitted: bool) -> None:
         reason = self._supervision.reason(server)
         if not permitted:
-            raise DriveFault(
-                f"{server.label}: {State.FAULT.value}: {reason}; remove the cause, then reset the "
-                "fault"
-            )
+            raise DriveFault(f"{server.label}: {State.FAULT.value}: {reason}; {RESET}")
         for word in Command.FAULT_RESET.value:
             server.put(objects.CONTROLWORD, word)
         if not self.wait(lambda: self._state(server) is not State.FAULT, STEP_TIME):

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 CODE_SIZE = 2
 """What an EMCY must hold at least: its error code [bytes]."""
+RESET = "remove the cause, then reset the fault (hil drives reset-faults)"
+"""What is to be done about a fault."""
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
@@ -81,9 +83,7 @@ class Supervision:
         state = decode_state(statusword)
         if state in _FAULTS:
             reason = self.reason(server)
-            return DriveFault(
-                f"{server.label}: {state.value}: {reason}; remove the cause, then reset the fault"
-            )
+            return DriveFault(f"{server.label}: {state.value}: {reason}; {RESET}")
         shown = f"undefined statusword {statusword:04X}h" if state is None else state.value
         emergency = self._emergencies.get(server.node)
         why = f" after emergency {emergency}" if emergency else ""

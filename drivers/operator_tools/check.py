@@ -16,6 +16,7 @@ from drivers.axis import AxisScale
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
 from drivers.canopen.sdo import SDO_TIMEOUT
 from drivers.cia402 import objects
+from drivers.cia402.supervision import Supervision
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import check_identity
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
@@ -28,6 +29,7 @@ from drivers.operator_tools.check_powered import REST_TIME, check_powered, shown
 from drivers.operator_tools.check_reactions import check_reactions
 from drivers.operator_tools.check_scaling import check_scaling
 from drivers.operator_tools.operator import require_consent
+from drivers.operator_tools.reset_faults import check_state
 from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
@@ -137,6 +139,7 @@ def _ask(network: PumpedNetwork, server: RemoteDictionary, axis: AxisDrive) -> I
     """What can be asked without power; the first error ends it, for it would only repeat."""
     try:
         yield Verdict(Grade.OK, server.label, "identity (1018)", check_identity(server, axis))
+        yield check_state(server, Supervision([server]))
         yield from _offer(read_dictionary(network, axis.node, SDO_TIMEOUT), server.label, axis)
         yield from check_scaling(server, axis)
         yield from check_limits(server, axis)

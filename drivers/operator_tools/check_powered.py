@@ -15,7 +15,7 @@ import numpy as np
 
 from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
 from drivers.canopen_bus import CanopenDriveBus
-from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.drive_bus import DriveError, SampleFlag
 from drivers.operator_tools.check_current import judge_current_unit
 from drivers.operator_tools.check_gravity import judge_direction
@@ -80,20 +80,31 @@ def check_powered(
     gravity: Gravity | None = None,
 ) -> Iterator[Verdict]:
     """All that needs power; an error ends it with a verdict, after the axes are off."""
+    step = "power-on"
     try:
         with (
             StopwatchBus(bus, drives) as timed,
             CanopenDriveBus(timed, drives, pacing=pacing, keeper=keeper) as axes,
         ):
+            step = "holding position"
             yield from _notes(axes)
             yield from _rest(axes, drives, operator)
             yield _rate(timed, axes, drives)
             for number, axis in enumerate(axes.limited_axes):
+                step = f"small move of {axis.name}"
                 yield from _move(axes, number, axis, moves, operator, gravity)
     except StoppedByOperator:
         raise
     except DriveError as error:
-        yield refused("all axes", "stopped and switched off", error)
+        yield from _ended(drives, step, error)
+
+
+def _ended(drives: DrivesFile, step: str, error: DriveError) -> Iterator[Verdict]:
+    """State what was refused, and by which axis where the error begins with one; all are off."""
+    labels = [f"{axis.name} (node {axis.node})" for axis in drives.axes]
+    for line in str(error).splitlines():
+        place = next((label for label in labels if line.startswith(f"{label}: ")), "all axes")
+        yield Verdict(Grade.REFUSED, place, step, line.removeprefix(f"{place}: "))
 
 
 def _notes(axes: CanopenDriveBus) -> Iterator[Verdict]:

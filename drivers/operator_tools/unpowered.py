@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.process_data import SYNC
+from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.sdo import RemoteDictionary
 from drivers.canopen.sync_clock import choose_sync_clock
 
@@ -37,13 +37,16 @@ class UnpoweredDrives:
     ----------
     network : PumpedNetwork
         The bus.
+    process_data : SyncProcessData
+        Lets time pass; the drives send none.
     servers : tuple of RemoteDictionary
         The drives' object dictionaries in joint order.
     """
 
     def __init__(self, bus: can.BusABC, drives: DrivesFile, pacing: PacingName = "auto") -> None:
-        self._clock = choose_sync_clock(bus, pacing, drives.sync_period)
-        self.network = PumpedNetwork(bus, synchronous=self._clock.synchronous)
+        clock = choose_sync_clock(bus, pacing, drives.sync_period)
+        self.network = PumpedNetwork(bus, synchronous=clock.synchronous)
+        self.process_data = SyncProcessData(self.network, drives.axes, clock)
         self.servers = tuple(
             RemoteDictionary(self.network, axis.node, axis.name, drives.sdo_timeout)
             for axis in drives.axes
@@ -51,9 +54,6 @@ class UnpoweredDrives:
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]."""
-        ends = self._clock.now() + duration
-        while self._clock.now() < ends:
-            self.network.pump(self._clock.due())
-            self.network.send_frame(SYNC)
-            self._clock.sent()
-            self.network.pump(0.0)
+        ends = self.process_data.now() + duration
+        while self.process_data.now() < ends:
+            self.process_data.tick()

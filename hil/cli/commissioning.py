@@ -151,6 +151,27 @@ def home(
     say(f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off")
 
 
+@expand_records
+def reset_faults(
+    drives_file: Drives,
+    axis: Annotated[
+        list[str] | None, typer.Option(help="Axis to reset instead of all; may be repeated.")
+    ] = None,
+    *,
+    where: DrivesBus,
+    yes: Yes = False,
+) -> None:
+    """State the faults of drives and their causes, and reset them; nothing is powered on."""
+    from drivers.operator_tools.reset_faults import reset_faults as reset
+    from hil.cli import bus_access
+
+    drives = bus_access.selected(drives_file, axis)
+    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, _):
+        serves = check_view.show(reset(bus, drives, operator), out)
+    if not serves:
+        raise typer.Exit(1)
+
+
 @contextmanager
 def _commanded(
     drives_file: str, drives: DrivesFile, where: DrivesBus, *, agreed: bool

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
-from hil.cli import restoring
+from hil.cli import commissioning, restoring
 from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_no_channel
 from hil.cli.outputs import new_file, output_option
 from hil.planning import BITRATE
@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 drives_commands = typer.Typer(
-    help="Write drives files, put found settings back.", no_args_is_help=True
+    help="Write drives files, put found settings back, reset faults.", no_args_is_help=True
 )
 commands.add_typer(drives_commands, name="drives")
 drives_commands.command()(restoring.restore)
+drives_commands.command()(commissioning.reset_faults)
 HIGHEST_NODE = 127
 MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
 """Modes as drives' manuals abbreviate them."""

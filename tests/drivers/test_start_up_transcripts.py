@@ -1,7 +1,8 @@
 """What start-up, check and scan say to each kind of drive is what they said before.
 
-`transcripts` holds it, transfer by transfer. A change there is either a defect or meant: then
-the transcripts are written anew (see `start_up_transcripts`) and their difference is reviewed.
+`transcripts` holds it, transfer by transfer; of all but the plain drive, what differs from it. A
+change there is either a defect or meant: then the transcripts are written anew (see
+`start_up_transcripts`) and their difference is reviewed.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import can
 import pytest
 from personalities import drives_for
 from sdo_transcript import transcript
-from start_up_transcripts import FOLDER, NAMES, listened, path_of, run, text_of
+from start_up_transcripts import FOLDER, NAMES, kept_of, listened, path_of, run, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_said_to_a_drive_is_what_its_transcript_holds(name: str) -> None:
     kept = path_of(name)
-    lines = kept.read_text().splitlines(), text_of(name).splitlines()
+    lines = kept.read_text().splitlines(), kept_of(name).splitlines()
     found = "\n".join(unified_diff(*lines, f"transcripts/{kept.name}", "now", lineterm=""))
     remedy = f"if it is meant, write it anew: python tests/support/start_up_transcripts.py {name}"
     assert not found, f"{found}\n{remedy}"
@@ -30,7 +31,7 @@ def test_what_is_said_to_a_drive_is_what_its_transcript_holds(name: str) -> None
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scan_asks_for_all_that_start_up_reads(name: str) -> None:
-    started, _, scanned = path_of(name).read_text().split("# ")[1:]
+    started, _, scanned = text_of(name).split("# ")[1:]
     streamed, measured = {0x60C2}, {0x30D1}  # only where a path is streamed; as a maker's object
     pdos, watched = range(0x1400, 0x1C00), 0x1016  # by our own PDOs alone; all its entries
     missed = {

@@ -2,14 +2,17 @@
 
 `python tests/support/start_up_transcripts.py [NAME ...]` writes the files of
 `tests/drivers/transcripts` anew, all of them or those of the personalities that are named; what has
-changed is then for `git diff` to show and for a reader to judge. Joint 5, whose sign is negative,
-stands for all: that the drives of a robot are treated alike is a test of its own.
+changed is then for `git diff` to show and for a reader to judge. That of the plain drive is kept
+whole, of the others what differs from it: what is said to all drives stands once. Joint 5, whose
+sign is negative, stands for all: that the drives of a robot are treated alike is a test of its own.
 """
 
 from __future__ import annotations
 
 import sys
 from contextlib import contextmanager, nullcontext, suppress
+from difflib import unified_diff
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -44,6 +47,16 @@ def path_of(name: str) -> Path:
     return FOLDER / f"{name}.txt"
 
 
+def kept_of(name: str) -> str:
+    """Return what is kept of a personality: the plain drive's transcript, or the differences."""
+    if name == PLAIN.name:
+        return text_of(name)
+    plain, other = (text_of(each).splitlines() for each in (PLAIN.name, name))
+    lines = list(unified_diff(plain, other, n=0, lineterm=""))[2:]
+    return "\n".join("@@" if line.startswith("@@") else line for line in lines) + "\n"
+
+
+@cache
 def text_of(name: str) -> str:
     """Return the transcript of the sessions with a drive of a personality, one after the other."""
     return "\n".join(line for session in SESSIONS for line in lines_of(session, name)) + "\n"
@@ -102,4 +115,4 @@ SESSIONS = (run, checked, scanned)
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     for each in sys.argv[1:] or NAMES:
-        path_of(each).write_text(text_of(each))
+        path_of(each).write_text(kept_of(each))

@@ -212,3 +212,9 @@ def test_who_agreed_beforehand_is_asked_nothing_but_can_stop_all_the_same() -> N
     assert operator.agrees("Power on?")
     assert not operator.present
     assert operator.pressed() == " "
+
+
+def test_the_command_states_that_no_drive_is_in_a_fault(hil: Hil) -> None:
+    status, out, err = hil("drives", "reset-faults", "manutec-r15", "--yes")
+    assert (status, err) == (0, "")
+    assert out.count("SWITCH ON DISABLED") == 6

@@ -1,0 +1,99 @@
+"""`hil drives reset-faults`: what faults drives are in, and their reset once somebody agrees.
+
+A fault says why a drive stopped, so its cause is stated first. Only drives in FAULT are
+written to, and a reset leaves them in SWITCH ON DISABLED: nothing is energised by it. Drives that
+another master holds under power are left alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.cia402 import objects
+from drivers.cia402.power import Power
+from drivers.cia402.states import State, decode_state
+from drivers.cia402.supervision import RESET, Supervision
+from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.drive_bus import DriveError
+from drivers.operator_tools.operator import require_consent
+from drivers.operator_tools.unpowered import UnpoweredDrives
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import can
+
+    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.canopen.sync_clock import PacingName
+    from drivers.drives_file import DrivesFile
+    from drivers.operator_tools.operator import Operator
+
+_STATE = "state (6041)"
+
+
+def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
+    """State what a drive shows; one in a fault is refused, with the cause.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
+    state = decode_state(server.get(objects.STATUSWORD))
+    found = "undefined" if state is None else state.value
+    if state is State.FAULT:
+        found = f"{found}: {supervision.reason(server)}"
+    healthy = state is not State.FAULT
+    return graded(healthy, Grade.REFUSED, server.label, _STATE, found, "", RESET)
+
+
+def reset_faults(
+    bus: can.BusABC, drives: DrivesFile, operator: Operator, pacing: PacingName = "auto"
+) -> Iterator[Verdict]:
+    """State the fault of each drive; where the operator agrees, reset those that are in one.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus on which nobody commands the drives.
+    drives : DrivesFile
+        The axes whose drives are asked.
+    operator : Operator
+        Who agrees.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
+
+    Yields
+    ------
+    Verdict
+        What each drive shows, then what became of each reset.
+
+    Raises
+    ------
+    StoppedByOperator
+        The operator does not agree; nothing was written.
+    """
+    unpowered = UnpoweredDrives(bus, drives, pacing)
+    supervision = Supervision(unpowered.servers)
+    power = Power(unpowered.process_data, unpowered.servers, supervision)
+    faulty = []
+    for server in unpowered.servers:
+        try:
+            verdict = check_state(server, supervision)
+        except DriveError as error:
+            verdict = refused(server.label, _STATE, error)
+        else:
+            if verdict.grade is Grade.REFUSED:
+                verdict = Verdict(Grade.WARNING, verdict.place, verdict.check, verdict.found)
+                faulty.append(server)
+        yield verdict
+    if not faulty:
+        return
+    labels = ", ".join(server.label for server in faulty)
+    require_consent(operator, f"Reset the fault of {labels}, its cause being removed?")
+    for server in faulty:
+        try:
+            power.make_safe(server, reset_fault=True)
+            yield Verdict(Grade.OK, server.label, "reset", "no fault any more, switched off")
+        except DriveError as error:
+            yield refused(server.label, "reset", error)
