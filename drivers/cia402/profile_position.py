@@ -39,6 +39,10 @@ GRACE = 2.0
 """How much longer than its trapezoid a move may take, beside half of that again [s]."""
 
 _NOT_REACHED = "check brake, load, position_window, and that the drive's limits allow the move"
+_ON_TARGET = (
+    "the axis is on its target, but its drive does not show target reached (6041 bit 10): check its"
+    " position window and the time for that (6067, 6068)"
+)
 _REMEDIES = {
     Phase.OFFERED: f"{_NOT_REACHED}, or state a longer acknowledge_timeout in the drives file",
     Phase.TAKEN: f"{_NOT_REACHED}; where the drive holds its acknowledge until the target is "
@@ -200,9 +204,11 @@ class ProfilePosition:
             return MoveFailed(f"{place}: does not come to rest after halt, q = {q:g}; check load")
         target = self._scales[axis].position_from_counts(motion.command.target)
         phase = motion.command.phase
+        there = abs(position - motion.command.target) <= motion.command.window
+        remedy = _ON_TARGET if there and phase is Phase.TRAVELLING else _NOT_REACHED
         return MoveFailed(
             f"{place}: set-point {target:g} at q = {q:g}: {phase.value}, for too long; "
-            f"{_REMEDIES.get(phase, _NOT_REACHED)}"
+            f"{_REMEDIES.get(phase, remedy)}"
         )
 
     def _position(self, axis: int) -> int:

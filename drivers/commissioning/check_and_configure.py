@@ -17,6 +17,7 @@ from drivers.canopen.communication import find_collisions
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import commission
 from drivers.commissioning.effective_limits import effective_limits
+from drivers.commissioning.mix_up import mixed_up
 from drivers.drive_bus import AxisInfo, DriveError, DriveFault, DriveRefused, NodeSilent
 
 if TYPE_CHECKING:
@@ -87,9 +88,12 @@ def check_and_configure(
         power.make_safe(server, reset_fault=reset_faults)
         held = partial(keeper.found, server)
         feeds = communications[at[server.node]].feed_forward
-        announcement = announce(
-            server, axis, drives, period, held, keeper.later, feed_forward=feeds
-        )
+        try:
+            announcement = announce(
+                server, axis, drives, period, held, keeper.later, feed_forward=feeds
+            )
+        except DriveRefused as error:
+            raise _explained(error, server, axis, pairs) from error
         planned = {change.entry: change.value for change in announcement.changes}
         keeper.take(server, axis, announcement.found, planned)
         return announcement
@@ -111,6 +115,17 @@ def check_and_configure(
         raise _joined(collisions)
     keeper.configured(servers)
     return tuple(info for info, _ in configured), tuple(held for _, held in configured)
+
+
+def _explained(
+    error: DriveRefused,
+    server: RemoteDictionary,
+    axis: AxisDrive,
+    pairs: Iterable[tuple[RemoteDictionary, AxisDrive]],
+) -> DriveRefused:
+    """Give an error of a drive that is another axis's that remedy in place of its own."""
+    other = mixed_up(server, axis, pairs)
+    return error if other is None else DriveRefused(f"{str(error).rsplit('; ', 1)[0]}; {other}")
 
 
 def _held(server: RemoteDictionary, axis: AxisDrive, expected: EffectiveLimits) -> EffectiveLimits:

@@ -37,7 +37,8 @@ DISPARATE = 100.0
 
 _TRUST_CURRENT = REQUIREMENTS[objects.RATED_CURRENT].without
 _KEY = "rated_torque"
-_TORQUE = f"{objects.RATED_TORQUE.name} ({objects.RATED_TORQUE.index:04X})"
+CURRENT = f"{objects.RATED_CURRENT.name} ({objects.RATED_CURRENT.index:04X})"
+TORQUE = f"{objects.RATED_TORQUE.name} ({objects.RATED_TORQUE.index:04X})"
 _UNSET, _SET = "0, not configured", "set it with the maker's commissioning tool"
 _PRODUCT = "rated torque against rated current"
 
@@ -124,9 +125,9 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
     stated, unit = f"{axis.rated_torque:g} N m", axis.rated_torque_unit
     if present is None:
         silent = f"no object {objects.RATED_TORQUE}"
-        return unsettled(_TORQUE, silent, _KEY, stated, REQUIREMENTS[objects.RATED_TORQUE].without)
+        return unsettled(TORQUE, silent, _KEY, stated, REQUIREMENTS[objects.RATED_TORQUE].without)
     if present == 0:
-        return compared(False, _TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
+        return compared(False, TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
     remedy = f"correct {_KEY} or the drive's parameter: torques scale with it"
     (other,) = set(TorqueUnit) - {unit}
     if _agrees(present, axis.rated_torque, other) and not _disparate(axis):
@@ -136,7 +137,7 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
         )
     return compared(
         _agrees(present, axis.rated_torque, unit),
-        _TORQUE,
+        TORQUE,
         f"{present * NEWTON_METRE[unit]:g} N m",
         _KEY,
         stated,

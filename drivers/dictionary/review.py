@@ -36,6 +36,10 @@ PROFILES = {
     418: "batteries",
     419: "battery chargers",
 }
+_OF_DRIVES = (
+    objects.CONTROLWORD, objects.STATUSWORD, objects.TARGET_POSITION, objects.SUPPORTED_MODES,
+)  # fmt: skip
+"""What no device of another profile has."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,8 @@ def review(dictionary: Dictionary, axis: AxisDrive | None = None) -> Review:
         An object that we need is declared in a way that cannot be understood.
     """
     profile = _profile(dictionary)
-    if profile not in {None, DRIVE_PROFILE}:
+    supposed = list(_supposed(dictionary, profile))
+    if profile not in {None, DRIVE_PROFILE} and not supposed:
         named = PROFILES.get(profile or 0, "no drive")
         return _no_drive(dictionary.source, profile, f"says device profile {profile} ({named})")
     if _commandless(dictionary):
@@ -106,6 +111,7 @@ def review(dictionary: Dictionary, axis: AxisDrive | None = None) -> Review:
     usable = [candidate for candidate in candidates if candidate.usable]
     mapping, current, obstacles = review_mapping(dictionary, usable)
     findings = [
+        *supposed,
         *(finding for row in REQUIREMENTS.values() for finding in gaps(dictionary, row, axis)),
         *_wrong_mode(modes),
         *_no_range(dictionary),
@@ -124,6 +130,18 @@ def _profile(dictionary: Dictionary) -> int | None:
     # 0 as a default says that the maker's tool left it open.
     number = declared.default or None if declared.value is None else declared.value
     return None if number is None else number & 0xFFFF
+
+
+def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
+    """Find a data sheet whose default of 1000 is no drive's though it has a drive's objects."""
+    declared = dictionary.entry(cia301.DEVICE_TYPE)
+    by_default = declared is not None and declared.value is None
+    if profile in {None, DRIVE_PROFILE} or not by_default:
+        return
+    if all(dictionary.entry(entry) is not None for entry in _OF_DRIVES):
+        problem = f"is by default that of profile {profile}, and the objects are those of a drive"
+        so = "taken for a CiA 402 drive; what the drive itself answers counts"
+        yield Finding(str(cia301.DEVICE_TYPE), problem, so, fatal=False)
 
 
 def _commandless(dictionary: Dictionary) -> bool:

@@ -9,6 +9,7 @@ they are, which is what brakes are for. Verdicts come as they are found.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -19,10 +20,13 @@ from drivers.cia402 import objects
 from drivers.cia402.supervision import Supervision
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import check_identity
+from drivers.commissioning.consistency import GEAR, POSITION
+from drivers.commissioning.mix_up import mixed_up
+from drivers.commissioning.ratings import CURRENT, TORQUE
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
-from drivers.drive_bus import DriveError
+from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.operator_tools.check_limits import check_limits
 from drivers.operator_tools.check_powered import REST_TIME, check_powered, shown_way
@@ -46,6 +50,10 @@ if TYPE_CHECKING:
     from drivers.operator_tools.check_gravity import Gravity
     from drivers.operator_tools.check_powered import SmallMoves
     from drivers.operator_tools.operator import Operator
+
+IDENTITY = "identity (1018)"
+_BY_NODE = frozenset({IDENTITY, CURRENT, TORQUE, POSITION, GEAR})
+"""Checks that also fail where node numbers are mixed up."""
 
 
 def check(
@@ -104,11 +112,16 @@ def check(
 def _unpowered(
     unpowered: UnpoweredDrives, drives: DrivesFile, keeper: SettingsKeeper
 ) -> Iterator[Verdict]:
-    for server, axis in zip(unpowered.servers, drives.axes, strict=True):
+    pairs = list(zip(unpowered.servers, drives.axes, strict=True))
+    for server, axis in pairs:
         serves = True
         for verdict in _ask(unpowered.network, server, axis):
-            serves &= verdict.grade is not Grade.REFUSED
-            yield verdict
+            if verdict.grade is Grade.REFUSED:
+                serves = False
+                another = mixed_up(server, axis, pairs) if verdict.check in _BY_NODE else None
+                yield verdict if another is None else replace(verdict, remedy=another)
+            else:
+                yield verdict
         if serves:
             yield from _written(server, axis, drives, partial(keeper.found, server))
     yield _load(drives)
@@ -138,7 +151,16 @@ def _written(
 def _ask(network: PumpedNetwork, server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     """What can be asked without power; the first error ends it, for it would only repeat."""
     try:
-        yield Verdict(Grade.OK, server.label, "identity (1018)", check_identity(server, axis))
+        identity = check_identity(server, axis)
+    except DriveRefused as error:
+        found, _, remedy = str(error).removeprefix(f"{server.label}: ").rpartition("; ")
+        yield Verdict(Grade.REFUSED, server.label, IDENTITY, found, remedy=remedy)
+        return
+    except NodeSilent as error:
+        yield refused(server.label, "answers", error)
+        return
+    try:
+        yield Verdict(Grade.OK, server.label, IDENTITY, identity)
         yield check_state(server, Supervision([server]))
         yield from _offer(read_dictionary(network, axis.node, SDO_TIMEOUT), server.label, axis)
         yield from check_scaling(server, axis)

@@ -20,7 +20,7 @@ from drivers.commissioning.consistency import (
     comparisons,
 )
 from drivers.commissioning.position_units import PositionFactors
-from drivers.commissioning.ratings import expected_torque
+from drivers.commissioning.ratings import CURRENT, TORQUE, expected_torque
 from drivers.commissioning.verdict import Grade, Verdict, graded, unknown
 from drivers.dictionary import probed_objects as probed
 from drivers.drives_file import Basis
@@ -51,10 +51,12 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
     DriveRefused, NodeSilent
         An object that cannot be read.
     """
-    for comparison in comparisons(server, axis):
+    compared = list(comparisons(server, axis))
+    for comparison in compared:
         yield _verdict(server.label, comparison)
     if axis.current.basis is not Basis.RATED_TORQUE:
-        yield _torque_constant(server.label, axis)
+        sure = {each.check for each in compared if each.agreement is Agreement.CONFIRMED}
+        yield _torque_constant(server.label, axis, rated={CURRENT, TORQUE} <= sure)
     yield from _gear(server, axis)
     yield _polarity(server)
     yield _current(server, axis)
@@ -76,14 +78,25 @@ def _verdict(place: str, comparison: Comparison) -> Verdict:
     )
 
 
-def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
-    """Rated torque and rated current must lead to the torque constant: sqrt(2) is rms or peak."""
+def _torque_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
+    """Rated torque and rated current must lead to the torque constant: sqrt(2) is rms or peak.
+
+    Where the drive confirms both (`rated`), the constant or one of its amplitudes is wrong.
+    """
     product = expected_torque(axis)
     assert product is not None  # noqa: S101 - the file's validator saw to it
     ratio = product / axis.rated_torque
     confused = (
         min(abs(ratio * root - 1) for root in (math.sqrt(2), math.sqrt(0.5))) < CONSISTENT / 3
     )
+    remedy = "look all three up in the motor's data sheet"
+    if confused:
+        remedy = f"a factor of 1.41: rms and peak are confused in one of them{_amplitudes(axis)}"
+    elif rated and axis.torque_constant is not None:
+        remedy = (
+            "the drive states the same rated_current and rated_torque, so correct torque_constant:"
+            f" {axis.torque_constant / ratio:.4g} N m/A leads from one to the other"
+        )
     return graded(
         abs(ratio - 1) <= CONSISTENT,
         Grade.WARNING,
@@ -91,9 +104,21 @@ def _torque_constant(place: str, axis: AxisDrive) -> Verdict:
         "torque constant",
         f"times rated current {product:.4g} N m",
         f"rated torque {axis.rated_torque:g} N m",
-        "a factor of 1.41: rms and peak are confused in one of them"
-        if confused
-        else "look all three up in the motor's data sheet",
+        remedy,
+    )
+
+
+def _amplitudes(axis: AxisDrive) -> str:
+    """State which amplitude would make rated torque, rated current and torque constant agree."""
+    other = {"rms": "peak", "peak": "rms"}
+    stated = axis.torque_constant_amplitude, axis.current.amplitude
+    changed = axis.model_copy(update={"torque_constant_amplitude": other[stated[0]]})
+    product = expected_torque(changed)
+    if product is None or abs(product / axis.rated_torque - 1) > CONSISTENT:
+        return ""
+    return (
+        f"; torque_constant_amplitude: {other[stated[0]]} or current.amplitude: {other[stated[1]]}"
+        " makes them agree: state the one that the data sheet names"
     )
 
 

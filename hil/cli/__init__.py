@@ -62,7 +62,7 @@ PANELS = {
         "doctor": "Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one"
         " fails.",
         "scan": "Find the nodes on a bus and what they lack for measuring; only reads.",
-        "drives": "Write drives files, put found settings back.",
+        "drives": "Write drives files, put found settings back, reset faults.",
         "check": "Check every drive against the drives file, at last by a small move of each axis.",
         "jog": "Move one axis by a small relative way, slowly; no other axis is powered.",
         "home": (

@@ -423,7 +423,9 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
             if workspace else ordered(robot, tried)
         )  # fmt: skip
         if lasting(robot, tried) > seconds:
-            break
+            if order:
+                break
+            continue  # a shorter one may fit
         chosen.append(best)
         order, known = tried, known + worth[best]
     if not order:

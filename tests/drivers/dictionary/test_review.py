@@ -39,6 +39,12 @@ def test_a_complete_drive_serves_without_a_remark() -> None:
     assert found.modes == (Mode.PROFILE_POSITION, Mode.HOMING)
 
 
+def test_a_default_of_another_profile_does_not_make_a_drive_s_objects_none() -> None:
+    found = reviewed({(0x1000, 0): {"DefaultValue": "0x191"}})
+    assert found.serves
+    assert "taken for a CiA 402 drive" in str(found.findings[0])
+
+
 MENTIONED = [row for row in REQUIREMENTS.values() if row.lack is not Lack.SILENT]
 
 
@@ -55,7 +61,10 @@ def test_every_missing_object_is_stated_with_its_consequence(row: Requirement) -
 @pytest.mark.parametrize(
     ("changes", "refusal"),
     [
-        ({(0x1000, 0): {"DefaultValue": "0x191"}}, "says device profile 401 (I/O modules)"),
+        (
+            {(0x1000, 0): {"DefaultValue": "0x191"}, (0x607A, 0): None},
+            "says device profile 401 (I/O modules)",
+        ),
         ({(0x6040, 0): None, (0x6041, 0): None}, "has neither controlword nor statusword"),
         ({(0x6502, 0): {"DefaultValue": "0x40"}}, "does not name profile position mode (bit 0)"),
         ({(0x6064, 0): {"PDOMapping": 0}}, "6064:00 (position actual value) cannot be mapped"),
@@ -86,7 +95,7 @@ def test_a_drive_that_cannot_serve_is_refused_with_the_reason(
 
 
 def test_of_a_device_that_is_no_drive_nothing_else_is_told() -> None:
-    assert len(findings({(0x1000, 0): {"DefaultValue": "0x191"}, (0x6081, 0): None})) == 1
+    assert len(findings({(0x1000, 0): {"DefaultValue": "0x191"}, (0x607A, 0): None})) == 1
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,15 @@ def checked(bus: Any, drives: Any, operator: Any = None) -> list[Verdict]:
     return list(check(bus, drives, MOVES, operator or Scripted()))
 
 
+def unpowered(bus: Any, drives: Any) -> list[Verdict]:
+    """What comes before the operator is asked, who does not agree."""
+    found: list[Verdict] = []
+    with suppress(StoppedByOperator):
+        for verdict in check(bus, drives, MOVES, Scripted(agreed=False)):
+            found.append(verdict)  # noqa: PERF402 - what came before the end counts
+    return found
+
+
 def of_grade(grade: Grade, verdicts: list[Verdict]) -> dict[str, str]:
     return {v.check: str(v) for v in verdicts if v.grade is grade}
 
@@ -348,6 +357,24 @@ def test_rms_and_peak_confused_show_in_the_torque_constant() -> None:
             Grade.WARNING, checked(bus, drives_of(1, torque_constant=constant * math.sqrt(2)))
         )
     assert "rms and peak are confused" in warnings["torque constant"]
+
+
+def test_where_the_drive_confirms_its_ratings_the_torque_constant_is_wrong() -> None:
+    with bench() as bus:
+        constant = drives_of(1).axes[0].torque_constant
+        found = unpowered(bus, drives_of(1, torque_constant=2 * constant))
+        warnings = of_grade(Grade.WARNING, found)
+    assert f"correct torque_constant: {constant:.3g}" in warnings["torque constant"]
+
+
+def test_an_amplitude_that_is_stated_as_the_other_is_named() -> None:
+    axis = drives_of(1).axes[0]
+    other = {"rms": "peak", "peak": "rms"}[axis.torque_constant_amplitude]
+    with bench() as bus:
+        drives = drives_of(1, torque_constant_amplitude=other)
+        warnings = of_grade(Grade.WARNING, unpowered(bus, drives))
+    stated = f"torque_constant_amplitude: {axis.torque_constant_amplitude} or current.amplitude"
+    assert stated in warnings["torque constant"]
 
 
 def test_where_the_kernel_sends_sync_it_does_so_for_a_check_as_well() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import local_drives
@@ -11,14 +12,14 @@ from probing_bench import Scripted
 
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade
-from drivers.drive_bus import DriveFault
+from drivers.drive_bus import DriveFault, Move, MoveFailed
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_powered import SmallMoves, check_powered
 from drivers.operator_tools.operator import StoppedByOperator
 from drivers.operator_tools.reset_faults import reset_faults
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 OVER_CURRENT = 0x2310
 
@@ -99,3 +100,21 @@ def test_a_motion_that_fails_is_named_by_its_axis() -> None:
         *_, last = check_powered(can_bus, drives_file(), SmallMoves(), Scripted(), "auto")
     assert (last.place, last.check) == ("joint 2 (node 2)", "small move of joint 2")
     assert all_off(can_bus)
+
+
+def test_an_axis_on_its_target_whose_drive_does_not_say_so_is_no_brake() -> None:
+    can_bus, drive_bus = build()
+    kept = type(can_bus.drives[2]).statusword
+    with can_bus, pytest.MonkeyPatch.context() as patch, drive_bus:
+        drive_bus.move({1: Move(0.01, 0.5, 2.0)})
+        patch.setattr(type(can_bus.drives[2]), "statusword", property(unreached(kept)))
+        with pytest.raises(MoveFailed) as caught:
+            deque((drive_bus.sample() for _ in range(3000)), maxlen=0)
+    assert "does not show target reached (6041 bit 10)" in str(caught.value)
+    assert "brake" not in str(caught.value)
+
+
+def unreached(kept: property) -> Callable[[Any], int]:
+    assert kept.fget is not None
+    shown = kept.fget
+    return lambda drive: shown(drive) & ~0x0400
