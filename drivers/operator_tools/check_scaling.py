@@ -110,8 +110,10 @@ def _torque_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
 
 def _amplitudes(axis: AxisDrive) -> str:
     """State which amplitude would make rated torque, rated current and torque constant agree."""
-    other = {"rms": "peak", "peak": "rms"}
+    other: dict[str | None, str] = {"rms": "peak", "peak": "rms"}
     stated = axis.torque_constant_amplitude, axis.current.amplitude
+    if None in stated:
+        return ""
     changed = axis.model_copy(update={"torque_constant_amplitude": other[stated[0]]})
     product = expected_torque(changed)
     if product is None or abs(product / axis.rated_torque - 1) > CONSISTENT:
