@@ -1,7 +1,7 @@
 """Servo axes on a CANopen bus: `DriveBus` for CiA 402 drives in profile position mode.
 
 Entering connects (`session.connection`), checks and configures every drive while it is off
-(`commissioning.check_and_configure`), and only when every drive has passed begins a session that
+(`session.check_and_configure`), and only when every drive has passed begins a session that
 powers all of them on together (`session.session`). There is no thread: time passes in
 `CanopenDriveBus.sample` alone. Trouble stops all axes before it is raised and latches: nothing
 moves until `CanopenDriveBus.reset`. Leaving stops and switches everything off (`session.leaving`),
@@ -14,10 +14,10 @@ import logging
 from typing import TYPE_CHECKING
 
 from drivers.can_bus.capabilities import capabilities_of
-from drivers.commissioning.check_and_configure import check_and_configure
 from drivers.drive_bus import DriveFault, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.interrupts import interrupts_held
+from drivers.session.check_and_configure import check_and_configure
 from drivers.session.connection import Connection
 from drivers.session.leaving import Outcome, leave
 from drivers.session.session import Session

@@ -22,9 +22,9 @@ from drivers.cia402 import objects
 from drivers.commissioning.configure import check_identity, commission
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.effective_limits import effective_limits
+from drivers.commissioning.held_values import before
 from drivers.drive_bus import DriveRefused
 from drivers.fieldbus import Entry
-from drivers.found_settings.reading import before
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -13,8 +13,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from drivers.commissioning.held_values import before
 from drivers.drive_bus import DriveRefused
-from drivers.found_settings.reading import before, extended, standing, with_planned, with_written
+from drivers.found_settings.reading import extended, standing, with_planned, with_written
 from drivers.found_settings.restoring import restore_drive
 from drivers.found_settings.settings_file import (
     FoundDrive,

@@ -20,6 +20,7 @@ from checked_files.yaml_file import FileModel, load_yaml
 from drivers.canopen import objects as cia301
 from drivers.canopen.vendor_objects import VELOCITY_FEED_FORWARDS
 from drivers.cia402 import objects
+from drivers.commissioning.held_values import COMMANDS
 from drivers.commissioning.requirement import Use
 from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.drives_file import U32
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 NAME = "found-settings.yaml"
 """How the file is called in the folder of a run."""
 
-COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
-"""Controlword and targets: they command, and are neither kept nor put back."""
 _PDOS = range(0x1400, 0x1C00)
 _SET = [
     row for row in REQUIREMENTS.values() if Use.WRITE in row.use and row.entry.index not in COMMANDS

@@ -20,10 +20,10 @@ from probing_bench import Scripted
 from checked_files.yaml_file import FileError, parse_yaml
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.commissioning.announcement import announce
+from drivers.commissioning.held_values import COMMANDS
 from drivers.drive_bus import DriveError, DriveRefused, Move
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import (
-    COMMANDS,
     SETTINGS,
     WRITTEN_ONCE,
     FoundDrive,

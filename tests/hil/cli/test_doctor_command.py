@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers.operator_tools import computer
-from drivers.operator_tools.computer import CanInterface, Readings, judge
+from drivers import computer
+from drivers.computer import CanInterface, Readings, judge
 
 if TYPE_CHECKING:
     from command_line import Hil

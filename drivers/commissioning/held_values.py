@@ -1,0 +1,55 @@
+"""What a drive holds before it is written to: what of it is kept, and how it is read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.canopen.pdo_mapping import mapping_count, mapping_slot
+from drivers.canopen.sdo import Aborted
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.fieldbus import Entry
+
+COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
+"""Controlword and targets: they command, and are neither kept nor put back."""
+MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+ENTRIES_MAX = 64
+"""Most objects in a PDO (CiA 301)."""
+
+
+def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
+    """Read what must be kept before `entry` is written, beside what `server` has kept already.
+
+    Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
+    together: whoever changes one loses them all.
+
+    Raises
+    ------
+    NodeSilent, DriveRefused
+        No answer, or another length than expected.
+    """
+    if entry.index in COMMANDS:
+        return {}
+    entries: Sequence[Entry] = [entry]
+    if any(entry.index in mappings for mappings in MAPPINGS):
+        entries = [*_mapped(server, entry.index), entry]
+    fresh = {(each.index, each.subindex): each for each in entries}
+    values = {e: read_if_held(server, e) for place, e in fresh.items() if place not in server.saved}
+    return {each: value for each, value in values.items() if value is not None}
+
+
+def _mapped(server: RemoteDictionary, index: int) -> list[Entry]:
+    count = mapping_count(index)
+    present = min(read_if_held(server, count) or 0, ENTRIES_MAX)
+    return [count, *(mapping_slot(index, n) for n in range(1, present + 1))]
+
+
+def read_if_held(server: RemoteDictionary, entry: Entry) -> int | None:
+    """Read an object, None where the drive lets nobody read it."""
+    try:
+        return server.get(entry)
+    except Aborted:  # missing or write-only: the write itself will say what is wrong with it
+        return None
