@@ -142,7 +142,7 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
     )
 
 
-def _gear_is_electronic(factors: PositionFactors) -> bool:
+def gear_is_electronic(factors: PositionFactors) -> bool:
     """Whether a gear (6091) may be one of the drive's own: no feed or unit refers to it."""
     return (factors.feed in {None, 1} and not factors.unit) or "gear" in factors.assumed
 
@@ -150,7 +150,7 @@ def _gear_is_electronic(factors: PositionFactors) -> bool:
 def another_gear(factors: PositionFactors, axis: AxisDrive) -> Iterator[Comparison]:
     """Find a gear that the drive states and the file states otherwise."""
     gear, stated = factors.gear, axis.gear_ratio
-    if gear in {None, 1} or _gear_is_electronic(factors):
+    if gear in {None, 1} or gear_is_electronic(factors):
         return
     assert gear is not None  # noqa: S101 - as was asked
     if not math.isclose(float(gear), stated, rel_tol=SAME_GEAR):

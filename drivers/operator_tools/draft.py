@@ -27,6 +27,7 @@ from drivers.operator_tools.draft_hints import (
     meaning_of,
     velocity_unit,
 )
+from drivers.operator_tools.draft_limits import drafted_limits
 from drivers.operator_tools.draft_ratings import Ratings
 
 if TYPE_CHECKING:
@@ -35,24 +36,14 @@ if TYPE_CHECKING:
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Dictionary
     from drivers.dictionary.review import Review
+    from drivers.operator_tools.draft_ratings import Drafted
 
 HIGHEST_NODE = 126
 WIDTH = 100
-
-
-_LIMITS = (
-    ("q_min", "lowest position [rad, or m if prismatic], well inside the mechanical stop"),
-    ("q_max", "highest position [rad or m], well inside the mechanical stop"),
-    ("velocity", "highest speed [rad/s or m/s]"),
-    ("acceleration", "highest acceleration [rad/s^2 or m/s^2]"),
-    ("torque", "highest torque [N m, or N if prismatic]"),
-)
+_LIMITS = ("q_min", "q_max", "velocity", "acceleration", "torque")
 _WINDOWS = (
-    ("following_error_window", "largest following error [rad or m], such as 0.05"),
-    ("following_error_time", "how long it may be exceeded [s], such as 0.05"),
-    ("position_window", "how near to its target an axis counts as there [rad or m], such as 0.002"),
-    ("position_window_time", "and for how long [s], such as 0.02"),
-)
+    "following_error_window", "following_error_time", "position_window", "position_window_time",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,16 +127,17 @@ def _axis(number: int, axis: DraftedAxis) -> Iterator[str]:
     yield from _comment(f"{device} ({dictionary.source})")
     for note in (*map(str, axis.review.findings), *(f"the file {n}" for n in dictionary.notes)):
         yield from _comment(note)
+    limits = drafted_limits(dictionary)
     body = [
         f"name: joint {number}",
         _line("node", axis.node, "", "node number of the drive, 1 to 126"),
         *_identity(dictionary),
-        *_drive_train(dictionary),
+        *_drive_train(dictionary, limits["gear_ratio"]),
         *_current(axis.review, dictionary),
         *_ratings(dictionary),
         "limits:",
-        *("  " + _line(key, None, "", hint) for key, hint in _LIMITS),
-        *(_line(key, None, "", hint) for key, hint in _WINDOWS),
+        *(f"  {_drafted(key, limits[key])}" for key in _LIMITS),
+        *(_drafted(key, limits[key]) for key in _WINDOWS),
         *_brake(dictionary),
         *_watch(dictionary),
         *_tpdos(axis.review),
@@ -169,10 +161,9 @@ def _identity(dictionary: Dictionary) -> Iterator[str]:
         yield f"  {certain}{revision}"
 
 
-def _drive_train(dictionary: Dictionary) -> Iterator[str]:
+def _drive_train(dictionary: Dictionary, gear_ratio: Drafted) -> Iterator[str]:
     yield _line("joint", None, "", "revolute or prismatic")
-    ratio = "motor angle over joint coordinate, positive [-, or rad/m if prismatic]"
-    yield _line("gear_ratio", None, "", ratio)
+    yield _drafted("gear_ratio", gear_ratio)
     yield _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it")
     yield _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]")
     count, reason, hint = increments(dictionary)
@@ -210,11 +201,10 @@ def _chosen(chosen: CurrentCandidate) -> Iterator[str]:
 def _ratings(dictionary: Dictionary) -> Iterator[str]:
     ratings = Ratings.of(dictionary)
     current, torque = ratings.current, ratings.torque
-    yield _line("rated_current", current.value, current.reason, current.hint)
-    yield _line("rated_torque", torque.value, torque.reason, torque.hint)
+    yield _drafted("rated_current", current)
+    yield _drafted("rated_torque", torque)
     if ratings.torque_unit.value != TorqueUnit.MILLI.value:
-        unit = ratings.torque_unit
-        yield _line("rated_torque_unit", unit.value, unit.reason, unit.hint)
+        yield _drafted("rated_torque_unit", ratings.torque_unit)
     unless = "; remove this line if the basis is per mille of rated torque"
     constant = ratings.constant
     yield _line("torque_constant", constant.value, constant.reason, constant.hint + unless)
@@ -250,6 +240,10 @@ def _tpdos(review: Review) -> Iterator[str]:
     if found is not None:
         words = (", ".join(f"0x{word:08X}" for word in each) for each in found)
         yield f"tpdos: [{', '.join(f'[{each}]' for each in words)}] # 1A00, 1A01"
+
+
+def _drafted(key: str, drafted: Drafted) -> str:
+    return _line(key, drafted.value, drafted.reason, drafted.hint)
 
 
 def _line(key: str, value: object, unit: str, hint: str) -> str:

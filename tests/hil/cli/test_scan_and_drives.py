@@ -142,3 +142,20 @@ def test_a_silent_node_is_told_by_number(hil: Hil, ideal_channel: str, tmp_path:
     status, _, err = hil("drives", "new", *bus, "-o", tmp_path / "d.yaml")
     assert status == 1
     assert "node 7: answers no SDO" in err
+
+
+def test_a_draft_holds_gear_speed_torque_and_window_that_live_drives_state(
+    hil: Hil, tmp_path: Path
+) -> None:
+    path = tmp_path / "drives.yaml"
+    bus = ("--interface", "sim_plant", "--channel", "manutec-r15", "--nodes", "1")
+    status, _, err = hil("drives", "new", *bus, "-o", path)
+    assert (status, err) == (0, "")
+    lines = {line.split(":")[0].strip(): line.strip() for line in path.read_text().splitlines()}
+    assert lines["gear_ratio"] == "gear_ratio: 105 # 6091, if the joint is revolute"
+    assert lines["velocity"] == "velocity: 3.001 # rad/s, 6080 = 3009 rpm of the motor"
+    assert lines["torque"] == "torque: 945 # N m, 6072 = 3000 per mille of rated_torque"
+    assert lines["following_error_window"] == "following_error_window: 0.05844 # rad, 6065 = 4000"
+    assert "607D is [-197120, 197120], -2.88 to 2.88 rad" in lines["q_min"]
+    assert "!state" in lines["q_max"]
+    assert "!state" in lines["sign"]

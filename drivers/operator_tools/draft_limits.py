@@ -1,0 +1,97 @@
+"""Gear, limits and following error for a draft of a drives file, where a live drive holds them.
+
+A drive states them on the motor's side or in counts; they lead to values of the joint once its gear
+(6091) and the counts of a revolution are certain. Which way a joint counts and where its zero is no
+drive knows, so a range (607D) is only mentioned. All of it holds for a revolute joint.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from drivers.cia402 import objects
+from drivers.commissioning.consistency import gear_is_electronic
+from drivers.commissioning.position_units import PositionFactors
+from drivers.commissioning.requirements import is_set
+from drivers.operator_tools.draft_hints import increments
+from drivers.operator_tools.draft_ratings import Drafted, Ratings
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+    from drivers.dictionary.dictionary import Dictionary
+    from drivers.fieldbus import Entry
+
+_RPM = 2 * math.pi / 60
+"""One revolution per minute [rad/s], the unit of 6080."""
+_HINTS = {
+    "gear_ratio": "motor angle over joint coordinate, positive [-, or rad/m if prismatic]",
+    "q_min": "lowest position [rad, or m if prismatic], well inside the mechanical stop",
+    "q_max": "highest position [rad or m], well inside the mechanical stop",
+    "velocity": "highest speed [rad/s or m/s]",
+    "acceleration": "highest acceleration [rad/s^2 or m/s^2]",
+    "torque": "highest torque [N m, or N if prismatic]",
+    "following_error_window": "largest following error [rad or m], such as 0.05",
+    "following_error_time": "how long it may be exceeded [s], such as 0.05",
+    "position_window": ("how near to its target an axis counts as there [rad or m], such as 0.002"),
+    "position_window_time": "and for how long [s], such as 0.02",
+}
+"""What is to be stated, by key of the drives file."""
+
+
+def drafted_limits(dictionary: Dictionary) -> dict[str, Drafted]:
+    """Return gear ratio, limits and windows, each with its value or what to state."""
+    found = {key: Drafted(None, "", hint) for key, hint in _HINTS.items()}
+    if milliseconds := _held(dictionary, objects.FOLLOWING_ERROR_TIME):
+        found["following_error_time"] = Drafted(f"{milliseconds / 1000:g}", "s, 6066", "")
+    gear = _gear(dictionary)
+    if gear is None:
+        return found
+    found["gear_ratio"] = Drafted(f"{float(gear):.10g}", "6091, if the joint is revolute", "")
+    if speed := _held(dictionary, objects.MAX_MOTOR_SPEED):
+        why = f"rad/s, 6080 = {speed} rpm of the motor"
+        found["velocity"] = Drafted(f"{speed * _RPM / float(gear):.4g}", why, "")
+    share, rated = _held(dictionary, objects.MAX_TORQUE), Ratings.of(dictionary).torque.value
+    if share and rated:
+        why = f"N m, 6072 = {share} per mille of rated_torque"
+        found["torque"] = Drafted(f"{share / 1000 * float(rated) * float(gear):.4g}", why, "")
+    counts, _, _ = increments(dictionary)
+    if counts is not None:
+        found |= _positions(dictionary, 2 * math.pi / (_number(counts) * float(gear)))
+    return found
+
+
+def _positions(dictionary: Dictionary, per_count: float) -> dict[str, Drafted]:
+    """Return the following error's window, and the range as a remark [rad per count]."""
+    found = {}
+    if counts := _held(dictionary, objects.FOLLOWING_ERROR_WINDOW):
+        window = Drafted(f"{counts * per_count:.4g}", f"rad, 6065 = {counts}", "")
+        found["following_error_window"] = window
+    ends = [dictionary.value(e) for e in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)]
+    low, high = ends
+    if low is not None and high is not None and low < high:
+        said = (
+            f"; 607D is [{low}, {high}], {low * per_count:.4g} to {high * per_count:.4g} rad from"
+            " position 0 of the drive, with its sign and zero"
+        )
+        found |= {key: Drafted(None, "", _HINTS[key] + said) for key in ("q_min", "q_max")}
+    return found
+
+
+def _gear(dictionary: Dictionary) -> Fraction | None:
+    """Return the gear of the joint, None where 6091 is missing, 1 or a gear within the drive."""
+    factors = PositionFactors.read(dictionary.value)
+    certain = factors.gear not in {None, 1} and not gear_is_electronic(factors)
+    return factors.gear if certain else None
+
+
+def _held(dictionary: Dictionary, entry: Entry) -> int | None:
+    """Return a limit that the drive holds, None where it has none."""
+    value = dictionary.value(entry)
+    return value if value is not None and is_set(value, entry) else None
+
+
+def _number(ratio: str) -> float:
+    over, _, under = ratio.partition("/")
+    return float(over) / float(under or 1)
