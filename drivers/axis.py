@@ -9,8 +9,9 @@ sign of the current's count against the drive's position sc = +-1::
     tau = s sc N kt a i     i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
     tau = s sc N T per mille / 1000                    per mille of rated torque T
 
-where a turns the amplitude of the current's readback (rms or peak) into that of the torque
-constant kt. For a prismatic axis N is in rad of the motor per m.
+where a count may be several mA or per mille (`per_count`), and a turns the amplitude of the current's
+readback (rms or peak) into that of the torque constant kt. For a prismatic axis N is in rad of the
+motor per m.
 """
 
 from __future__ import annotations
@@ -118,12 +119,13 @@ def motor_torque_per_count(axis: AxisDrive, basis: Basis) -> float | None:
 
     None where the drives file states no torque constant, which currents need.
     """
+    counted = axis.current.per_count if basis is axis.current.basis else 1.0
     if basis is Basis.RATED_TORQUE:
-        return axis.rated_torque / 1000
+        return axis.rated_torque / 1000 * counted
     if axis.torque_constant is None:
         return None
     ampere = 0.001 if basis is Basis.MILLIAMPERE else axis.rated_current / 1000
-    return axis.torque_constant * ampere * _amplitude_factor(axis)
+    return axis.torque_constant * ampere * _amplitude_factor(axis) * counted
 
 
 def _motor_torque(axis: AxisDrive) -> float:

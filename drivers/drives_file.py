@@ -75,6 +75,9 @@ class CurrentObject(FileModel):
 
     Attributes
     ----------
+    per_count : float
+        What one count is, in units of `basis`: 10 where the drive counts in 0.01 A and the basis is
+        mA; so too for any unit of the maker's.
     sign : int
         -1 where it counts against the drive's position; `hil check` finds out.
     """
@@ -83,6 +86,7 @@ class CurrentObject(FileModel):
     subindex: Annotated[int, Field(ge=0, le=0xFF)] = 0
     type: Literal["i16", "i32"]
     basis: Basis
+    per_count: Positive = 1.0
     amplitude: Literal["rms", "peak"] | None = None
     sign: Literal[-1, 1] = 1
 

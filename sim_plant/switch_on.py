@@ -71,8 +71,9 @@ def give_personality(plant: Plant, axis: int, personality: Personality) -> None:
         own = _recounted(own, plant.axes[axis])
     drives[axis] = own
     plant.drives = tuple(drives)
-    if personality.current is not None and personality.current.unit == "mA":
-        plant.const[axis, st.CURRENT_PER_MILLE] *= 1000 / drives[axis].rated_current
+    count = personality.current.milliampere if personality.current else None
+    if count is not None:
+        plant.const[axis, st.CURRENT_PER_MILLE] *= 1000 * count / drives[axis].rated_current
 
 
 def _recounted(drive: DriveSettings, servo: ServoAxis) -> DriveSettings:

@@ -76,7 +76,7 @@ def measures(axis: AxisDrive) -> Mapping[Quantity, Measure]:
     length, force = axis.unit, axis.effort_unit
     increment, rpm = abs(scale.position), 2 * math.pi / 60 / axis.gear_ratio
     of_current = axis.current.basis is Basis.RATED_CURRENT
-    per_current = abs(scale.torque) if of_current else scale.torque_limit
+    per_current = abs(scale.torque) / axis.current.per_count if of_current else scale.torque_limit
     speed, acceleration = f"{length}/s", f"{length}/s^2"
     torque = scale.torque_limit_to_counts
     return {

@@ -103,7 +103,10 @@ def _by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
         return Verdict(Grade.REFUSED, place, CHECK, f"contradicts, {found}", bound, remedy)
     if apart >= NEAR:
         confused = _apart(apart, math.sqrt(2)) < ALIKE
-        remedy = "a factor of 1.41: rms and peak are confused" if confused else "see its manual"
+        times = drive.current.per_count * expected[stated] / ratio
+        remedy = f"see its manual: in its unit one count would be per_count: {times:.2g}"
+        if confused:
+            remedy = "a factor of 1.41: rms and peak are confused"
         return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
     return _cannot_tell(place, f"{found}, and {' or '.join(nearer)} is nearer")
 

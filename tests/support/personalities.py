@@ -46,8 +46,9 @@ def _current(personality: Personality) -> dict[str, Any]:
     if current is None and 0x6077 not in personality.missing:
         return {"index": 0x6077, "type": "i16", "basis": "per mille of rated torque"}
     stated = {"index": 0x6078, "type": "i16"} if current is None else current.model_dump()
-    basis = stated.pop("unit", "mA")
-    return {**stated, "basis": basis, "amplitude": "peak"}
+    unit = stated.pop("unit", "mA")
+    counted = {"basis": "mA", "per_count": 10.0} if unit == "0.01 A" else {"basis": unit}
+    return {**stated, **counted, "amplitude": "peak"}
 
 
 def plant_file(folder: Path, name: str, **changes: Any) -> str:
