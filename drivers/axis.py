@@ -9,9 +9,9 @@ sign of the current's count against the drive's position sc = +-1::
     tau = s sc N kt a i     i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
     tau = s sc N T per mille / 1000                    per mille of rated torque T
 
-where a count may be several mA or per mille (`per_count`), and a turns the amplitude of the current's
-readback (rms or peak) into that of the torque constant kt. For a prismatic axis N is in rad of the
-motor per m.
+where a count may be several mA or per mille (`per_count`), and a turns the amplitude of the
+current's readback (rms or peak) into that of the torque constant kt. For a prismatic axis N is in
+rad of the motor per m.
 """
 
 from __future__ import annotations
