@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 TWO_RUNS = "two-runs"
+LEAST_MINUTES = 1.0
+"""Shortest measurement [min]: in 0.6 no slow stroke of the built-in robot fits, in 0.75 one."""
 SLOW, FAST = "slow", "fast"
 """Folders of the two stages, within that of the measurement."""
 
@@ -97,7 +99,7 @@ def measure(
     output: Annotated[Path, output_option(folder_to_write, "Folder of the measurement.")],
     minutes: Annotated[
         float,
-        typer.Option(min=0.5, max=3, help="Duration of motion, ways included \\[min]."),
+        typer.Option(min=LEAST_MINUTES, max=3, help="Duration of motion, ways included \\[min]."),
     ] = 3.0,
     mass: Annotated[
         float | None,

@@ -423,9 +423,7 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
             if workspace else ordered(robot, tried)
         )  # fmt: skip
         if lasting(robot, tried) > seconds:
-            if order:
-                break
-            continue  # a shorter one may fit
+            break
         chosen.append(best)
         order, known = tried, known + worth[best]
     if not order:

@@ -9,6 +9,7 @@ from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
 from hil import cli
+from hil.cli.payload import LEAST_MINUTES
 from hil.errors import InvalidValue, Mismatch, NoLoad, NotEnoughData
 from hil.model.base_parameters import base_parameters
 from hil.model.load import with_whole_last_link
@@ -326,3 +327,11 @@ def test_the_folder_of_another_run_is_refused(bare, stages, tmp_path, capsys):
     assert "holds another run" in refusal(capsys, "--model", path, "-o", slow_run)
     said = refusal(capsys, "--model", path, "-o", slow_run.parent)
     assert "finish it with --resume" in said
+
+
+def test_the_shortest_time_that_the_command_takes_is_enough_for_both_stages(bare, robot, tmp_path):
+    slow = slow_plan(bare.known, LEAST_MINUTES).plan
+    run = carried_out(tmp_path / "slow", slow, robot, loaded_parameters(robot))
+    fast = fast_plan(bare.known, LEAST_MINUTES, slow, estimate_load(bare, [run])).plan
+    assert fast.measurements
+    assert lasts(slow, robot) + lasts(fast, robot) <= 60 * LEAST_MINUTES
