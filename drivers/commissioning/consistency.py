@@ -12,6 +12,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.commissioning.comparison import Agreement, compared, unsettled
 from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
@@ -60,11 +61,11 @@ def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
             )
         if comparison.agreement is Agreement.UNSETTLED:
             server.note(f"{comparison.found}: {comparison.remedy}", lack=True)
-    _note_positions(server)
+    _look_at_positions(server, axis)
 
 
-def _note_positions(server: RemoteDictionary) -> None:
-    """Note what shifts positions or makes them wrap around; `zero` and the limits allow for it."""
+def _look_at_positions(server: RemoteDictionary, axis: AxisDrive) -> None:
+    """Note what shifts positions; refuse a drive whose positions wrap around within the limits."""
     if offset := _said(server, objects.HOME_OFFSET):
         server.note(
             f"{objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
@@ -72,10 +73,17 @@ def _note_positions(server: RemoteDictionary) -> None:
         )
     low, high = (_said(server, entry) for entry in _POSITION_RANGE)
     if low is not None and high is not None and low < high and high - low < _ALL_COUNTS:
-        server.note(
-            f"positions wrap around in [{low}, {high}] (607B): keep the limits of"
-            " the drives file within, or set both to 0 with the maker's commissioning tool"
-        )
+        wraps = f"positions wrap around in [{low}, {high}] (607B)"
+        scale, limits, slack = AxisScale.of(axis), axis.limits, axis.position_window
+        ends = (limits.q_min - slack, limits.q_max + slack)
+        first, last = sorted(scale.position_to_counts(end) for end in ends)
+        if not low <= first <= last <= high:
+            raise DriveRefused(
+                f"{server.label}: {wraps}, the limits of the drives file are [{first}, {last}]: the"
+                " axis would be taken to jump; have the drive count from another zero (homing),"
+                " narrow the limits, or widen 607B with the maker's commissioning tool"
+            )
+        server.note(f"{wraps}, outside the limits of the drives file")
 
 
 def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Comparison]:

@@ -433,13 +433,19 @@ def noted(objects: Objects) -> list[str]:
     [
         ({(0x607C, 0): ("i32", -70)}, "607C:00 (home offset) is -70: positions are shifted by it"),
         (
-            {(0x607B, 1): ("i32", 0), (0x607B, 2): ("i32", 35_999)},
-            "positions wrap around in [0, 35999] (607B)",
+            {(0x607B, 1): ("i32", -180_000), (0x607B, 2): ("i32", 179_999)},
+            "positions wrap around in [-180000, 179999] (607B), outside the limits",
         ),
     ],
 )
 def test_positions_that_are_shifted_or_wrap_around_are_noted(objects: Objects, words: str) -> None:
     assert sum(words in note for note in noted(objects)) == 1
+
+
+def test_a_drive_whose_positions_wrap_around_within_the_limits_is_refused() -> None:
+    objects: Objects = {(0x607B, 1): ("i32", 0), (0x607B, 2): ("i32", 35_999)}
+    reason = refused(*build({2: objects}))
+    assert "wrap around in [0, 35999] (607B), the limits of the drives file are [-129945" in reason
 
 
 @pytest.mark.parametrize(
