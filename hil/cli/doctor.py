@@ -12,7 +12,7 @@ from hil.terminal.console import say, working
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.computer import Judged
+    from hil.cli.computer import Judged
 
 commands = typer.Typer()
 STYLES = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
@@ -29,7 +29,7 @@ def doctor(
 ) -> None:
     """Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one fails."""
     with working("examining this computer"):
-        from drivers.computer import judge, read_computer
+        from hil.cli.computer import judge, read_computer
 
         points = judge(read_computer(folder, EXTRAS))
     (_write_json if as_json else _show)(points)

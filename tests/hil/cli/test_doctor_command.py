@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers import computer
-from drivers.computer import CanInterface, Readings, judge
+from hil.cli import computer
+from hil.cli.computer import CanInterface, Readings, judge
 
 if TYPE_CHECKING:
     from command_line import Hil

@@ -266,7 +266,7 @@ def _bit_rates() -> dict[str, int]:
 
 def _highest_priority() -> int:
     try:
-        import resource  # noqa: PLC0415 - there is none on Windows
+        import resource
     except ImportError:
         return 0
     if os.geteuid() == 0:
