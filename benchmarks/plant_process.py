@@ -8,7 +8,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from drivers.realtime import PRIORITY
+from hil.cli.realtime import PRIORITY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

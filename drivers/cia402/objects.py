@@ -65,6 +65,14 @@ MAX_DECELERATION = Entry(0x60C6, 0, "u32", "max deceleration")
 DIGITAL_INPUTS = Entry(0x60FD, 0, "u32", "digital inputs")
 SUPPORTED_MODES = Entry(0x6502, 0, "u32", "supported drive modes")
 
+# Only looked at
+SHUTDOWN_OPTION = Entry(0x605B, 0, "i16", "shutdown option code")
+DISABLE_OPTION = Entry(0x605C, 0, "i16", "disable operation option code")
+FAULT_REACTION = Entry(0x605E, 0, "i16", "fault reaction option code")
+TORQUE = Entry(0x6077, 0, "i16", "torque actual value")
+POLARITY = Entry(0x607E, 0, "u8", "polarity")
+FOLLOWING_ERROR = Entry(0x60F4, 0, "i32", "following error actual value")
+
 INTERPOLATION = (INTERPOLATION_PERIOD, INTERPOLATION_POWER)
 """Written where a path is streamed."""
 OFFSETS = (VELOCITY_OFFSET, TORQUE_OFFSET)

@@ -10,10 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.interlocks import safe_torque_off
 from drivers.cia402.states import Command, State, decode_state, next_command
 from drivers.cia402.stop import NOT_ENERGISED
-from drivers.cia402.supervision import RESET
+from drivers.cia402.supervision import RESET, safe_torque_off
 from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
 
 if TYPE_CHECKING:

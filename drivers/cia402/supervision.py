@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
     from drivers.fieldbus import Objects
 
+INTERLOCK = 1 << 3
+"""Bit of the digital inputs (60FD). Some makers keep it for another input, so what is read is
+quoted; a bit that is clear proves nothing."""
+SAFE_TORQUE_OFF = 0x5441
+"""Error code (603F) of an emergency stop contact or safe torque off."""
 CODE_SIZE = 2
 """What an EMCY must hold at least: its error code [bytes]."""
 RESET = "remove the cause, then reset the fault (hil drives reset-faults)"
@@ -116,3 +121,25 @@ class Supervision:
             self.emergency = True
         else:
             self._emergencies.pop(node, None)
+
+
+def safe_torque_off(server: Objects) -> str | None:
+    """Return that safe torque off is active and what says so; None where nothing does.
+
+    Never raises a `DriveError`: it is asked when something else has failed already.
+    """
+    try:
+        inputs = server.find(objects.DIGITAL_INPUTS)
+        error = server.find(objects.ERROR_CODE)
+    except DriveError:
+        return None
+    if error == SAFE_TORQUE_OFF:
+        return f"safe torque off is active (603F = {error:04X}h)"
+    return None if inputs is None else interlock(inputs)
+
+
+def interlock(inputs: int) -> str | None:
+    """Return what the digital inputs (60FD) say of an interlock; None where they say nothing."""
+    if not inputs & INTERLOCK:
+        return None
+    return f"safe torque off is active (60FD = {inputs:08X}h: bit 3, interlock)"

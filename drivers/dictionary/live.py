@@ -17,8 +17,8 @@ from drivers.canopen.network import PumpedSdoClient
 from drivers.canopen.pdo_mapping import mapping_count, mapping_slot
 from drivers.canopen.sdo import ABSENT
 from drivers.canopen.vendor_objects import MAKERS
+from drivers.cia402 import objects
 from drivers.commissioning.requirements import REQUIREMENTS
-from drivers.dictionary import probed_objects as probed
 from drivers.dictionary.dictionary import Declared, Dictionary, Key
 from drivers.dictionary.mapping_review import mapped_objects
 from drivers.fieldbus import Entry
@@ -39,7 +39,7 @@ EXCHANGES = 64
 """Longest answer that is waited for [frames of 7 bytes]."""
 
 _CURRENTS = (
-    probed.TORQUE,
+    objects.TORQUE,
     Entry(0x6078, 0, "i16", "current actual value"),
 )
 

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.commissioning.held_values import before
+from drivers.commissioning.held_values import before, read_if_held
 from drivers.drive_bus import DriveRefused
-from drivers.found_settings.reading import extended, standing, with_planned, with_written
 from drivers.found_settings.restoring import restore_drive
 from drivers.found_settings.settings_file import (
+    WRITTEN_ONCE,
     FoundDrive,
+    FoundObject,
     FoundSettings,
     difference,
     dump_found_settings,
@@ -146,8 +147,8 @@ class SettingsKeeper:
         if earlier is not None:
             if earlier.doubt:
                 server.note(earlier.doubt)
-            kept = standing(server, earlier)
-        kept = with_planned(extended(kept, found), {**found, **planned})
+            kept = _standing(server, earlier)
+        kept = _with_planned(_extended(kept, found), {**found, **planned})
         self._settings = self.settings.with_drives([kept])
         server.saved = {each.place for each in self.drive(server).objects}
 
@@ -176,7 +177,7 @@ class SettingsKeeper:
         """
         for server in servers:
             kept = self.drive(server)
-            objects = tuple(with_written(server, each) for each in kept.objects)
+            objects = tuple(_with_written(server, each) for each in kept.objects)
             changed = kept.model_copy(update={"objects": objects})
             self._settings = self.settings.with_drives([changed])
         self.save()
@@ -262,7 +263,58 @@ class SettingsKeeper:
     def _keep(self, server: RemoteDictionary, entry: Entry) -> None:
         found = before(server, entry)
         if found:
-            self._settings = self.settings.with_drives([extended(self.drive(server), found)])
+            self._settings = self.settings.with_drives([_extended(self.drive(server), found)])
             self.save()
             self.unannounced.append(f"{server.label}: {entry}")
         server.saved.update((each.index, each.subindex) for each in (*found, entry))
+
+
+def _standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
+    """Take what an earlier session found, but the drive's value where it has been set up anew."""
+    objects = []
+    for each in earlier.objects:
+        present = None if each.written is None else read_if_held(server, each.entry)
+        update = {"written": present}
+        if present is not None and each.set_anew(present):
+            server.note(f"{each.comparison(present)} and stands")
+            update["value"] = present
+        objects.append(each.model_copy(update=update))
+    return earlier.model_copy(update={"objects": tuple(objects)})
+
+
+def _with_planned(drive: FoundDrive, planned: Mapping[Entry, int]) -> FoundDrive:
+    """Add what a drive will hold, for a session that is killed during start-up."""
+    values = {(entry.index, entry.subindex): value for entry, value in planned.items()}
+    objects = tuple(
+        each.model_copy(update={"written": values.get(each.place, each.written)})
+        if each.index in WRITTEN_ONCE
+        else each
+        for each in drive.objects
+    )
+    return drive.model_copy(update={"objects": objects})
+
+
+def _with_written(server: RemoteDictionary, each: FoundObject) -> FoundObject:
+    """Add what a drive holds once start-up has written to it, if that is to stay."""
+    if each.index not in WRITTEN_ONCE:
+        return each
+    return each.model_copy(update={"written": read_if_held(server, each.entry)})
+
+
+def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
+    """Add values to those that are kept of a drive; what is kept already stays."""
+    places = {each.place for each in drive.objects}
+    objects = tuple(
+        FoundObject.model_validate(
+            {
+                "index": entry.index,
+                "subindex": entry.subindex,
+                "type": entry.type,
+                "value": value,
+                "name": entry.name,
+            }
+        )
+        for entry, value in found.items()
+        if (entry.index, entry.subindex) not in places
+    )
+    return drive.model_copy(update={"objects": (*drive.objects, *objects), "restored": False})

@@ -1,7 +1,7 @@
 """In what unit a drive shows its current, judged by what physics allows; arrays in, verdicts out.
 
-There are two ways. Where the drive shows torque (6077) beside the current, both of them in the
-course of some work, their ratio is that of their units::
+There are two ways. Where the drive shows torque (6077) beside the current, both are read by SDO,
+one right after the other, during rest and slow strokes: their ratio is that of their units::
 
     counts per count of 6077 = T / (kt a)        current in mA: T in N m, kt in N m/A
                                T / (kt a I)      in per mille of the rated current I
@@ -21,7 +21,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import motor_torque_per_count
+from drivers.canopen.pdo_mapping import current_entry
+from drivers.cia402 import objects
 from drivers.commissioning.verdict import Grade, Verdict
+from drivers.drive_bus import DriveRefused
 from drivers.drives_file import Basis
 from drivers.operator_tools.check_motion import friction_of
 
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
     from drivers.operator_tools.small_move import Stroke
 
@@ -46,6 +50,46 @@ HELD_MAX = 1.2
 """Share of the rated torque that an axis may hold at rest."""
 FRICTION = (0.003, 0.6)
 """Shares of the rated torque that friction at slow speed may take."""
+POLLED = 0.05
+"""Time between two readings [s]."""
+
+
+class CurrentReadings:
+    """Pairs of counts of one axis.
+
+    Parameters
+    ----------
+    server : RemoteDictionary
+        The drive.
+    axis : AxisDrive
+        What the drives file states.
+    """
+
+    def __init__(self, server: RemoteDictionary, axis: AxisDrive) -> None:
+        self._server = server
+        self._entries = (objects.TORQUE, current_entry(axis))
+        alone = axis.current.index == objects.TORQUE.index
+        self._next = math.inf if alone else -math.inf
+        self._pairs: list[tuple[int, int]] = []
+
+    @property
+    def counts(self) -> NDArray[np.float64]:
+        """Counts of 6077 and of the object that is measured, shape (n, 2)."""
+        return np.array(self._pairs, dtype=float).reshape(-1, 2)
+
+    def poll(self, time: float) -> None:
+        """Read both if it is time; a drive that lacks one of them is not asked again."""
+        if time < self._next:
+            return
+        try:
+            torque, measured = (self._server.find(entry) for entry in self._entries)
+        except DriveRefused:
+            torque = measured = None
+        if torque is None or measured is None:
+            self._next = math.inf
+            return
+        self._next = time + POLLED
+        self._pairs.append((torque, measured))
 
 
 def judge_current_unit(

@@ -17,10 +17,9 @@ from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
 from drivers.canopen_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.drive_bus import DriveError, SampleFlag
-from drivers.operator_tools.check_current import judge_current_unit
+from drivers.operator_tools.check_current import CurrentReadings, judge_current_unit
 from drivers.operator_tools.check_gravity import judge_direction
 from drivers.operator_tools.check_motion import judge_rest, judge_strokes
-from drivers.operator_tools.current_readings import CurrentReadings
 from drivers.operator_tools.operator import StoppedByOperator, answer, supervised_sample
 from drivers.operator_tools.small_move import small_move, travel
 

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen.vendor_objects import MAKERS
 from drivers.cia402 import objects
-from drivers.cia402.interlocks import safe_torque_off
+from drivers.cia402.supervision import safe_torque_off
 from drivers.commissioning.verdict import Grade, Verdict, graded
-from drivers.dictionary import probed_objects as probed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,9 +53,9 @@ def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdi
         An object that cannot be read.
     """
     for entry, check, meanings, when, remedy in (
-        (probed.FAULT_REACTION, "fault reaction", _FAULT, "on a fault", _SET),
-        (probed.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),
-        (probed.SHUTDOWN_OPTION, "shutting down", _SHUT_DOWN, "when it is shut down", _SET),
+        (objects.FAULT_REACTION, "fault reaction", _FAULT, "on a fault", _SET),
+        (objects.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),
+        (objects.SHUTDOWN_OPTION, "shutting down", _SHUT_DOWN, "when it is shut down", _SET),
         (objects.QUICK_STOP_OPTION, "quick stop", _QUICK_STOP, "at a quick stop", _WRITTEN),
         (objects.ABORT_CONNECTION_OPTION, "lost bus", _CONNECTION, "without a bus", _WRITTEN),
     ):

@@ -12,6 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.canopen.pdo_mapping import current_entry
+from drivers.cia402 import objects
 from drivers.commissioning.comparison import Agreement
 from drivers.commissioning.consistency import (
     GEAR,
@@ -22,7 +23,6 @@ from drivers.commissioning.consistency import (
 from drivers.commissioning.position_units import PositionFactors
 from drivers.commissioning.ratings import CURRENT, TORQUE, expected_torque
 from drivers.commissioning.verdict import Grade, Verdict, graded, unknown
-from drivers.dictionary import probed_objects as probed
 from drivers.drives_file import Basis
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def _gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
 
 
 def _polarity(server: RemoteDictionary) -> Verdict:
-    present = server.find(probed.POLARITY)
+    present = server.find(objects.POLARITY)
     return graded(
         not present,
         Grade.WARNING,

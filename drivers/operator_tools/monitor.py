@@ -20,8 +20,8 @@ from drivers.axis import AxisScale
 from drivers.canopen.pdo_mapping import current_entry, transmitted
 from drivers.cia402 import objects
 from drivers.cia402.error_codes import Emergency, decode_emergency
-from drivers.cia402.interlocks import interlock
 from drivers.cia402.states import State, decode_state
+from drivers.cia402.supervision import interlock
 
 if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile

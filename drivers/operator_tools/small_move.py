@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from drivers.axis import AxisScale
-from drivers.dictionary import probed_objects as probed
+from drivers.cia402 import objects
 from drivers.drive_bus import Move, MoveFailed
 from drivers.operator_tools.operator import supervised_sample
 
@@ -190,7 +190,7 @@ class _FollowingError:
         """Read it if it is time; a drive that lacks it is not asked again."""
         if time < self._next:
             return
-        counts = self._server.find(probed.FOLLOWING_ERROR)
+        counts = self._server.find(objects.FOLLOWING_ERROR)
         self._next = math.inf if counts is None else time + POLLED
         if counts is not None:
             self.largest = max(abs(counts) * self._per_count, np.nan_to_num(self.largest))

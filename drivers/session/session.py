@@ -25,8 +25,12 @@ from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
 from drivers.safety.missing_telegrams import MissingTelegrams
 from drivers.safety.trips import Trips
-from drivers.session.start import await_answers, listen_as_found
-from drivers.session.start_checks import refuse_outside, refuse_unwatched
+from drivers.session.start import (
+    await_answers,
+    listen_as_found,
+    refuse_outside,
+    refuse_unwatched,
+)
 from drivers.session.stopping import Stopping
 
 if TYPE_CHECKING:

@@ -1,17 +1,23 @@
 """The stop of all axes: commanded once, for a reason that latches.
 
 Nothing moves after a trip until it is ended on purpose (`Stopping.end`), and all that time
-each SYNC sees to it that the axes stay stopped.
+each SYNC sees to it that the axes stay stopped. How fast an axis may be and how its drive slows it
+down decide how far it may go on before its voltage is disabled (`drivers.cia402.stop`), so a speed
+is rather too high than too low, and a deceleration rather too low than too high.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NoReturn
 
+from drivers.axis import AxisScale
+from drivers.cia402 import objects
 from drivers.cia402.shutdown import Shutdown
+from drivers.commissioning.effective_limits import SLOWEST_STOP
 from drivers.drive_bus import DriveFault, Tripped
 from drivers.interrupts import interrupts_held
-from drivers.session import stop_data
+from drivers.safety.trips import SPEED_SHARE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -79,12 +85,8 @@ class Stopping:
         """Command all axes to stop, once; from then on `shutdown` sees to it."""
         if self.shutdown.begun:
             return
-        decelerations = stop_data.decelerations(
-            self._stated,
-            self._limits,
-            self._servers,
-            [self._profile_position.deceleration(axis) for axis in range(len(self._stated))],
-        )
+        axes = range(len(self._stated))
+        decelerations = [self._deceleration(axis) for axis in axes]
         speeds = self._speeds()
         self._profile_position.active.clear()
         self._cyclic_position.abandon()
@@ -145,11 +147,30 @@ class Stopping:
         self.trip = None
 
     def _speeds(self) -> list[float]:
+        """Return how fast each axis may be [rad/s or m/s]: as measured, or commanded if faster."""
         try:
-            commanded = [
-                max(self._cyclic_position.velocity(axis), self._profile_position.velocity(axis))
-                for axis in range(len(self._limited))
-            ]
-            return stop_data.speeds(self._limited, self._process_data.speeds(), commanded)
+            measured = self._process_data.speeds()
+            return [self._speed(axis, counts) for axis, counts in enumerate(measured)]
         except Exception:  # nothing may keep the axes from being stopped
             return [axis.limits.velocity for axis in self._limited]
+
+    def _speed(self, axis: int, counts: float) -> float:
+        """Return the speed of one axis whose encoder shows `counts` [increments/s], inf: unseen."""
+        drive = self._limited[axis]
+        limit = drive.limits.velocity
+        seen = limit if math.isinf(counts) else counts * abs(AxisScale.of(drive).position)
+        fastest = drive.trip.velocity or SPEED_SHARE * limit  # a jump of the encoder is none
+        planned = self._cyclic_position.velocity(axis), self._profile_position.velocity(axis)
+        return max(*planned, min(seen, fastest))
+
+    def _deceleration(self, axis: int) -> float:
+        """Return how an axis slows down in a quick stop [rad/s^2 or m/s^2].
+
+        As the drives file states it, as the drive has it, or as the axis was moved.
+        """
+        stated, holding, server = self._stated[axis], self._limits[axis], self._servers[axis]
+        slowest = SLOWEST_STOP * stated.limits.acceleration
+        ours = max(holding.stop_deceleration or holding.limits.acceleration, slowest)
+        if server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
+            ours = min(ours, self._profile_position.deceleration(axis))  # it may take that of 6084
+        return stated.quick_stop_deceleration or ours

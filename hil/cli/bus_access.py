@@ -12,8 +12,8 @@ from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
 from drivers.can_bus.opening import open_can_bus
 from drivers.drives_file import load_drives
-from drivers.realtime import real_time
 from hil.cli.arguments import bus_options, refuse_no_channel
+from hil.cli.realtime import real_time
 from hil.model.robot import ROBOTS
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible

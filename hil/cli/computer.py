@@ -19,7 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from drivers.realtime import PRIORITY
+from hil.cli.realtime import PRIORITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -11,7 +11,7 @@ from local_bench import axis, build, never_energised
 from probing_bench import Scripted, drives_of
 
 from drivers.canopen_bus import CanopenDriveBus
-from drivers.cia402.interlocks import safe_torque_off
+from drivers.cia402.supervision import safe_torque_off
 from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import DriveError, DriveRefused, Move
 from drivers.drives_file import DrivesFile

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from drivers import realtime
-from drivers.realtime import PRIORITY, Linux, RealTimeMeasure, real_time
+from hil.cli import realtime
+from hil.cli.realtime import PRIORITY, Linux, RealTimeMeasure, real_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable
