@@ -40,20 +40,20 @@ def mixed_up(
     fitting = [
         (there, other)
         for there, other in pairs
-        if other is not axis and _fits(server, other) and not _fits(there, other)
+        if other is not axis and fits(server, other) and not fits(there, other)
     ]
     if not fitting:
         return None
     names = " or ".join(f"{other.name} (node {other.node})" for _, other in fitting)
     hint = f"by identity and ratings this is the drive of {names}"
-    swapped = [other.node for there, other in fitting if _fits(there, axis)]
+    swapped = [other.node for there, other in fitting if fits(there, axis)]
     if len(swapped) == 1:
         nodes = " and ".join(map(str, sorted((server.node, *swapped))))
         return f"{hint}: nodes {nodes} are swapped, exchange them in the drives file"
     return f"{hint}: correct the node numbers in the drives file"
 
 
-def _fits(server: RemoteDictionary, axis: AxisDrive) -> bool:
+def fits(server: RemoteDictionary, axis: AxisDrive) -> bool:
     """Whether a drive confirms something that an entry states, and contradicts nothing."""
     looked_at = server.seen_through(lambda client: client)
     try:

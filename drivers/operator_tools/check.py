@@ -10,18 +10,18 @@ they are, which is what brakes are for. Verdicts come as they are found.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
-from drivers.canopen.sdo import SDO_TIMEOUT
+from drivers.canopen.sdo import SDO_TIMEOUT, RemoteDictionary
 from drivers.cia402 import objects
 from drivers.cia402.supervision import Supervision
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import check_identity
 from drivers.commissioning.consistency import GEAR, POSITION
-from drivers.commissioning.mix_up import mixed_up
+from drivers.commissioning.mix_up import fits, mixed_up
 from drivers.commissioning.ratings import CURRENT, TORQUE
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
 from drivers.dictionary.live import read_dictionary
@@ -34,6 +34,7 @@ from drivers.operator_tools.check_reactions import check_reactions
 from drivers.operator_tools.check_scaling import check_scaling
 from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.reset_faults import check_state
+from drivers.operator_tools.scan import NODES, scan_bus
 from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     import can
 
     from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.canopen.sync_clock import PacingName
     from drivers.dictionary.dictionary import Dictionary
     from drivers.drives_file import AxisDrive, DrivesFile
@@ -113,9 +113,10 @@ def _unpowered(
     unpowered: UnpoweredDrives, drives: DrivesFile, keeper: SettingsKeeper
 ) -> Iterator[Verdict]:
     pairs = list(zip(unpowered.servers, drives.axes, strict=True))
+    strangers = cache(partial(_strangers, unpowered, drives))
     for server, axis in pairs:
         serves = True
-        for verdict in _ask(unpowered.network, server, axis):
+        for verdict in _ask(unpowered.network, server, axis, strangers):
             if verdict.grade is Grade.REFUSED:
                 serves = False
                 another = mixed_up(server, axis, pairs) if verdict.check in _BY_NODE else None
@@ -125,6 +126,24 @@ def _unpowered(
         if serves:
             yield from _written(server, axis, drives, partial(keeper.found, server))
     yield _load(drives)
+
+
+def _strangers(unpowered: UnpoweredDrives, drives: DrivesFile) -> list[RemoteDictionary]:
+    """Return drives on the bus that the drives file does not name."""
+    network, own = unpowered.network, {axis.node for axis in drives.axes}
+    found = scan_bus(network.channel, only=tuple(node for node in NODES if node not in own)).nodes
+    return [RemoteDictionary(network, node, "a drive") for node in found if found[node].dictionary]
+
+
+def _misnumbered(strangers: Sequence[RemoteDictionary], axis: AxisDrive) -> str:
+    """State which drive may be the one that does not answer, under another number."""
+    nodes = " or ".join(str(server.node) for server in strangers if fits(server, axis))
+    if not nodes:
+        return ""
+    return (
+        f"a drive that is not in the drives file fits {axis.name} by identity and ratings: state "
+        f"node: {nodes}, or give the drive the number {axis.node}"
+    )
 
 
 def _written(
@@ -148,7 +167,12 @@ def _written(
         yield Verdict(Grade.OK, server.label, f"set: {entry}", found, bound)
 
 
-def _ask(network: PumpedNetwork, server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
+def _ask(
+    network: PumpedNetwork,
+    server: RemoteDictionary,
+    axis: AxisDrive,
+    strangers: Callable[[], list[RemoteDictionary]],
+) -> Iterator[Verdict]:
     """What can be asked without power; the first error ends it, for it would only repeat."""
     try:
         identity = check_identity(server, axis)
@@ -157,7 +181,9 @@ def _ask(network: PumpedNetwork, server: RemoteDictionary, axis: AxisDrive) -> I
         yield Verdict(Grade.REFUSED, server.label, IDENTITY, found, remedy=remedy)
         return
     except NodeSilent as error:
-        yield refused(server.label, "answers", error)
+        yield replace(
+            refused(server.label, "answers", error), remedy=_misnumbered(strangers(), axis)
+        )
         return
     try:
         yield Verdict(Grade.OK, server.label, IDENTITY, identity)

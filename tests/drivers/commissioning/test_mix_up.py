@@ -73,3 +73,13 @@ def test_a_rating_that_is_stated_wrongly_is_not_taken_for_a_mix_up() -> None:
     with bench(n1=2000, n2=2000, n3=2000) as bus:
         (found,) = refused(bus, drives(2.0, 3.0, 2.0))  # the others are where they belong
     assert "correct rated_current" in found.remedy
+
+
+def test_a_drive_under_another_number_than_the_file_s_is_found_by_what_it_is() -> None:
+    file = drives(1.0, 2.0, 3.0)
+    with bench(n1=1000, n2=2000, n3=3000) as bus:
+        second = file.axes[1].model_copy(update={"node": 9})
+        axes = (file.axes[0], second, file.axes[2])
+        (found,) = refused(bus, file.model_copy(update={"axes": axes}))
+    assert found.place == "joint 2 (node 9)"
+    assert found.remedy.endswith("state node: 2, or give the drive the number 9")
