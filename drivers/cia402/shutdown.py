@@ -54,7 +54,7 @@ _UNCERTAIN = SampleFlag.MISSING | SampleFlag.DOUBLED
 
 @dataclass
 class _Stopped:
-    """One axis that is being stopped; `refused` and `drifts` say why it is not off."""
+    """One axis that is being stopped: why its last command was refused, why it is not off."""
 
     index: int
     server: Objects
@@ -62,7 +62,7 @@ class _Stopped:
     per_count: float
     stop: AxisStop
     refused: str = ""
-    drifts: str = ""
+    reason: str = ""
 
     @property
     def off(self) -> bool:
@@ -277,7 +277,7 @@ class Shutdown:
                     self._switch_off_by_sdo(axis.server)
                     axis.stop.phase = StopPhase.OFF
                 except Exception as error:
-                    axis.refused = str(error)
+                    axis.reason = str(error)
 
     def _watch_rest(self) -> list[str]:
         """Watch where axes go that are off; one that does not come to rest is not off."""
@@ -321,7 +321,7 @@ class Shutdown:
         for axis in self._stopped:
             if not axis.off:
                 shown = "nothing" if axis.stop.state is None else axis.shown
-                why = axis.drifts or axis.refused
+                why = axis.reason or axis.refused
                 yield (
                     f"{axis.server.label}: does not switch off, it shows {shown}"
                     f"{f' ({why})' if why else ''}; its watchdog stays armed and our heartbeat has "
@@ -333,7 +333,7 @@ def _judged(axis: _Stopped, way: float, *, resting: bool) -> Iterable[str]:
     unit, bound = axis.drive.unit, axis.drive.position_window
     if not resting:
         axis.stop.give_up()
-        axis.drifts = f"it still moves, by {way:.2g} {unit} until now"
+        axis.reason = f"it still moves, by {way:.2g} {unit} until now"
     elif way > bound:
         yield (
             f"{axis.server.label}: sagged by {way:.2g} {unit} after its voltage was off, at most "
