@@ -1,8 +1,9 @@
 """Set-points streamed at every SYNC: cyclic synchronous position mode (CiA 402, mode 8).
 
 Beside profile position, where each drive plans its own way, the master can plan the ways of all
-axes and send the next set-point of each right after every SYNC. Drives change their mode while the
-axes rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
+axes and send the next set-point of each right after every SYNC; it acts at the next one, with those
+of all other axes, whenever within the period it was sent. Drives change their mode while the axes
+rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
 that follows it at once stays where it is. When a stream has ended its last set-point is repeated,
 for many drives fault when their set-points stay out, until `CyclicPosition.leave` changes the mode
 back.
@@ -12,11 +13,13 @@ out before the target of the same cycle. Offsets that an earlier master left beh
 before the mode is entered.
 
 Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
-of `drivers.safety.trips` moves along with the stream.
+of `drivers.safety.trips` moves along with the stream. Where SYNCs were left out, drives have come
+to rest at the last set-point, and the path goes on from rest (`drivers.cia402.path`).
 """
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -25,13 +28,14 @@ import numpy as np
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.feed_forward import FeedForward
+from drivers.cia402.path import Path
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.cia402.stop import STOP_MARGIN
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -39,8 +43,11 @@ if TYPE_CHECKING:
     from drivers.fieldbus import Entry, Objects, ProcessData
     from drivers.safety.trips import Trips
 
-DELAY = 5
-"""Periods by which a drive may be behind its set-points."""
+DELAY = 6
+"""Periods by which a drive may be behind the set-points that were sent: one until they act, five
+by its loops and interpolation."""
+LEFT_OUT = 1.5
+"""Periods between two SYNCs from which on one was left out, by its deadline's tolerance."""
 GRACE = 2.0
 """Time that the axes may take to come to rest after the last set-point [s]."""
 
@@ -64,6 +71,8 @@ class CyclicPosition:
         Lets one SYNC pass under supervision.
     own : sequence of sequence of Entry
         The objects of each drive's own feed-forward; none where unknown.
+    note : callable, optional
+        Takes what the operator should know.
 
     Attributes
     ----------
@@ -71,6 +80,9 @@ class CyclicPosition:
         The drives are in cyclic synchronous position mode.
     moving : bool
         The last set-point has not been reached.
+    along : float
+        Number of the set-points that act from the last SYNC on, from 0; between two of them where
+        the path is slowed down.
     """
 
     def __init__(
@@ -82,8 +94,10 @@ class CyclicPosition:
         period: float,
         cycle: Callable[[], object],
         own: Sequence[Sequence[Entry]] = (),
+        note: Callable[[Iterable[str]], None] = lambda _: None,
     ) -> None:
         self.cyclic = self.moving = False
+        self.along = 0.0
         self._process_data = process_data
         self._servers = servers
         self._axes = axes
@@ -91,25 +105,27 @@ class CyclicPosition:
         self._trips = trips
         self._period = period
         self._cycle = cycle
-        self._next = 0
+        self._note = note
+        self._path: Path | None = None
         self._points: list[list[int]] = []
         self._feed_forward = FeedForward(process_data, servers, own)
 
-    def begin(self, path: NDArray[np.float64], offsets: NDArray[np.int64] | None = None) -> None:
+    def begin(self, path: NDArray[np.float64], offsets: NDArray[np.float64] | None = None) -> None:
         """Send set-points that have passed their checks, and what is fed forward with each.
 
         Parameters
         ----------
         path : ndarray, shape (n, n_axes)
             [rad or m].
-        offsets : ndarray, shape (n, n_axes, 2), optional
-            See `drivers.cia402.feed_forward.FeedForward.begin`.
+        offsets : ndarray, shape (n, n_axes, 3), optional
+            See `drivers.cia402.path.Path`.
         """
         columns = zip(self._scales, path.T, strict=True)
-        points = np.column_stack([np.rint(q / s.position).astype(int) + s.zero for s, q in columns])
+        exact = np.column_stack([q / scale.position + scale.zero for scale, q in columns])
+        points = np.rint(exact).astype(int)
         if not self.cyclic:
             self._enter(points[0].tolist())
-        self._feed_forward.begin(offsets)
+        self._feed_forward.begin(feeding=offsets is not None)
         windows = np.array(
             [
                 round(axis.following_error_window / abs(scale.position))
@@ -121,7 +137,13 @@ class CyclicPosition:
             late[by, :by] = points[0]
         self._lows = (late.min(axis=0) - windows).tolist()
         self._highs = (late.max(axis=0) + windows).tolist()
-        self._points, self._next, self.moving = points.tolist(), 0, True
+        accelerations = [
+            axis.limits.acceleration / abs(scale.position)
+            for axis, scale in zip(self._axes, self._scales, strict=True)
+        ]
+        self._path = Path(exact, accelerations, self._period, offsets)
+        self._points, self.moving, self.along = points.tolist(), True, 0.0
+        self._time, self._slowed, self._late = self._process_data.time, 0, 0.0
         self._rests = [
             Standstill(
                 axis.position_window / abs(scale.position),
@@ -134,15 +156,27 @@ class CyclicPosition:
 
     def advance(self) -> MoveFailed | None:
         """Send the next set-points, or the last again; return what failed, if anything."""
-        if self._next < len(self._points):
-            self._send()
+        path, time, on_arrival = self._path, self._process_data.time, self._process_data.on_arrival
+        if path is None:
             return None
-        self._repeat()
-        return self._settle() if self.moving else None
+        if not on_arrival:
+            self.along = path.at
+        arriving = not path.ended
+        if arriving:
+            if time - self._time > LEFT_OUT * self._period:
+                path.rest()
+            path.step()
+            self._slowed += path.pace < 1.0
+        self._time = time
+        self._send()
+        if on_arrival:
+            self.along = path.at
+            self._late = max(self._late, self._process_data.now() - time)
+        return self._settle() if self.moving and not arriving else None
 
     def velocity(self, axis: int) -> float:
         """Return how fast the stream leads an axis just now [rad/s or m/s], 0 without one."""
-        recent = self._points[max(0, self._next - DELAY - 1) : self._next + 1]
+        recent = self._recent(2)
         steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
         return max(steps, default=0) * abs(self._scales[axis].position) / self._period
 
@@ -166,7 +200,7 @@ class CyclicPosition:
 
     def abandon(self) -> None:
         """Send nothing more; the drives stay in their mode."""
-        self._points, self._next, self.moving = [], 0, False
+        self._path, self._points, self.moving = None, [], False
 
     def withdraw(self) -> None:
         """Take back what is fed forward."""
@@ -194,7 +228,8 @@ class CyclicPosition:
 
     def _direction(self, axis: int) -> float:
         """Sign of the velocity with which the stream leads an axis."""
-        first, last = self._points[max(0, self._next - DELAY - 1)], self._points[self._next - 1]
+        recent = self._recent(1)
+        first, last = recent[0], recent[-1]
         return float(np.sign((last[axis] - first[axis]) * self._scales[axis].position))
 
     def _enter(self, points: Sequence[int]) -> None:
@@ -238,19 +273,27 @@ class CyclicPosition:
             " release it from the maker's tool or from another master"
         )
 
-    def _send(self) -> None:
-        number = self._next
-        self._next = number + 1
-        for axis, target in enumerate(self._points[number]):
-            self._feed_forward.send(number, axis)
-            self._process_data.command(axis, target, ENABLED)
-        self._trips.follow(self._lows[number], self._highs[number])
+    def _recent(self, beyond: int) -> list[list[int]]:
+        """Set-points of the last periods and so many from the present one on."""
+        here = 0 if self._path is None else math.ceil(self._path.at)
+        return self._points[max(0, here - DELAY) : here + beyond]
 
-    def _repeat(self) -> None:
-        if self._points:
-            for axis, target in enumerate(self._points[-1]):
-                self._feed_forward.send(len(self._points), axis)
-                self._process_data.command(axis, target, ENABLED)
+    def _send(self) -> None:
+        path = self._path
+        assert path is not None  # noqa: S101 - by the callers
+        data, fed = self._process_data, self._feed_forward.wanted and path.fed
+        for axis, target in enumerate(path.targets):
+            if fed:
+                data.feed_forward(axis, *fed[axis])
+            data.lead(axis, target)
+        before, after = math.floor(path.at), math.ceil(path.at)
+        if before == after:
+            self._trips.follow(self._lows[after], self._highs[after])
+        else:
+            self._trips.follow(
+                map(min, self._lows[before], self._lows[after]),
+                map(max, self._highs[before], self._highs[after]),
+            )
 
     def _settle(self) -> MoveFailed | None:
         positions, targets = self._process_data.positions, self._points[-1]
@@ -261,6 +304,8 @@ class CyclicPosition:
             if not resting[axis] or abs(positions[axis] - targets[axis]) > 2 * rest.band
         ]
         self.moving = bool(off)
+        if not off:
+            self._conclude()
         self._patience -= 1
         if off and self._patience < 0:
             return MoveFailed(
@@ -268,3 +313,22 @@ class CyclicPosition:
                 f" {GRACE:g} s; check brake, load and position_window"
             )
         return None
+
+    def _conclude(self) -> None:
+        """Note what of the path was not as it should be."""
+        if self._slowed:
+            self._note(
+                [
+                    f"path slowed down for {self._slowed * self._period:.2g} s, since this computer"
+                    " was late: relieve it of other work, run it with --realtime, or sample more"
+                    " slowly"
+                ]
+            )
+        if self._process_data.on_arrival:
+            labels = ", ".join(self._servers[axis].label for axis in self._process_data.on_arrival)
+            self._note(
+                [
+                    f"{labels}: set-points acted when they arrived, up to"
+                    f" {1e3 * self._late:.2g} ms after SYNC on this path"
+                ]
+            )

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
 from drivers.canopen.communication import SYNC
+from drivers.canopen.pdo_mapping import AT_SYNC, ON_SYNC
 from drivers.cia402 import objects as o
 from drivers.commissioning.kept_values import (
     BEATS,
@@ -83,6 +84,9 @@ _COASTS = "it may let the axis coast"
 _COUNTS = "increments_per_revolution is taken on trust"
 _OTHERS = "what the others of its kind lead to counts"
 _VELOCITY, _RATE = "velocity_unit is taken on trust", "acceleration_unit is taken on trust"
+ON_ARRIVAL = (
+    "set-points of a stream act when they arrive, so the jitter of this computer reaches its loops"
+)
 _TURNS = "positions are taken not to wrap around"
 
 _ROWS = (
@@ -186,6 +190,10 @@ _ROWS = (
     _noted(
         cia301.CYCLE_PERIOD, Use.SET, "it does not know the period of SYNC",
         kept=ROUNDED, fixed="it serves only with the period of SYNC",
+    ),
+    _noted(
+        cia301.SET_POINT_TRANSMISSION, Use.SET, ON_ARRIVAL,
+        value=ON_SYNC, serves=range(256), served=f"above {AT_SYNC[-1]}, {ON_ARRIVAL}",
     ),
     _silent(cia301.EMERGENCY_COB_ID, Use.READ, "emergencies are expected under 80h plus node"),
     _noted(

@@ -119,6 +119,7 @@ class Session:
             period,
             self.follow,
             [own_feed_forward(axis) for axis in drives.axes],
+            note,
         )
         self.stopping = Stopping(
             connection, drives, period, limits, self._profile_position, self._cyclic_position
@@ -172,6 +173,7 @@ class Session:
         path: Sequence[Sequence[float]],
         velocity: Sequence[Sequence[float]] | None = None,
         torque: Sequence[Sequence[float]] | None = None,
+        holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
         """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
         self.stopping.refuse()
@@ -181,7 +183,7 @@ class Session:
         points = np.asarray(path, dtype=float)
         own = [limits.own for limits in self.limits]
         check_path(points, self.limited, here, self._period, own)
-        offsets = self._offsets(points, velocity, torque)
+        offsets = self._offsets(points, velocity, torque, holding)
         try:
             self._cyclic_position.begin(points, offsets)
         except DriveError as error:
@@ -204,7 +206,7 @@ class Session:
                 blind = self._missing.look(data.flags)
                 if blind:
                     self.stopping.fail(blind)
-            if time - before > self._unsupervised and (profile.active or cyclic.moving):
+            if time - before > self._unsupervised and profile.active:
                 self.stopping.fail(self._unattended(time - before))
             failed = (
                 (profile.active and profile.advance(time, data))
@@ -267,28 +269,34 @@ class Session:
         self._note(offsets(self._process_data, self._stated, self.connection.beating_cycle, when))
 
     @property
+    def along(self) -> float:
+        """Number of the set-points that act from the last SYNC on, from 0."""
+        return self._cyclic_position.along
+
+    @property
     def _moving(self) -> bool:
         return bool(self._profile_position.active) or self._cyclic_position.moving
 
     def _offsets(
         self,
         points: NDArray[np.float64],
-        velocity: Sequence[Sequence[float]] | None,
-        torque: Sequence[Sequence[float]] | None,
-    ) -> NDArray[np.int64] | None:
-        """Return what is fed forward as the drives take it, once it has passed its checks."""
-        if velocity is None and torque is None:
+        *stated: Sequence[Sequence[float]] | None,
+    ) -> NDArray[np.float64] | None:
+        """Return what is fed forward in the drives' units, once it has passed its checks."""
+        if not any(values is not None for values in stated):
             return None
         if not self._feed_forward:
             raise DriveRefused(
                 "the drives were not set up to take what is fed forward; open the bus with"
                 " feed_forward=True"
             )
-        v = np.zeros_like(points) if velocity is None else np.asarray(velocity, dtype=float)
-        tau = np.zeros_like(points) if torque is None else np.asarray(torque, dtype=float)
+        fed = [
+            np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
+            for values in stated
+        ]
         own = [limits.own for limits in self.limits]
-        check_feed_forward(points, v, tau, self.limited, self._period, own)
-        return offsets_in_counts(v, tau, self._scales)
+        check_feed_forward(points, fed, self.limited, self._period, own)
+        return offsets_in_counts(fed, self._scales)
 
     def _attend(self, words: tuple[int, ...]) -> None:
         self._words = words
