@@ -13,8 +13,8 @@ out before the target of the same cycle. Offsets that an earlier master left beh
 before the mode is entered.
 
 Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
-of `drivers.safety.trips` moves along with the stream. Where SYNCs were left out, drives have come
-to rest at the last set-point, and the path goes on from rest (`drivers.cia402.path`).
+of `drivers.safety.trips` moves along with the stream. Where SYNCs were left out drives come
+to rest at the last set-point, and the path goes on from there (`drivers.cia402.path`).
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class CyclicPosition:
         ]
         self._path = Path(exact, accelerations, self._period, offsets)
         self._points, self.moving, self.along = points.tolist(), True, 0.0
-        self._time, self._slowed, self._late = self._process_data.time, 0, 0.0
+        self._time, self._late = self._process_data.time, 0.0
         self._rests = [
             Standstill(
                 axis.position_window / abs(scale.position),
@@ -154,8 +154,14 @@ class CyclicPosition:
         self._patience = round(GRACE / self._period)
         self._send()
 
-    def advance(self) -> MoveFailed | None:
-        """Send the next set-points, or the last again; return what failed, if anything."""
+    def advance(self, *, calm: bool = False) -> MoveFailed | None:
+        """Send the next set-points, or the last again; return what failed, if anything.
+
+        Parameters
+        ----------
+        calm : bool
+            Slow the path down to rest, until that is no longer asked for.
+        """
         path, time, on_arrival = self._path, self._process_data.time, self._process_data.on_arrival
         if path is None:
             return None
@@ -164,9 +170,8 @@ class CyclicPosition:
         arriving = not path.ended
         if arriving:
             if time - self._time > LEFT_OUT * self._period:
-                path.rest()
-            path.step()
-            self._slowed += path.pace < 1.0
+                path.late((time - self._time) / self._period - 1)
+            path.step(calm=calm)
         self._time = time
         self._send()
         if on_arrival:
@@ -316,10 +321,11 @@ class CyclicPosition:
 
     def _conclude(self) -> None:
         """Note what of the path was not as it should be."""
-        if self._slowed:
+        assert self._path is not None  # noqa: S101 - by the caller
+        if self._path.slowed:
             self._note(
                 [
-                    f"path slowed down for {self._slowed * self._period:.2g} s, since this computer"
+                    f"path slowed down for {self._path.slowed * self._period:.2g} s, since this computer"
                     " was late: relieve it of other work, run it with --realtime, or sample more"
                     " slowly"
                 ]

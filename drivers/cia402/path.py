@@ -33,6 +33,13 @@ SHARE = 0.9
 RECOVERY = 0.3
 """Time in which the pace goes from rest to the path's own at the least [s]."""
 
+CAUTION, TRUST = 0.9, 1.0
+"""Factor of the pace that is aimed at for each period by which set-points are late, and time in which
+it grows by the path's own [s]: one of 250 that is late costs nothing, one of 20 costs a third."""
+
+STILL = 1.5
+"""Periods by which set-points may be late before drives have come to rest at the last ones."""
+
 
 class Path:
     """Set-points of all axes, and where along them the last ones stand that were sent.
@@ -55,6 +62,8 @@ class Path:
         Number of the last set-points, from 0; between two of them where the path was slowed down.
     pace : float
         Set-points passed in a period, 0 to 1.
+    slowed : int
+        Periods in which it was below 1.
     """
 
     def __init__(
@@ -65,7 +74,8 @@ class Path:
         offsets: Array | None = None,
     ) -> None:
         self.at = 0.0
-        self.pace = 1.0
+        self.pace = self._aim = 1.0
+        self.slowed = 0
         self._period = period
         self._exact = np.vstack([points[:1], points, points[-1:], points[-1:]])
         self._offsets = None if offsets is None else np.vstack([offsets, offsets[-1:]])
@@ -109,24 +119,29 @@ class Path:
             Slow down to rest; otherwise the path's own pace is taken up again.
         """
         before = self.pace
-        if calm or before < 1.0:
-            self._change(calm=calm)
+        if calm or self._aim < 1.0 or before < 1.0:
+            self._aim = min(1.0, self._aim + self._period / TRUST)
+            self._change(0.0 if calm else self._aim)
+            self.slowed += 1
         self.at = min(self.at + (before + self.pace) / 2, self._last)
 
-    def rest(self) -> None:
-        """Go on from rest, since set-points have stayed out and drives hold the last ones."""
-        self.pace = 0.0
+    def late(self, periods: float) -> None:
+        """Take note that set-points were late: drives have slowed down or rest at the last ones."""
+        self._aim *= CAUTION**periods
+        if periods > STILL:
+            self.pace = 0.0
 
-    def _change(self, *, calm: bool) -> None:
+    def _change(self, aim: float) -> None:
+        """Let the pace approach one that is aimed at as fast as all axes can follow."""
         k = min(round(self.at), self._last)
         a, b, c = self._exact[k : k + 3]
         speed = (c - a) / (2 * self._period)
         bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2
         with np.errstate(divide="ignore"):
             slower, faster = (SHARE * (self._limits + s * bend) / np.abs(speed) for s in (1, -1))
-        change = -slower.min() if calm else min(faster.min(), 1 / RECOVERY)
-        change = min(change, 0.0) if calm else max(change, 0.0)
-        self.pace = min(1.0, max(0.0, self.pace + change * self._period))
+        least = self.pace - max(slower.min(), 0.0) * self._period
+        most = self.pace + min(max(faster.min(), 0.0), 1 / RECOVERY) * self._period
+        self.pace = min(max(aim, least, 0.0), most)
 
 
 def _whole(values: Array) -> Any:

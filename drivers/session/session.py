@@ -8,13 +8,14 @@ Trouble stops all axes before it is raised, and latches. How a session is left i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from drivers.axis import AxisScale
 from drivers.canopen.vendor_objects import own_feed_forward
-from drivers.cia402.cyclic_position import CyclicPosition
+from drivers.cia402.cyclic_position import LEFT_OUT, CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
     from drivers.session.connection import Connection
 
+LATE = 0.5
+"""Time after a late SYNC in which it is the first cause to look at where the axes must stop [s]."""
 UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
@@ -106,9 +109,10 @@ class Session:
         self._supervision = connection.supervision
         self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * period)
         self._words: tuple[int, ...] = ()
+        self._late = (-math.inf, 0.0)
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
         self._samples = SampleReader(drives.axes)
-        self._missing = MissingTelegrams(self._servers, connection.collect_late)
+        self._missing = MissingTelegrams(self._servers, connection.collect_late, period)
         self._profile_position = ProfilePosition(data, self._servers, limited, period)
         self._trips = Trips(limited, period)
         self._cyclic_position = CyclicPosition(
@@ -197,24 +201,27 @@ class Session:
         before = data.time
         try:
             time = data.sync()
+            if time - before > LEFT_OUT * self._period:
+                self._late = time, time - before
             if time >= self._heartbeats.due:
                 self._heartbeats.service()
             words = data.words
             if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
                 self._attend(words)
             if data.irregular or self._missing.open:
-                blind = self._missing.look(data.flags)
+                busy = time - self._late[0] <= LATE
+                blind = self._missing.look(data.flags, busy=busy)
                 if blind:
-                    self.stopping.fail(blind)
+                    self._fail(blind)
             if time - before > self._unsupervised and profile.active:
                 self.stopping.fail(self._unattended(time - before))
             failed = (
                 (profile.active and profile.advance(time, data))
                 or self._trips.look(time, data)
-                or (cyclic.cyclic and cyclic.advance())
+                or (cyclic.cyclic and cyclic.advance(calm=self._missing.blind))
             )
             if failed:
-                self.stopping.fail(failed)
+                self._fail(failed)
         except DriveError as error:
             self.stopping.fail(error)
         return self._samples.sample(time, data, not (profile.active or cyclic.moving))
@@ -307,8 +314,20 @@ class Session:
         if lost is not None:
             self.stopping.stop()
             self.stopping.shutdown.await_rest()  # before the drive may be asked for the reason
-            self.stopping.fail(self._supervision.diagnose(self._servers[lost], words[lost]))
+            self._fail(self._supervision.diagnose(self._servers[lost], words[lost]))
         self._note(self._supervision.warnings())
+
+    def _fail(self, trouble: DriveError) -> NoReturn:
+        """Stop all axes; where SYNCs were late just before, that is said first."""
+        at, gap = self._late
+        ago = self._clock.now() - at
+        if ago <= LATE:
+            trouble = type(trouble)(
+                f"{ago:.2g} s before this a SYNC came {1e3 * gap:.3g} ms after the last one instead of"
+                f" {1e3 * self._period:.3g} ms: this computer was late, so relieve it of other work or"
+                f" use --realtime first; then: {trouble}"
+            )
+        self.stopping.fail(trouble)
 
     def _unattended(self, elapsed: float) -> Tripped:
         return Tripped(

@@ -71,5 +71,20 @@ def test_what_is_fed_forward_goes_with_the_pace_and_what_holds_the_axes_stays() 
     path.step()
     path.pace = 0.5
     assert path.fed == [[50, 20 + 50 // 4]] * 2
-    path.rest()
+    path.late(3)
     assert path.fed == [[0, 20]] * 2
+
+
+def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> None:
+    paces = []
+    for every in (10**6, 250, 20, 5):
+        path = Path(swing(T), LIMITS, PERIOD)
+        for number in range(1, 1200):
+            if number % every == 0:
+                path.late(1)
+            path.step()
+        paces.append(path.at / 1199)
+    assert paces[0] == 1.0
+    assert paces == sorted(paces, reverse=True)
+    assert paces[1] > 0.9
+    assert 0.1 < paces[3] < 0.4

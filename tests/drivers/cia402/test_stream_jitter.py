@@ -7,6 +7,7 @@ time after it, so a drive that acts when they arrive is led by the host's jitter
 from __future__ import annotations
 
 import random
+import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ import pytest
 from personalities import drives_for, plant_file
 
 from drivers.canopen_bus import CanopenDriveBus
+from drivers.drive_bus import Tripped
 from sim_plant.slave_network import SlaveNetwork
 from sim_plant.switch_on import load_machine
 
@@ -120,3 +122,19 @@ def test_a_drive_that_takes_set_points_on_arrival_only_is_served_and_the_jitter_
     )
     assert notes[-1].startswith("joint 1 (node 1), joint 2 ")
     assert "set-points acted when they arrived, up to 0 ms after SYNC" in notes[-1]
+
+
+def test_a_trip_soon_after_a_late_sync_says_that_first() -> None:
+    bus = JitterBus("manutec-r15", NONE)
+    with CanopenDriveBus(bus, drives_for("plain"), pacing="wall-clock") as drives:
+        drives.sample()
+        time.sleep(0.05)
+        drives.sample()
+        assert drives._session is not None
+        drives._session._trips._lows = [10**7] * 6
+        with pytest.raises(
+            Tripped, match=r"^0\.0.* s before this a SYNC came [5-9].* ms after .* 4 ms: this computer"
+        ):
+            for _ in range(4):
+                drives.sample()
+
