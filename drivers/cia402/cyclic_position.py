@@ -325,9 +325,9 @@ class CyclicPosition:
         if self._path.slowed:
             self._note(
                 [
-                    f"path slowed down for {self._path.slowed * self._period:.2g} s, since this computer"
-                    " was late: relieve it of other work, run it with --realtime, or sample more"
-                    " slowly"
+                    f"path slowed down for {self._path.slowed * self._period:.2g} s, since this"
+                    " computer was late: relieve it of other work, run with --realtime, or sample"
+                    " more slowly"
                 ]
             )
         if self._process_data.on_arrival:

@@ -34,8 +34,8 @@ RECOVERY = 0.3
 """Time in which the pace goes from rest to the path's own at the least [s]."""
 
 CAUTION, TRUST = 0.9, 1.0
-"""Factor of the pace that is aimed at for each period by which set-points are late, and time in which
-it grows by the path's own [s]: one of 250 that is late costs nothing, one of 20 costs a third."""
+"""Factor of the pace that is aimed at for each period by which set-points are late, and time in
+which it grows by the path's own [s]: one of 250 that is late costs little, one of 20 a third."""
 
 STILL = 1.5
 """Periods by which set-points may be late before drives have come to rest at the last ones."""

@@ -323,9 +323,9 @@ class Session:
         ago = self._clock.now() - at
         if ago <= LATE:
             trouble = type(trouble)(
-                f"{ago:.2g} s before this a SYNC came {1e3 * gap:.3g} ms after the last one instead of"
-                f" {1e3 * self._period:.3g} ms: this computer was late, so relieve it of other work or"
-                f" use --realtime first; then: {trouble}"
+                f"{ago:.2g} s before this a SYNC came {1e3 * gap:.3g} ms after the last one instead"
+                f" of {1e3 * self._period:.3g} ms: this computer was late, so relieve it of other"
+                f" work or use --realtime first; then: {trouble}"
             )
         self.stopping.fail(trouble)
 
