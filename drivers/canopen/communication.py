@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from drivers.canopen.pdo_mapping import Inputs, fed_forward, led, received, transmitted
+from drivers.cia402.states import Mode
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class Communication:
         TPDOs that we do not use and that go on.
     guarded : bool
         It watches our guarding requests instead of our heartbeat.
+    mode : Mode
+        In which it moves: profile position, or cyclic position, in which the driver plans.
     """
 
     label: str
@@ -58,6 +61,7 @@ class Communication:
     emergency: int | None
     others: tuple[OtherTpdo, ...] = field(default=())
     guarded: bool = False
+    mode: Mode = Mode.PROFILE_POSITION
 
     @property
     def feed_forward(self) -> bool:

@@ -32,13 +32,15 @@ from drivers.cia402.path import Path
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.cia402.stop import STOP_MARGIN
+from drivers.cia402.trapezoid import Trapezoid
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from drivers.drive_bus import Move
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry, Objects, ProcessData
     from drivers.safety.trips import Trips
@@ -107,25 +109,69 @@ class CyclicPosition:
         self._cycle = cycle
         self._note = note
         self._path: Path | None = None
+        self._first, self._halting = 0, False
+        self._moves: dict[int, tuple[Trapezoid, float]] = {}
         self._points: list[list[int]] = []
         self._feed_forward = FeedForward(process_data, servers, own)
 
-    def begin(self, path: NDArray[np.float64], offsets: NDArray[np.float64] | None = None) -> None:
+    def begin(
+        self, points: NDArray[np.float64], offsets: NDArray[np.float64] | None = None
+    ) -> Path:
         """Send set-points that have passed their checks, and what is fed forward with each.
 
         Parameters
         ----------
-        path : ndarray, shape (n, n_axes)
+        points : ndarray, shape (n, n_axes)
             [rad or m].
         offsets : ndarray, shape (n, n_axes, 3), optional
             See `drivers.cia402.path.Path`.
         """
-        columns = zip(self._scales, path.T, strict=True)
+        columns = zip(self._scales, points.T, strict=True)
         exact = np.column_stack([q / scale.position + scale.zero for scale, q in columns])
-        points = np.rint(exact).astype(int)
+        for axis, point in enumerate(np.rint(exact[0]).astype(int).tolist()):
+            self._process_data.command(axis, point, ENABLED)
         if not self.cyclic:
-            self._enter(points[0].tolist())
+            self._enter()
         self._feed_forward.begin(feeding=offsets is not None)
+        self._moves.clear()
+        path = self._take(exact, offsets)
+        self._send()
+        return path
+
+    def move(self, moves: Mapping[int, Move]) -> None:
+        """Lead axes to targets by trapezoids of velocity, while others go on as they are led."""
+        path = self._path
+        if path is None:  # nothing is led, as after a trip
+            here = [
+                scale.position_from_counts(position)
+                for scale, position in zip(self._scales, self._process_data.positions, strict=True)
+            ]
+            path = self.begin(np.array([here, here]))
+        passed = (path.at - self._first) * self._period
+        stands, now = path.exact, np.zeros(1)
+        led = {a: (t, since + passed) for a, (t, since) in self._moves.items()}
+        for axis, move in moves.items():
+            scale = self._scales[axis]
+            trapezoid, since = led.get(axis, (None, 0.0))
+            speed = trapezoid.motion(now + since)[1][0] if trapezoid else 0.0
+            per_count = abs(scale.position)
+            target = move.target / scale.position + scale.zero
+            profile = (move.velocity / per_count, move.acceleration / per_count)
+            led[axis] = (Trapezoid(stands[axis], speed, target, *profile), 0.0)
+        self._moves = {a: (t, since) for a, (t, since) in led.items() if since < t.duration}
+        longest = max((t.duration - since for t, since in self._moves.values()), default=0.0)
+        t = np.arange(math.ceil(longest / self._period) + 2) * np.float64(self._period)
+        ahead = np.tile(stands, (len(t), 1))
+        for axis, (trapezoid, since) in self._moves.items():
+            ahead[:, axis] = trapezoid.motion(t + since)[0]
+        recent = self._recent(0)
+        points = np.vstack([np.array(recent), ahead]) if recent else ahead
+        self._take(points, None).go_on(path, len(recent))
+        self._first = len(recent)
+
+    def _take(self, exact: NDArray[np.float64], offsets: NDArray[np.float64] | None) -> Path:
+        """Make set-points the path that is followed from its beginning."""
+        points = np.rint(exact).astype(int)
         windows = np.array(
             [
                 round(axis.following_error_window / abs(scale.position))
@@ -141,8 +187,9 @@ class CyclicPosition:
             axis.limits.acceleration / abs(scale.position)
             for axis, scale in zip(self._axes, self._scales, strict=True)
         ]
-        self._path = Path(exact, accelerations, self._period, offsets)
-        self._points, self.moving, self.along = points.tolist(), True, 0.0
+        self._path = path = Path(exact, accelerations, self._period, offsets)
+        self._points, self.moving, self.along, self._first = points.tolist(), True, 0.0, 0
+        self._halting = False
         self._time, self._late = self._process_data.time, 0.0
         self._rests = [
             Standstill(
@@ -152,7 +199,7 @@ class CyclicPosition:
             for axis, scale in zip(self._axes, self._scales, strict=True)
         ]
         self._patience = round(GRACE / self._period)
-        self._send()
+        return path
 
     def advance(self, *, calm: bool = False) -> MoveFailed | None:
         """Send the next set-points, or the last again; return what failed, if anything.
@@ -171,13 +218,20 @@ class CyclicPosition:
         if arriving:
             if time - self._time > LEFT_OUT * self._period:
                 path.late((time - self._time) / self._period - 1)
-            path.step(calm=calm)
+            path.step(calm=calm or self._halting)
+            if self._halting and path.pace == 0.0:
+                self._take(np.tile(path.exact, (2, 1)), None)
         self._time = time
         self._send()
         if on_arrival:
             self.along = path.at
             self._late = max(self._late, self._process_data.now() - time)
         return self._settle() if self.moving and not arriving else None
+
+    @property
+    def streaming(self) -> bool:
+        """All axes are led along one path, or come to rest on it."""
+        return not (self._path is None or self._path.ended) and not self._moves
 
     def velocity(self, axis: int) -> float:
         """Return how fast the stream leads an axis just now [rad/s or m/s], 0 without one."""
@@ -203,9 +257,15 @@ class CyclicPosition:
         self.withdraw()
         self.abandon()
 
+    def brake(self) -> None:
+        """Slow down to rest along the way of all axes, and hold them there."""
+        self._halting = self.moving
+        self._moves.clear()
+
     def abandon(self) -> None:
         """Send nothing more; the drives stay in their mode."""
         self._path, self._points, self.moving = None, [], False
+        self._moves.clear()
 
     def withdraw(self) -> None:
         """Take back what is fed forward."""
@@ -237,7 +297,7 @@ class CyclicPosition:
         first, last = recent[0], recent[-1]
         return float(np.sign((last[axis] - first[axis]) * self._scales[axis].position))
 
-    def _enter(self, points: Sequence[int]) -> None:
+    def _enter(self) -> None:
         for server in self._servers:
             supported = server.find(objects.SUPPORTED_MODES)
             if supported is not None and not supported & Mode.CYCLIC_POSITION.supported_bit:
@@ -250,8 +310,6 @@ class CyclicPosition:
             for entry in objects.OFFSETS:
                 if server.find(entry):
                     server.put(entry, 0)
-        for axis, point in enumerate(points):
-            self._process_data.command(axis, point, ENABLED)
         self._change(Mode.CYCLIC_POSITION)
         self.cyclic = True
 

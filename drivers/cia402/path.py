@@ -89,15 +89,26 @@ class Path:
         return self.at >= self._last
 
     @property
+    def exact(self) -> Array:
+        """The set-points that stand at `at`, not rounded, shape (n_axes,)."""
+        k = int(self.at)
+        f = self.at - k
+        a, b, c, d = self._exact[min(k, self._last) : min(k, self._last) + 4]
+        # a cubic with the slopes of the chords beside it
+        q: Array = b + f / 2 * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
+        return q
+
+    def go_on(self, before: Path, at: float) -> None:
+        """Go on at a place of this path as one before it was passed."""
+        self.at, self.pace, self._aim = at, before.pace, before._aim
+
+    @property
     def targets(self) -> list[int]:
         """The set-points that stand at `at`, length n_axes [increments]."""
         k = int(self.at)
         if k == self.at:
             return list(self._rounded[k])
-        f = self.at - k
-        a, b, c, d = self._exact[k : k + 4]  # a cubic with the slopes of the chords beside it
-        q = b + f / 2 * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
-        return list(_whole(q))
+        return list(_whole(self.exact))
 
     @property
     def fed(self) -> list[list[int]]:

@@ -228,5 +228,10 @@ _ROWS = (
 REQUIREMENTS = {row.entry: row for row in _ROWS}
 """The rows by object, in the order in which a drive is asked for them."""
 
+OF_PROFILES = frozenset(
+    {o.PROFILE_VELOCITY, o.PROFILE_ACCELERATION, o.PROFILE_DECELERATION, o.PROFILE_TYPE}
+)
+"""What a drive needs that plans its ways by itself, in profile position mode."""
+
 OWN_LIMITS = tuple(row for row in _ROWS if row.own_holds)
 """What limits an axis in the drive itself, beside its range."""

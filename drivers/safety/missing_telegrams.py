@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 BLIND = 10
 """SYNCs in a row without an axis's TPDO after which all axes are stopped."""
 BUSY = 0.25
-"""Time for which they may stay away at least where this computer is late itself, and so perhaps what
+"""Time for which they may stay away at least where this computer is late itself, so perhaps what
 hands them over [s]."""
 
 

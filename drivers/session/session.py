@@ -20,7 +20,7 @@ from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
 from drivers.cia402.set_point_limits import check_move
-from drivers.cia402.states import State
+from drivers.cia402.states import Mode, State
 from drivers.cia402.stream_limits import check_feed_forward, check_path
 from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
@@ -154,14 +154,29 @@ class Session:
         self._power.walk(State.OPERATION_ENABLED, self.connection.cycle)
         self._clock.skipped = 0
         self._trips.arm(self._clock.now(), self._process_data.positions)
+        if self._planned:
+            here = self._samples.sample(self._clock.now(), self._process_data, reached=True).q
+            self._cyclic_position.begin(np.array([here, here]))
+            while self._cyclic_position.moving:
+                self.sample()
+
+    @property
+    def _planned(self) -> bool:
+        """The driver plans the ways of all axes, since some drive has no profile position."""
+        modes = {drive.mode for drive in self.connection.communications}
+        return Mode.PROFILE_POSITION not in modes or len(modes) > 1
 
     def move(self, moves: Mapping[int, Move]) -> None:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         self.stopping.refuse()
+        if self._planned and self._cyclic_position.streaming:
+            raise MoveFailed("a move can only begin where no path is streamed; wait until reached")
         for axis, move in moves.items():
             own = self.limits[axis].own
             check_move(move, self.limited[axis], self._scales[axis], axis + 1, own)
         try:
+            if self._planned:
+                return self._cyclic_position.move(moves)
             if self._cyclic_position.cyclic:
                 self._cyclic_position.leave()
             for axis, move in moves.items():
@@ -171,6 +186,7 @@ class Session:
             self._profile_position.start(moves)
         except DriveError as error:
             self.stopping.fail(error)
+        return None
 
     def stream(
         self,
@@ -246,6 +262,8 @@ class Session:
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
         self.stopping.refuse()
+        if self._planned:
+            return self._cyclic_position.brake()
         try:
             profile = self._profile_position
             decelerations = [profile.deceleration(axis) for axis in range(len(self.axes))]
@@ -254,6 +272,7 @@ class Session:
             self._cyclic_position.give_back()
         except DriveError as error:
             self.stopping.fail(error)
+        return None
 
     def reset(self) -> None:
         """Power the axes on again after a trip (see `drivers.drive_bus.DriveBus`)."""

@@ -72,8 +72,8 @@ def check_lag(trajectory: Trajectory, robot: Robot, following: Following) -> Ite
             unit, most = robot.position_unit(axis), float(lags[:, axis].max())
             yield (
                 f"{trajectory.id}: axis {axis + 1} lags {most:.3g} {unit} behind its set-points,"
-                f" and for {lasts:.2g} s by more than its drive allows, {window:g} {unit} (6065) for"
-                f" {time:g} s (6066); plan a slower trajectory, or state a wider"
+                f" and for {lasts:.2g} s by more than its drive allows, {window:g} {unit} (6065)"
+                f" for {time:g} s (6066); plan a slower trajectory, or state a wider"
                 " following_error_window in the drives file"
             )
 
