@@ -133,6 +133,11 @@ class CanopenDriveBus:
         return tuple(drive.transmitted for drive in found)
 
     @property
+    def along(self) -> float:
+        """Where on the path that is streamed the last sample was (see `StreamingBus`)."""
+        return self._session.along if self._session else 0.0
+
+    @property
     def skipped_syncs(self) -> int:
         """SYNCs left out since the axes were powered on, because we came too late for them."""
         return self._session.connection.clock.skipped if self._session else 0
@@ -188,9 +193,10 @@ class CanopenDriveBus:
         path: Sequence[Sequence[float]],
         velocity: Sequence[Sequence[float]] | None = None,
         torque: Sequence[Sequence[float]] | None = None,
+        holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
         """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
-        self._opened().stream(path, velocity, torque)
+        self._opened().stream(path, velocity, torque, holding)
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""

@@ -221,13 +221,26 @@ class DriveBus(Protocol):
 
 @runtime_checkable
 class StreamingBus(DriveBus, Protocol):
-    """A `DriveBus` whose axes also follow set-points that the master sends at every SYNC."""
+    """A `DriveBus` whose axes also follow set-points that the master sends at every SYNC.
+
+    Where set-points cannot be sent or supervised in time the axes pass their path more slowly, to
+    rest if need be, and go on by themselves.
+    """
+
+    @property
+    def along(self) -> float:
+        """Number of the set-points that act from the last sample's SYNC on, from 0.
+
+        Between two of them where the path is slowed down; axes follow later, by the delay of their
+        drives.
+        """
 
     def stream(
         self,
         path: Sequence[Sequence[float]],
         velocity: Sequence[Sequence[float]] | None = None,
         torque: Sequence[Sequence[float]] | None = None,
+        holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
         """Begin to send a path of set-points, the next of which goes out with every `sample`.
 
@@ -239,11 +252,12 @@ class StreamingBus(DriveBus, Protocol):
         ----------
         path : array_like, shape (n, n_axes)
             A set-point of each axis every `period`, beginning where the axes stand [rad or m].
-        velocity, torque : array_like, shape (n, n_axes), optional
+        velocity, torque, holding : array_like, shape (n, n_axes), optional
             What is fed forward with each set-point and counts until the next [rad/s or m/s], [N m
             or N]; zero at both ends, for at rest the loops hold the axes by themselves. Where
-            either is given drives feed nothing forward by themselves, and what is left out is
-            zero. A stop or halt takes both back.
+            any is given drives feed nothing forward by themselves, and what is left out is zero. A
+            stop or halt takes all back. `holding` is the part of the torque that holds the axes
+            where they are: where the path is slowed down, it counts as it is, and the rest less.
 
         Raises
         ------

@@ -172,6 +172,9 @@ class AxisDrive(FileModel):
         Motor torque over current [N m/A], for the amplitude `torque_constant_amplitude`.
     following_error_window, following_error_time : float
         Largest following error [rad or m] and how long it may last [s].
+    position_lag : float
+        Time by which the axis follows its demand late at constant speed [s]: one over the gain of
+        the position loop, or 0 for a drive that feeds the demand's velocity forward.
     position_window, position_window_time : float
         How near to its target [rad or m], and for how long [s], an axis counts as there.
     homing : Homing, optional
@@ -216,6 +219,7 @@ class AxisDrive(FileModel):
     limits: AxisLimits
     following_error_window: Positive
     following_error_time: Annotated[float, Field(gt=0, le=65.535)]
+    position_lag: Annotated[float, Field(ge=0, le=1)] = 0.0
     position_window: Positive
     position_window_time: Annotated[float, Field(gt=0, le=65.535)]
     homing: Homing | None = None

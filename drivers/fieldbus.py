@@ -134,6 +134,16 @@ class ProcessData(Protocol):
     def command(self, axis: int, target: int, controlword: int) -> None:
         """Send target position [increments] and controlword to one axis."""
 
+    @property
+    def on_arrival(self) -> tuple[int, ...]:
+        """Axes on which set-points of a stream act when they arrive, and then those of all do.
+
+        Where there are none they act at the next SYNC.
+        """
+
+    def lead(self, axis: int, target: int) -> None:
+        """Send a set-point of a stream to one axis that follows it [increments]."""
+
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
         """Send offsets of velocity [the drive's unit] and torque [per mille of rated] to one axis.
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from drivers.canopen.pdo_mapping import transmitted
+from drivers.canopen.pdo_mapping import Inputs, fed_forward, led, received, transmitted
+from drivers.cia402.states import Mode
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
@@ -41,29 +42,38 @@ class Communication:
         Its node number.
     transmitted : tuple of Pdo
         The TPDOs that answer SYNC, with all that they carry, in order.
+    inputs : Inputs
+        The RPDOs that command it.
     emergency : int or None
         Identifier of its emergencies; None where it sends none.
     others : tuple of OtherTpdo
         TPDOs that we do not use and that go on.
     guarded : bool
         It watches our guarding requests instead of our heartbeat.
-    feed_forward : bool
-        It is to take offsets of velocity and torque.
+    mode : Mode
+        In which it moves: profile position, or cyclic position, in which the driver plans.
     """
 
     label: str
     node: int
     transmitted: tuple[Pdo, ...]
+    inputs: Inputs
     emergency: int | None
     others: tuple[OtherTpdo, ...] = field(default=())
     guarded: bool = False
-    feed_forward: bool = False
+    mode: Mode = Mode.PROFILE_POSITION
+
+    @property
+    def feed_forward(self) -> bool:
+        """It is to take offsets of velocity and torque."""
+        return self.inputs.offsets is not None
 
     @classmethod
     def predefined(cls, axis: AxisDrive, label: str, *, feed_forward: bool = False) -> Self:
         """Return what a drive does whose communication is as we write it."""
-        node = axis.node
-        return cls(label, node, transmitted(axis), 0x80 + node, feed_forward=feed_forward)
+        node, offsets = axis.node, fed_forward(axis) if feed_forward else None
+        inputs = Inputs(received(axis), led(axis), offsets)
+        return cls(label, node, transmitted(axis), inputs, 0x80 + node)
 
     def claims(self) -> Iterator[tuple[int, str]]:
         """Yield the identifiers that it uses, and for what."""

@@ -4,6 +4,10 @@ Status, position and current must be latched at one SYNC (transmission type 1), 
 carried by one TPDO. Where they do not fit into one frame (a current of 32 bits, or a TPDO that
 takes two objects) the current goes into TPDO 2 of the same SYNC. `pdo_set_up` writes all that to a
 drive, or finds out what a drive with fixed PDOs carries instead. The drives file may state that.
+
+Commands act when they arrive, so that a stop never waits. Set-points of a stream act at the next
+SYNC, all at the same instant, whenever the host has sent them within the period: they have an RPDO
+of their own, and so has what is fed forward with them.
 """
 
 from __future__ import annotations
@@ -14,7 +18,7 @@ from drivers.cia402 import objects
 from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable
 
     from drivers.drives_file import AxisDrive
 
@@ -27,6 +31,8 @@ STATE, COMMAND = (
     (objects.TARGET_POSITION, objects.CONTROLWORD),
 )
 """What a TPDO carries beside the current, and an RPDO: the target, then what makes it valid."""
+AT_SYNC = range(241)
+"""Transmission types of an RPDO that acts with the next SYNC."""
 RPDO_TYPES = (254, 0, 1)
 """On event by the maker's rule, or with the next SYNC."""
 
@@ -44,7 +50,7 @@ class Pdo(NamedTuple):
         CAN identifier.
     transmission : int
         1 = at every SYNC, 255 = on event.
-    also : tuple of int
+    also : collection of int
         Transmission types that will do where ours cannot be had.
     entries : tuple of Entry
         What it carries, in order.
@@ -55,7 +61,7 @@ class Pdo(NamedTuple):
     mapping: int
     cob_id: int
     transmission: int
-    also: tuple[int, ...]
+    also: Collection[int]
     entries: tuple[Entry, ...]
 
     @property
@@ -103,8 +109,41 @@ def received(axis: AxisDrive) -> Pdo:
 
 def fed_forward(axis: AxisDrive) -> Pdo:
     """Return the RPDO that carries what is fed forward, sent before the target of its cycle."""
-    offsets = objects.OFFSETS
-    return Pdo("RPDO 2", 0x1401, 0x1601, 0x300 + axis.node, ON_EVENT, RPDO_TYPES, offsets)
+    return _at_sync(3, axis.node, objects.OFFSETS)
+
+
+def fed_on_arrival(axis: AxisDrive) -> Pdo:
+    """Return the same for a drive with two RPDOs, which takes its set-points by RPDO 1."""
+    wanted = _at_sync(2, axis.node, objects.OFFSETS)
+    return wanted._replace(transmission=ON_EVENT, also=RPDO_TYPES)
+
+
+def led(axis: AxisDrive) -> Pdo:
+    """Return the RPDO that carries the set-points of a stream."""
+    return _at_sync(2, axis.node, (objects.TARGET_POSITION,))
+
+
+class Inputs(NamedTuple):
+    """The RPDOs of a drive, as they are set up.
+
+    Attributes
+    ----------
+    command : Pdo
+        Target and controlword.
+    target : Pdo or None
+        Set-points of a stream; `command` where the drive has no other, None where it follows none.
+    offsets : Pdo or None
+        What is fed forward.
+    """
+
+    command: Pdo
+    target: Pdo | None
+    offsets: Pdo | None = None
+
+    @property
+    def synchronous(self) -> bool:
+        """Whether set-points, and what is fed forward, act at SYNC."""
+        return all(p.transmission in AT_SYNC for p in (self.target, self.offsets) if p is not None)
 
 
 def mapping_word(entry: Entry) -> int:
@@ -133,6 +172,11 @@ def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
 
 def _name(mapping: int) -> str:
     return f"TPDO {mapping - 0x19FF}" if mapping >= TPDO_MAPPING else f"RPDO {mapping - 0x15FF}"
+
+
+def _at_sync(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:
+    place, cob_id = number - 1, 0x100 + 0x100 * number + node
+    return Pdo(f"RPDO {number}", 0x1400 + place, 0x1600 + place, cob_id, ON_SYNC, AT_SYNC, entries)
 
 
 def _tpdo(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:

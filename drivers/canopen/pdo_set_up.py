@@ -5,7 +5,8 @@ COB-ID), identifier, transmission type, count 0, entries, count n, on. Some driv
 in part or as a whole; what is fixed is taken as it is if it carries what we need, and the drive is
 refused otherwise. A fixed TPDO may carry it in any order, with other objects beside it. A fixed
 RPDO must be the very one, since its target has to come before the controlword that makes it valid;
-it may also act on SYNC: set-points and stops then take effect with the next one.
+it may also act on SYNC: set-points and stops then take effect with the next one. A drive that has
+no RPDO for the set-points of a stream, or none that acts at SYNC, takes them by RPDO 1.
 
 What a drive sends beside that is switched off. A TPDO that cannot be is reported, for it may be
 harmless.
@@ -16,8 +17,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from drivers.canopen.pdo_mapping import (
+    Inputs,
     arrangements,
     fed_forward,
+    fed_on_arrival,
+    led,
     mapped,
     mapping_count,
     mapping_slot,
@@ -26,6 +30,8 @@ from drivers.canopen.pdo_mapping import (
     transmitted,
 )
 from drivers.canopen.sdo import FIXED_CODES, RANGE_CODES, Aborted
+from drivers.cia402.objects import SUPPORTED_MODES
+from drivers.cia402.states import Mode
 from drivers.drive_bus import DriveRefused
 from drivers.fieldbus import Entry
 
@@ -70,7 +76,7 @@ class _Unsuitable(DriveRefused):
 
 def set_up_pdos(
     server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool = False
-) -> tuple[tuple[Pdo, ...], tuple[OtherTpdo, ...]]:
+) -> tuple[tuple[Pdo, ...], Inputs, tuple[OtherTpdo, ...]]:
     """Map and switch on what we use, switch off the drive's other TPDOs.
 
     Parameters
@@ -80,12 +86,14 @@ def set_up_pdos(
     axis : AxisDrive
         What the drives file states.
     feed_forward : bool
-        RPDO 2 carries the offsets of velocity and torque.
+        An RPDO carries the offsets of velocity and torque.
 
     Returns
     -------
     sent : tuple of Pdo
         The TPDOs that answer SYNC, with all that they carry, in order.
+    inputs : Inputs
+        The RPDOs.
     others : tuple of OtherTpdo
         Those that go on sending beside them.
 
@@ -96,11 +104,9 @@ def set_up_pdos(
     """
     sent = _set_up_sending(server, axis)
     _compare(server, axis, sent)
-    _set_up(server, received(axis))
-    if feed_forward:
-        _set_up_offsets(server, fed_forward(axis))
+    inputs = _set_up_receiving(server, axis, feed_forward=feed_forward)
     others = [_switch_off(server, number) for number in range(len(sent), PDOS)]
-    return sent, tuple(other for other in others if other is not None)
+    return sent, inputs, tuple(other for other in others if other is not None)
 
 
 def _set_up_sending(server: RemoteDictionary, axis: AxisDrive) -> tuple[Pdo, ...]:
@@ -117,14 +123,31 @@ def _set_up_sending(server: RemoteDictionary, axis: AxisDrive) -> tuple[Pdo, ...
     return tuple(_set_up(server, pdo) for pdo in rest[0])
 
 
-def _set_up_offsets(server: RemoteDictionary, pdo: Pdo) -> None:
+def _set_up_receiving(server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool) -> Inputs:
+    """Set up what commands the drive, and what leads it along a path where it can follow one."""
+    command = _set_up(server, received(axis))
+    modes = server.find(SUPPORTED_MODES)
+    follows = modes is None or bool(modes & Mode.CYCLIC_POSITION.supported_bit)
+    try:
+        target = _set_up(server, led(axis)) if follows else None
+        return Inputs(
+            command, target, _set_up_offsets(server, fed_forward(axis), wanted=feed_forward)
+        )
+    except DriveRefused:
+        offsets = _set_up_offsets(server, fed_on_arrival(axis), wanted=feed_forward)
+        return Inputs(command, command, offsets)
+
+
+def _set_up_offsets(server: RemoteDictionary, pdo: Pdo, *, wanted: bool) -> Pdo | None:
+    if not wanted:
+        return None
     for entry in pdo.entries:
         if server.find(entry) is None:
             raise DriveRefused(
                 f"{server.label}: no object {entry}, so nothing can be fed forward to it; stream"
                 " without feed-forward (hil run), or use a drive or firmware that has it"
             )
-    _set_up(server, pdo)
+    return _set_up(server, pdo)
 
 
 def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:
@@ -157,19 +180,21 @@ def _set_up(server: RemoteDictionary, pdo: Pdo) -> Pdo:
     off = server.set_unless_fixed(cob, present | OFF)
     if off and present | OFF != identifier | OFF:
         server.set(cob, identifier | OFF)
-    _set_transmission(server, pdo)
+    transmission = _set_transmission(server, pdo)
     carried = _set_mapping(server, pdo, off=off)
     if server.get(cob) != identifier:
         server.set(cob, identifier)
-    return pdo._replace(entries=carried)
+    return pdo._replace(entries=carried, transmission=transmission)
 
 
-def _set_transmission(server: RemoteDictionary, pdo: Pdo) -> None:
+def _set_transmission(server: RemoteDictionary, pdo: Pdo) -> int:
     kind = Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}")
     if server.set_unless_fixed(kind, pdo.transmission):
-        return
-    if server.get(kind) not in {pdo.transmission, *pdo.also}:
-        _refuse_fixed(server, kind, f"{server.get(kind)}", f"{pdo.transmission}")
+        return pdo.transmission
+    present = server.get(kind)
+    if present not in {pdo.transmission, *pdo.also}:
+        _refuse_fixed(server, kind, f"{present}", f"{pdo.transmission}")
+    return present
 
 
 def _set_mapping(server: RemoteDictionary, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]:

@@ -21,14 +21,16 @@ import can
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.can_bus.frame_block import FrameBlock, messages, unpacking
 from drivers.canopen.network import SEND_ATTEMPTS
-from drivers.canopen.pdo_mapping import current_entry, fed_forward, received, transmitted
+from drivers.canopen.pdo_mapping import current_entry
 from drivers.cia402.objects import POSITION, STATUSWORD
+from drivers.cia402.set_point import ENABLED
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from drivers.can_bus.capabilities import BlockSource
+    from drivers.canopen.communication import Communication
     from drivers.canopen.network import PumpedNetwork
     from drivers.canopen.pdo_mapping import Pdo
     from drivers.canopen.sync_clock import SyncClock
@@ -45,7 +47,7 @@ SPEED_TIME = 0.008
 DOUBT = 5
 """SYNCs with one answer each after which a TPDO that is owed counts as lost."""
 
-_COMMAND = struct.Struct("<iH")
+_COMMAND, _TARGET = struct.Struct("<iH"), struct.Struct("<i")
 _OFFSETS = struct.Struct("<ih")
 _CODES = {"u16": "H", "i16": "h", "i32": "i"}
 """Types of what is read; bytes of other types are skipped."""
@@ -64,8 +66,8 @@ class SyncProcessData:
         In joint order.
     clock : SyncClock
         Where SYNC's time comes from.
-    feed_forward : bool
-        The drives take offsets of velocity and torque.
+    communications : sequence of Communication
+        See `wire`.
 
     Attributes
     ----------
@@ -78,6 +80,9 @@ class SyncProcessData:
         Some flag is set.
     time : float
         The last SYNC's instant [s].
+    on_arrival : tuple of int
+        Axes on which the set-points of a stream act when they arrive, and then those of all do;
+        where there are none they act at SYNC.
     """
 
     def __init__(
@@ -85,16 +90,13 @@ class SyncProcessData:
         network: PumpedNetwork,
         axes: Sequence[AxisDrive],
         clock: SyncClock,
-        *,
-        feed_forward: bool = False,
+        communications: Sequence[Communication],
     ) -> None:
         self._network = network
         self._clock = clock
-        self._synchronous = clock.synchronous
+        self._in_lock_step = clock.synchronous
         self._receive = network.channel.recv
         self._blocks = capabilities_of(network.channel).blocks
-        self._commands = [received(drive).cob_id for drive in axes]
-        self._offsets = [fed_forward(drive).cob_id for drive in axes] if feed_forward else []
         self._wanted = [(STATUSWORD, POSITION, current_entry(drive)) for drive in axes]
         self._slots: dict[int, int] = {}
         self._regular = (0,) * len(axes)
@@ -105,13 +107,21 @@ class SyncProcessData:
         self.words: tuple[int, ...] = self._regular
         self.positions: tuple[int, ...] = self._regular
         self.currents: tuple[int, ...] = self._regular
-        self.wire([transmitted(drive) for drive in axes])
+        self.wire(communications)
 
-    def wire(self, sent: Sequence[Sequence[Pdo]]) -> None:
-        """Expect these TPDOs of each axis from the next SYNC on, as their drives are set up."""
+    def wire(self, communications: Sequence[Communication]) -> None:
+        """Use the PDOs of each axis from the next SYNC on as their drives are set up."""
+        inputs = [drive.inputs for drive in communications]
+        self._commands = [each.command.cob_id for each in inputs]
+        self._offsets = [each.offsets.cob_id for each in inputs if each.offsets]
+        self.on_arrival = tuple(k for k, each in enumerate(inputs) if not each.synchronous)
+        self._targets = [
+            None if self.on_arrival or each.target in {each.command, None} else each.target.cob_id
+            for each in inputs
+        ]
         for cob_id in self._slots:
             self._network.unsubscribe(cob_id, self._on_late)
-        pdos = [(axis, pdo) for axis, own in enumerate(sent) for pdo in own]
+        pdos = [(axis, pdo) for axis, each in enumerate(communications) for pdo in each.transmitted]
         layouts = ["".join(map(_code, pdo.entries)) for _, pdo in pdos]
         self._slots = {pdo.cob_id: slot for slot, (_, pdo) in enumerate(pdos)}
         self._sizes = [pdo.size for _, pdo in pdos]
@@ -142,6 +152,14 @@ class SyncProcessData:
         """Send target position [increments] and controlword to one axis."""
         self._network.send_message(self._commands[axis], _COMMAND.pack(target, controlword))
 
+    def lead(self, axis: int, target: int) -> None:
+        """Send a set-point of a stream to one axis that follows it [increments]."""
+        cob_id = self._targets[axis]
+        if cob_id is None:
+            self.command(axis, target, ENABLED)
+        else:
+            self._network.send_message(cob_id, _TARGET.pack(target))
+
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
         """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis."""
         self._network.send_message(self._offsets[axis], _OFFSETS.pack(velocity, torque))
@@ -160,7 +178,7 @@ class SyncProcessData:
             The bus does not take or give frames any more.
         """
         clock = self._clock
-        if not self._synchronous:
+        if not self._in_lock_step:
             self._network.pump(clock.due())
         try:
             self._network.channel.send(SYNC)
@@ -183,7 +201,7 @@ class SyncProcessData:
 
     def _send_again(self, error: Exception) -> None:
         """Send a SYNC that the bus did not take; in lock-step a period passes with each attempt."""
-        if not self._synchronous:
+        if not self._in_lock_step:
             return self._network.send_again(SYNC, error)
         for _ in range(1, self._network.attempts):
             if isinstance(error, DriveError):
@@ -252,8 +270,8 @@ class SyncProcessData:
 
     def _collect(self, clock: SyncClock) -> tuple[list[Data], int]:
         receive, slots, sizes = self._receive, self._slots, self._sizes
-        synchronous = self._synchronous
-        timeout = 0.0 if synchronous else clock.window()
+        in_lock_step = self._in_lock_step
+        timeout = 0.0 if in_lock_step else clock.window()
         frames: list[Data] = [b""] * len(sizes)
         missing, spare = len(sizes), BABBLE
         unread, self._unread = self._unread, _NOTHING
@@ -272,7 +290,7 @@ class SyncProcessData:
             else:
                 frames[slot] = data
                 missing -= 1
-            if not synchronous:
+            if not in_lock_step:
                 spare -= timeout == 0.0
                 if not ((missing or self._owed) and spare):
                     break
@@ -285,7 +303,7 @@ class SyncProcessData:
             if not data:
                 frames[slot] = last[slot]
                 self._owed[slot] = self._owed.get(slot, 0) + 1
-                self._doubt[slot] = 0 if self._synchronous else DOUBT
+                self._doubt[slot] = 0 if self._in_lock_step else DOUBT
                 self._mark(slot, SampleFlag.MISSING)
             elif slot in self._owed:
                 self._suspect(slot)

@@ -1,8 +1,9 @@
 """Set-points streamed at every SYNC: cyclic synchronous position mode (CiA 402, mode 8).
 
 Beside profile position, where each drive plans its own way, the master can plan the ways of all
-axes and send the next set-point of each right after every SYNC. Drives change their mode while the
-axes rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
+axes and send the next set-point of each right after every SYNC; it acts at the next one, with those
+of all other axes, whenever within the period it was sent. Drives change their mode while the axes
+rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
 that follows it at once stays where it is. When a stream has ended its last set-point is repeated,
 for many drives fault when their set-points stay out, until `CyclicPosition.leave` changes the mode
 back.
@@ -12,11 +13,13 @@ out before the target of the same cycle. Offsets that an earlier master left beh
 before the mode is entered.
 
 Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
-of `drivers.safety.trips` moves along with the stream.
+of `drivers.safety.trips` moves along with the stream. Where SYNCs were left out drives come
+to rest at the last set-point, and the path goes on from there (`drivers.cia402.path`).
 """
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -25,22 +28,28 @@ import numpy as np
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.feed_forward import FeedForward
+from drivers.cia402.path import Path
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.cia402.stop import STOP_MARGIN
+from drivers.cia402.trapezoid import Trapezoid
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from drivers.drive_bus import Move
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry, Objects, ProcessData
     from drivers.safety.trips import Trips
 
-DELAY = 5
-"""Periods by which a drive may be behind its set-points."""
+DELAY = 6
+"""Periods by which a drive may be behind the set-points that were sent: one until they act, five
+by its loops and interpolation."""
+LEFT_OUT = 1.5
+"""Periods between two SYNCs from which on one was left out, by its deadline's tolerance."""
 GRACE = 2.0
 """Time that the axes may take to come to rest after the last set-point [s]."""
 
@@ -64,6 +73,8 @@ class CyclicPosition:
         Lets one SYNC pass under supervision.
     own : sequence of sequence of Entry
         The objects of each drive's own feed-forward; none where unknown.
+    note : callable, optional
+        Takes what the operator should know.
 
     Attributes
     ----------
@@ -71,6 +82,9 @@ class CyclicPosition:
         The drives are in cyclic synchronous position mode.
     moving : bool
         The last set-point has not been reached.
+    along : float
+        Number of the set-points that act from the last SYNC on, from 0; between two of them where
+        the path is slowed down.
     """
 
     def __init__(
@@ -82,8 +96,10 @@ class CyclicPosition:
         period: float,
         cycle: Callable[[], object],
         own: Sequence[Sequence[Entry]] = (),
+        note: Callable[[Iterable[str]], None] = lambda _: None,
     ) -> None:
         self.cyclic = self.moving = False
+        self.along = 0.0
         self._process_data = process_data
         self._servers = servers
         self._axes = axes
@@ -91,25 +107,71 @@ class CyclicPosition:
         self._trips = trips
         self._period = period
         self._cycle = cycle
-        self._next = 0
+        self._note = note
+        self._path: Path | None = None
+        self._first, self._halting = 0, False
+        self._moves: dict[int, tuple[Trapezoid, float]] = {}
         self._points: list[list[int]] = []
         self._feed_forward = FeedForward(process_data, servers, own)
 
-    def begin(self, path: NDArray[np.float64], offsets: NDArray[np.int64] | None = None) -> None:
+    def begin(
+        self, points: NDArray[np.float64], offsets: NDArray[np.float64] | None = None
+    ) -> Path:
         """Send set-points that have passed their checks, and what is fed forward with each.
 
         Parameters
         ----------
-        path : ndarray, shape (n, n_axes)
+        points : ndarray, shape (n, n_axes)
             [rad or m].
-        offsets : ndarray, shape (n, n_axes, 2), optional
-            See `drivers.cia402.feed_forward.FeedForward.begin`.
+        offsets : ndarray, shape (n, n_axes, 3), optional
+            See `drivers.cia402.path.Path`.
         """
-        columns = zip(self._scales, path.T, strict=True)
-        points = np.column_stack([np.rint(q / s.position).astype(int) + s.zero for s, q in columns])
+        columns = zip(self._scales, points.T, strict=True)
+        exact = np.column_stack([q / scale.position + scale.zero for scale, q in columns])
+        for axis, point in enumerate(np.rint(exact[0]).astype(int).tolist()):
+            self._process_data.command(axis, point, ENABLED)
         if not self.cyclic:
-            self._enter(points[0].tolist())
-        self._feed_forward.begin(offsets)
+            self._enter()
+        self._feed_forward.begin(feeding=offsets is not None)
+        self._moves.clear()
+        path = self._take(exact, offsets)
+        self._send()
+        return path
+
+    def move(self, moves: Mapping[int, Move]) -> None:
+        """Lead axes to targets by trapezoids of velocity, while others go on as they are led."""
+        path = self._path
+        if path is None:  # nothing is led, as after a trip
+            here = [
+                scale.position_from_counts(position)
+                for scale, position in zip(self._scales, self._process_data.positions, strict=True)
+            ]
+            path = self.begin(np.array([here, here]))
+        passed = (path.at - self._first) * self._period
+        stands, now = path.exact, np.zeros(1)
+        led = {a: (t, since + passed) for a, (t, since) in self._moves.items()}
+        for axis, move in moves.items():
+            scale = self._scales[axis]
+            trapezoid, since = led.get(axis, (None, 0.0))
+            speed = trapezoid.motion(now + since)[1][0] if trapezoid else 0.0
+            per_count = abs(scale.position)
+            target = move.target / scale.position + scale.zero
+            profile = (move.velocity / per_count, move.acceleration / per_count)
+            led[axis] = (Trapezoid(stands[axis], speed, target, *profile), 0.0)
+        self._moves = {a: (t, since) for a, (t, since) in led.items() if since < t.duration}
+        longest = max((t.duration - since for t, since in self._moves.values()), default=0.0)
+        t = np.arange(math.ceil(longest / self._period) + 2) * np.float64(self._period)
+        ahead = np.tile(stands, (len(t), 1))
+        for axis, (trapezoid, since) in self._moves.items():
+            ahead[:, axis] = trapezoid.motion(t + since)[0]
+        recent = self._recent(0)
+        points = np.vstack([np.array(recent), ahead]) if recent else ahead
+        self._take(points, None).go_on(path, len(recent))
+        self._first = len(recent)
+
+    def _take(self, exact: NDArray[np.float64], offsets: NDArray[np.float64] | None) -> Path:
+        """Make set-points the path that is followed from its beginning."""
+        points = np.rint(exact).astype(int)
         windows = np.array(
             [
                 round(axis.following_error_window / abs(scale.position))
@@ -121,7 +183,14 @@ class CyclicPosition:
             late[by, :by] = points[0]
         self._lows = (late.min(axis=0) - windows).tolist()
         self._highs = (late.max(axis=0) + windows).tolist()
-        self._points, self._next, self.moving = points.tolist(), 0, True
+        accelerations = [
+            axis.limits.acceleration / abs(scale.position)
+            for axis, scale in zip(self._axes, self._scales, strict=True)
+        ]
+        self._path = path = Path(exact, accelerations, self._period, offsets)
+        self._points, self.moving, self.along, self._first = points.tolist(), True, 0.0, 0
+        self._halting = False
+        self._time, self._late = self._process_data.time, 0.0
         self._rests = [
             Standstill(
                 axis.position_window / abs(scale.position),
@@ -130,19 +199,43 @@ class CyclicPosition:
             for axis, scale in zip(self._axes, self._scales, strict=True)
         ]
         self._patience = round(GRACE / self._period)
-        self._send()
+        return path
 
-    def advance(self) -> MoveFailed | None:
-        """Send the next set-points, or the last again; return what failed, if anything."""
-        if self._next < len(self._points):
-            self._send()
+    def advance(self, *, calm: bool = False) -> MoveFailed | None:
+        """Send the next set-points, or the last again; return what failed, if anything.
+
+        Parameters
+        ----------
+        calm : bool
+            Slow the path down to rest, until that is no longer asked for.
+        """
+        path, time, on_arrival = self._path, self._process_data.time, self._process_data.on_arrival
+        if path is None:
             return None
-        self._repeat()
-        return self._settle() if self.moving else None
+        if not on_arrival:
+            self.along = path.at
+        arriving = not path.ended
+        if arriving:
+            if time - self._time > LEFT_OUT * self._period:
+                path.late((time - self._time) / self._period - 1)
+            path.step(calm=calm or self._halting)
+            if self._halting and path.pace == 0.0:
+                self._take(np.tile(path.exact, (2, 1)), None)
+        self._time = time
+        self._send()
+        if on_arrival:
+            self.along = path.at
+            self._late = max(self._late, self._process_data.now() - time)
+        return self._settle() if self.moving and not arriving else None
+
+    @property
+    def streaming(self) -> bool:
+        """All axes are led along one path, or come to rest on it."""
+        return not (self._path is None or self._path.ended) and not self._moves
 
     def velocity(self, axis: int) -> float:
         """Return how fast the stream leads an axis just now [rad/s or m/s], 0 without one."""
-        recent = self._points[max(0, self._next - DELAY - 1) : self._next + 1]
+        recent = self._recent(2)
         steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
         return max(steps, default=0) * abs(self._scales[axis].position) / self._period
 
@@ -164,9 +257,15 @@ class CyclicPosition:
         self.withdraw()
         self.abandon()
 
+    def brake(self) -> None:
+        """Slow down to rest along the way of all axes, and hold them there."""
+        self._halting = self.moving
+        self._moves.clear()
+
     def abandon(self) -> None:
         """Send nothing more; the drives stay in their mode."""
-        self._points, self._next, self.moving = [], 0, False
+        self._path, self._points, self.moving = None, [], False
+        self._moves.clear()
 
     def withdraw(self) -> None:
         """Take back what is fed forward."""
@@ -194,10 +293,11 @@ class CyclicPosition:
 
     def _direction(self, axis: int) -> float:
         """Sign of the velocity with which the stream leads an axis."""
-        first, last = self._points[max(0, self._next - DELAY - 1)], self._points[self._next - 1]
+        recent = self._recent(1)
+        first, last = recent[0], recent[-1]
         return float(np.sign((last[axis] - first[axis]) * self._scales[axis].position))
 
-    def _enter(self, points: Sequence[int]) -> None:
+    def _enter(self) -> None:
         for server in self._servers:
             supported = server.find(objects.SUPPORTED_MODES)
             if supported is not None and not supported & Mode.CYCLIC_POSITION.supported_bit:
@@ -210,8 +310,6 @@ class CyclicPosition:
             for entry in objects.OFFSETS:
                 if server.find(entry):
                     server.put(entry, 0)
-        for axis, point in enumerate(points):
-            self._process_data.command(axis, point, ENABLED)
         self._change(Mode.CYCLIC_POSITION)
         self.cyclic = True
 
@@ -238,19 +336,27 @@ class CyclicPosition:
             " release it from the maker's tool or from another master"
         )
 
-    def _send(self) -> None:
-        number = self._next
-        self._next = number + 1
-        for axis, target in enumerate(self._points[number]):
-            self._feed_forward.send(number, axis)
-            self._process_data.command(axis, target, ENABLED)
-        self._trips.follow(self._lows[number], self._highs[number])
+    def _recent(self, beyond: int) -> list[list[int]]:
+        """Set-points of the last periods and so many from the present one on."""
+        here = 0 if self._path is None else math.ceil(self._path.at)
+        return self._points[max(0, here - DELAY) : here + beyond]
 
-    def _repeat(self) -> None:
-        if self._points:
-            for axis, target in enumerate(self._points[-1]):
-                self._feed_forward.send(len(self._points), axis)
-                self._process_data.command(axis, target, ENABLED)
+    def _send(self) -> None:
+        path = self._path
+        assert path is not None  # noqa: S101 - by the callers
+        data, fed = self._process_data, self._feed_forward.wanted and path.fed
+        for axis, target in enumerate(path.targets):
+            if fed:
+                data.feed_forward(axis, *fed[axis])
+            data.lead(axis, target)
+        before, after = math.floor(path.at), math.ceil(path.at)
+        if before == after:
+            self._trips.follow(self._lows[after], self._highs[after])
+        else:
+            self._trips.follow(
+                map(min, self._lows[before], self._lows[after]),
+                map(max, self._highs[before], self._highs[after]),
+            )
 
     def _settle(self) -> MoveFailed | None:
         positions, targets = self._process_data.positions, self._points[-1]
@@ -261,6 +367,8 @@ class CyclicPosition:
             if not resting[axis] or abs(positions[axis] - targets[axis]) > 2 * rest.band
         ]
         self.moving = bool(off)
+        if not off:
+            self._conclude()
         self._patience -= 1
         if off and self._patience < 0:
             return MoveFailed(
@@ -268,3 +376,23 @@ class CyclicPosition:
                 f" {GRACE:g} s; check brake, load and position_window"
             )
         return None
+
+    def _conclude(self) -> None:
+        """Note what of the path was not as it should be."""
+        assert self._path is not None  # noqa: S101 - by the caller
+        if self._path.slowed:
+            self._note(
+                [
+                    f"path slowed down for {self._path.slowed * self._period:.2g} s, since this"
+                    " computer was late: relieve it of other work, run with --realtime, or sample"
+                    " more slowly"
+                ]
+            )
+        if self._process_data.on_arrival:
+            labels = ", ".join(self._servers[axis].label for axis in self._process_data.on_arrival)
+            self._note(
+                [
+                    f"{labels}: set-points acted when they arrived, up to"
+                    f" {1e3 * self._late:.2g} ms after SYNC on this path"
+                ]
+            )

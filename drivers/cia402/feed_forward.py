@@ -38,6 +38,11 @@ class FeedForward:
         The drives in joint order.
     own : sequence of sequence of Entry
         The objects of each drive's own feed-forward; none where unknown.
+
+    Attributes
+    ----------
+    wanted : bool
+        Offsets go out with each set-point.
     """
 
     def __init__(
@@ -49,34 +54,27 @@ class FeedForward:
         self._process_data = process_data
         self._servers = servers
         self._own = own or ((),) * len(servers)
+        self.wanted = False
         self._found: list[tuple[Objects, Entry, int]] = []
-        self._offsets: list[list[list[int]]] = []
 
-    def begin(self, offsets: NDArray[np.int64] | None) -> None:
-        """Take what goes with a path that is about to begin, while the axes rest.
+    def begin(self, *, feeding: bool) -> None:
+        """Get ready for a path that is about to begin, while the axes rest.
 
         Parameters
         ----------
-        offsets : ndarray, shape (n, n_axes, 2), optional
-            Of velocity [the drive's unit] and torque [per mille of rated]. None leaves it to the
-            drives to feed forward.
+        feeding : bool
+            Something goes with it. If not it is left to the drives to feed forward.
         """
-        self._offsets = [] if offsets is None else offsets.tolist()
-        if offsets is None:
+        self.wanted = feeding
+        if not feeding:
             self.give_back()
         elif not self._found:
             self._take_over()
 
-    def send(self, number: int, axis: int) -> None:
-        """Send what goes with a set-point of the path, from 0; beyond its end that of the last."""
-        if self._offsets:
-            velocity, torque = self._offsets[min(number, len(self._offsets) - 1)][axis]
-            self._process_data.feed_forward(axis, velocity, torque)
-
     def withdraw(self) -> None:
         """Send zero to all axes, if anything was sent."""
-        if self._offsets:
-            self._offsets = []
+        if self.wanted:
+            self.wanted = False
             for axis in range(len(self._servers)):
                 self._process_data.withdraw(axis)
 
@@ -96,22 +94,21 @@ class FeedForward:
                     server.put(entry, 0)
 
 
-def offsets_in_counts(
-    velocity: Array, torque: Array, scales: Sequence[AxisScale]
-) -> NDArray[np.int64]:
-    """Return offsets as the drives take them, shape (n, n_axes, 2).
+def offsets_in_counts(fed: Sequence[Array], scales: Sequence[AxisScale]) -> Array:
+    """Return offsets in the drives' units, shape (n, n_axes, 3), not rounded.
 
     Parameters
     ----------
-    velocity, torque : ndarray, shape (n, n_axes)
-        [rad/s or m/s], [N m or N].
+    fed : three ndarrays, shape (n, n_axes)
+        Velocity, torque, and the part of it that holds the axes [rad/s or m/s, N m or N].
     scales : sequence of AxisScale
         In joint order.
     """
-    columns = zip(scales, velocity.T, torque.T, strict=True)
+    columns = zip(scales, *(values.T for values in fed), strict=True)
     counts = [
-        np.column_stack([scale.velocity_offset_to_counts(v), scale.torque_offset_to_counts(tau)])
-        for scale, v, tau in columns
+        np.column_stack(
+            [scale.velocity_offset_to_counts(v), *map(scale.torque_offset_to_counts, (tau, held))]
+        )
+        for scale, v, tau, held in columns
     ]
-    whole: NDArray[np.int64] = np.rint(np.stack(counts, axis=1)).astype(np.int64)
-    return whole
+    return np.stack(counts, axis=1)

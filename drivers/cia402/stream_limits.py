@@ -77,8 +77,7 @@ def check_path(
 
 def check_feed_forward(
     path: Array,
-    velocity: Array,
-    torque: Array,
+    fed: Sequence[Array],
     axes: Sequence[AxisDrive],
     period: float,
     own: Sequence[Mapping[str, str]] = (),
@@ -87,8 +86,10 @@ def check_feed_forward(
 
     Parameters
     ----------
-    path, velocity, torque : ndarray, shape (n, n_axes)
-        Set-points, and what goes with each [rad or m], [rad/s or m/s], [N m or N].
+    path : ndarray, shape (n, n_axes)
+        Set-points [rad or m].
+    fed : three ndarrays, shape (n, n_axes)
+        Velocity, torque, and what of it holds the axes [rad/s or m/s, N m or N].
     axes, period, own
         See `check_path`.
 
@@ -97,7 +98,8 @@ def check_feed_forward(
     LimitExceeded
         With axis, instant, value, bound and remedy.
     """
-    for what, values in (("velocity", velocity), ("torque", torque)):
+    names = ("velocity", "torque", "holding torque")
+    for what, values in zip(names, fed, strict=True):
         if values.shape != path.shape:
             raise LimitExceeded(
                 f"{what} fed forward, of shape {values.shape}, must have the shape {path.shape} of"
@@ -105,12 +107,11 @@ def check_feed_forward(
             )
     for number, axis in enumerate(axes):
         place, whose = f"joint {number + 1} ({axis.name})", own[number] if own else NONE
-        for what, values, limit, unit in (
-            ("velocity", velocity[:, number], axis.limits.velocity, f"{axis.unit}/s"),
-            ("torque", torque[:, number], axis.limits.torque, axis.effort_unit),
-        ):
-            _check_fed_range(place, what, values, limit, unit, period, whose)
-            _check_ends(place, what, values, limit, unit)
+        effort = (axis.limits.torque, axis.effort_unit)
+        bounds = ((axis.limits.velocity, f"{axis.unit}/s"), effort, effort)
+        for what, values, (limit, unit) in zip(names, fed, bounds, strict=True):
+            _check_fed_range(place, what, values[:, number], limit, unit, period, whose)
+            _check_ends(place, what, values[:, number], limit, unit)
 
 
 def _check_fed_range(

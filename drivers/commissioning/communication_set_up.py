@@ -12,7 +12,7 @@ from drivers.canopen import objects as cia301
 from drivers.canopen.communication import EXTENDED, IDENTIFIER, LAST_SYNCHRONOUS, ON_REQUEST, SYNC
 from drivers.canopen.frame_length import frame_bits
 from drivers.canopen.pdo_set_up import OFF, set_up_pdos
-from drivers.commissioning.requirements import REQUIREMENTS
+from drivers.commissioning.requirements import ON_ARRIVAL, REQUIREMENTS
 from drivers.commissioning.watch_set_up import set_up_watch
 from drivers.drive_bus import DriveRefused
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.canopen.communication import Communication
+    from drivers.canopen.pdo_mapping import Inputs
     from drivers.canopen.pdo_set_up import OtherTpdo
     from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive, DrivesFile
@@ -44,9 +45,10 @@ def set_up_communication(
         Why the drive cannot take part.
     """
     _set_up_sync(server, period)
-    communication.transmitted, communication.others = set_up_pdos(
+    communication.transmitted, communication.inputs, communication.others = set_up_pdos(
         server, axis, feed_forward=communication.feed_forward
     )
+    _note_arrival(server, communication.inputs)
     _note_others(server, communication.others, drives.bitrate, period)
     communication.emergency = _find_emergency(server)
     communication.guarded = set_up_watch(server, axis, drives)
@@ -86,6 +88,19 @@ def _stop_counting(server: RemoteDictionary) -> None:
             f"{error}; it expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), and "
             "ours has none: set it to 0 with the maker's commissioning tool"
         ) from error
+
+
+def _note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
+    """Note where set-points act when they arrive, because no RPDO takes them at SYNC."""
+    kind, target = cia301.SET_POINT_TRANSMISSION, inputs.target
+    if inputs.synchronous or target is None:
+        return
+    if server.find(kind) is None:
+        server.do_without((kind,), ON_ARRIVAL)
+    else:
+        server.note(
+            f"{target.name} carries its set-points, of type {target.transmission}: {ON_ARRIVAL}"
+        )
 
 
 def _note_others(

@@ -18,7 +18,7 @@ from drivers.cia402.states import MODE_TIME, Mode
 from drivers.commissioning.communication_set_up import set_up_communication
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.readback import Readback
-from drivers.commissioning.requirements import DRIVE_PROFILE
+from drivers.commissioning.requirements import DRIVE_PROFILE, OF_PROFILES
 from drivers.commissioning.values_set_up import write_values
 from drivers.drive_bus import DriveRefused
 
@@ -69,10 +69,11 @@ def commission(
     """
     server.judge = Readback(axis, drives)
     identity = check_identity(server, axis)
-    _take_profile_position(server, wait)
+    communication.mode = _take_mode(server, wait)
     compare_statements(server, axis)
     _require_current(server, axis)
-    write_values(server, axis, drives, limits)
+    planned = communication.mode is Mode.CYCLIC_POSITION
+    write_values(server, axis, drives, limits, without=OF_PROFILES if planned else frozenset())
     set_up_communication(server, axis, drives, period, communication)
     return identity
 
@@ -101,22 +102,30 @@ def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
     )
 
 
-def _take_profile_position(
-    server: RemoteDictionary, wait: Callable[[Callable[[], bool], float], bool]
-) -> None:
+def _take_mode(server: RemoteDictionary, wait: Callable[[Callable[[], bool], float], bool]) -> Mode:
+    """Choose profile position, or cyclic position, in which the driver plans the ways."""
     supported = server.find(objects.SUPPORTED_MODES)
-    if supported is not None and not supported & Mode.PROFILE_POSITION.supported_bit:
+    modes = [
+        (Mode.PROFILE_POSITION, "profile position mode"),
+        (Mode.CYCLIC_POSITION, "cyclic synchronous position mode"),
+    ]
+    has = [each for each in modes if supported is None or supported & each[0].supported_bit]
+    if not has:
         raise DriveRefused(
-            f"{server.label}: no profile position mode (6502 = {supported:08X}h, bit 0 is clear); "
-            "use a drive or firmware that has it"
+            f"{server.label}: neither profile position nor cyclic synchronous position mode (6502 ="
+            f" {supported:08X}h, bits 0 and 7 are clear); velocity and torque modes keep no"
+            " position, so nothing would hold the axis where the plan has checked it: use a drive"
+            " or firmware that has one of them"
         )
-    server.put(objects.MODE, Mode.PROFILE_POSITION)
-    if not wait(lambda: server.get(objects.MODE_DISPLAY) == Mode.PROFILE_POSITION, MODE_TIME):
+    mode, name = has[0]
+    server.put(objects.MODE, mode)
+    if not wait(lambda: server.get(objects.MODE_DISPLAY) == mode, MODE_TIME):
         raise DriveRefused(
-            f"{server.label}: does not take profile position mode: 6061 shows "
-            f"{server.get(objects.MODE_DISPLAY)} {MODE_TIME:g} s after 1 was written to 6060; "
-            "release it from the maker's tool or from another master"
+            f"{server.label}: does not take {name}: 6061 shows"
+            f" {server.get(objects.MODE_DISPLAY)} {MODE_TIME:g} s after {mode.value} was written to"
+            " 6060; release it from the maker's tool or from another master"
         )
+    return mode
 
 
 def _require_current(server: RemoteDictionary, axis: AxisDrive) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
 from drivers.canopen.communication import SYNC
+from drivers.canopen.pdo_mapping import AT_SYNC, ON_SYNC
 from drivers.cia402 import objects as o
 from drivers.commissioning.kept_values import (
     BEATS,
@@ -83,6 +84,9 @@ _COASTS = "it may let the axis coast"
 _COUNTS = "increments_per_revolution is taken on trust"
 _OTHERS = "what the others of its kind lead to counts"
 _VELOCITY, _RATE = "velocity_unit is taken on trust", "acceleration_unit is taken on trust"
+ON_ARRIVAL = (
+    "set-points of a stream act when they arrive, so the jitter of this computer reaches its loops"
+)
 _TURNS = "positions are taken not to wrap around"
 
 _ROWS = (
@@ -187,6 +191,10 @@ _ROWS = (
         cia301.CYCLE_PERIOD, Use.SET, "it does not know the period of SYNC",
         kept=ROUNDED, fixed="it serves only with the period of SYNC",
     ),
+    _noted(
+        cia301.SET_POINT_TRANSMISSION, Use.SET, ON_ARRIVAL,
+        value=ON_SYNC, serves=range(256), served=f"above {AT_SYNC[-1]}, {ON_ARRIVAL}",
+    ),
     _silent(cia301.EMERGENCY_COB_ID, Use.READ, "emergencies are expected under 80h plus node"),
     _noted(
         o.ERROR_CODE, Use.ASK, "a fault's cause is known from its emergency message alone",
@@ -219,6 +227,11 @@ _ROWS = (
 
 REQUIREMENTS = {row.entry: row for row in _ROWS}
 """The rows by object, in the order in which a drive is asked for them."""
+
+OF_PROFILES = frozenset(
+    {o.PROFILE_VELOCITY, o.PROFILE_ACCELERATION, o.PROFILE_DECELERATION, o.PROFILE_TYPE}
+)
+"""What a drive needs that plans its ways by itself, in profile position mode."""
 
 OWN_LIMITS = tuple(row for row in _ROWS if row.own_holds)
 """What limits an axis in the drive itself, beside its range."""

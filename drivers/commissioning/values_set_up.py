@@ -48,9 +48,15 @@ _MOTION = (objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION)
 
 
 def write_values(
-    server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, holding: EffectiveLimits
+    server: RemoteDictionary,
+    axis: AxisDrive,
+    drives: DrivesFile,
+    holding: EffectiveLimits,
+    without: frozenset[Entry] = frozenset(),
 ) -> None:
     """Write what the drives file and the limits that hold lead to, and note what follows.
+
+    Objects `without` use are left as they are.
 
     Raises
     ------
@@ -61,7 +67,7 @@ def write_values(
         server.note(note)
     values = _values(axis, drives, holding)
     _lower_profile(server, values)
-    _write_limits(server, axis, values)
+    _write_limits(server, axis, values, without)
     _write_reactions(server, values)
 
 
@@ -95,7 +101,12 @@ def _lower_profile(server: RemoteDictionary, values: Mapping[Entry, int]) -> Non
                 server.put(entry, values[entry])
 
 
-def _write_limits(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
+def _write_limits(
+    server: RemoteDictionary,
+    axis: AxisDrive,
+    values: Mapping[Entry, int],
+    without: frozenset[Entry],
+) -> None:
     write_range(server, axis, values)
     for entries in _LIMITS:
         if not _write_limit(server, entries, values):
@@ -104,13 +115,15 @@ def _write_limits(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Ent
     limited = _write_limit(server, (torque,), values)
     _refuse_zeros(server, axis, values)
     for entry in _KEPT_WHERE_PRESENT:
-        _write(server, entry, values[entry])
+        if entry not in without:
+            _write(server, entry, values[entry])
     if not limited and server.find(current) is not None:
         _write_limit(server, (current,), values)
     elif not limited:
         server.do_without((torque, current), REQUIREMENTS[torque].without)
     for entry in _MOTION:
-        _write(server, entry, values[entry])
+        if entry not in without:
+            _write(server, entry, values[entry])
 
 
 def _write(server: RemoteDictionary, entry: Entry, value: int) -> None:

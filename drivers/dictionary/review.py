@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from drivers.canopen import objects as cia301
 from drivers.cia402 import objects
 from drivers.cia402.states import Mode
-from drivers.commissioning.requirements import DRIVE_PROFILE, REQUIREMENTS
+from drivers.commissioning.requirements import DRIVE_PROFILE, OF_PROFILES, REQUIREMENTS
 from drivers.dictionary.current_candidates import current_candidates
 from drivers.dictionary.mapping_review import Mapping, review_mapping
 from drivers.dictionary.missing_objects import Finding, fixed_at, gaps
@@ -112,7 +112,12 @@ def review(dictionary: Dictionary, axis: AxisDrive | None = None) -> Review:
     mapping, current, obstacles = review_mapping(dictionary, usable)
     findings = [
         *supposed,
-        *(finding for row in REQUIREMENTS.values() for finding in gaps(dictionary, row, axis)),
+        *(
+            finding
+            for row in REQUIREMENTS.values()
+            if row.entry not in OF_PROFILES or modes is None or Mode.PROFILE_POSITION in modes
+            for finding in gaps(dictionary, row, axis)
+        ),
         *_wrong_mode(modes),
         *_no_range(dictionary),
         *_counted(dictionary),
@@ -168,11 +173,14 @@ def _modes(dictionary: Dictionary) -> tuple[Mode, ...] | None:
 
 def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
     if modes is not None and Mode.PROFILE_POSITION not in modes:
+        planned = Mode.CYCLIC_POSITION in modes
         yield Finding(
             str(objects.SUPPORTED_MODES),
             "does not name profile position mode (bit 0)",
-            "the drive cannot make the motions of a measurement by itself",
-            fatal=True,
+            "the driver plans the motions of a measurement and streams them (mode 8)"
+            if planned
+            else "the drive cannot make the motions of a measurement, nor follow them (bit 7)",
+            fatal=not planned,
         )
 
 

@@ -103,6 +103,11 @@ def home(
 
 def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
     supported = server.find(objects.SUPPORTED_MODES)
+    if supported is not None and not supported & Mode.PROFILE_POSITION.supported_bit:
+        raise DriveRefused(
+            f"{server.label}: no profile position mode (6502 = {supported:08X}h, bit 0 is clear),"
+            " in which it would hold its position after homing; home it with the maker's tool"
+        )
     if supported is not None and not supported & Mode.HOMING.supported_bit:
         raise DriveRefused(
             f"{server.label}: no homing mode (6502 = {supported:08X}h, bit 5 is clear); bring the "

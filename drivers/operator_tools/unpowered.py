@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from drivers.canopen.communication import Communication
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.sdo import RemoteDictionary
@@ -46,7 +47,8 @@ class UnpoweredDrives:
     def __init__(self, bus: can.BusABC, drives: DrivesFile, pacing: PacingName = "auto") -> None:
         clock = choose_sync_clock(bus, pacing, drives.sync_period)
         self.network = PumpedNetwork(bus, synchronous=clock.synchronous)
-        self.process_data = SyncProcessData(self.network, drives.axes, clock)
+        predefined = [Communication.predefined(axis, axis.name) for axis in drives.axes]
+        self.process_data = SyncProcessData(self.network, drives.axes, clock, predefined)
         self.servers = tuple(
             RemoteDictionary(self.network, axis.node, axis.name, drives.sdo_timeout)
             for axis in drives.axes

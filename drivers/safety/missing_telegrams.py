@@ -7,6 +7,7 @@ not taken for the answer to the next SYNC.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import NodeSilent, SampleFlag
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 BLIND = 10
 """SYNCs in a row without an axis's TPDO after which all axes are stopped."""
+BUSY = 0.25
+"""Time for which they may stay away at least where this computer is late itself, so perhaps what
+hands them over [s]."""
 
 
 class MissingTelegrams:
@@ -29,6 +33,8 @@ class MissingTelegrams:
         The drives in joint order.
     collect_late : callable
         Takes telegrams off the bus that are merely late; called after a gap.
+    period : float
+        Time between two SYNCs [s].
 
     Attributes
     ----------
@@ -36,14 +42,29 @@ class MissingTelegrams:
         The last sample had a gap.
     """
 
-    def __init__(self, servers: Sequence[Objects], collect_late: Callable[[], None]) -> None:
+    def __init__(
+        self, servers: Sequence[Objects], collect_late: Callable[[], None], period: float
+    ) -> None:
+        self._busy = max(BLIND, math.ceil(BUSY / period))
         self.open = False
         self._servers = servers
         self._collect_late = collect_late
         self._counts = [0] * len(servers)
 
-    def look(self, flags: Sequence[int]) -> NodeSilent | None:
-        """Take the flags of a sample; return which axis we are blind for, if any."""
+    @property
+    def blind(self) -> bool:
+        """Nobody has seen some axis for more than one SYNC."""
+        return self.open and max(self._counts) > 1
+
+    def look(self, flags: Sequence[int], *, busy: bool = False) -> NodeSilent | None:
+        """Take the flags of a sample; return which axis we are blind for, if any.
+
+        Parameters
+        ----------
+        busy : bool
+            This computer was late just now.
+        """
+        most = self._busy if busy else BLIND
         missing = [bool(flag & SampleFlag.MISSING) for flag in flags]
         pairs = zip(self._counts, missing, strict=True)
         self._counts = [count + 1 if gone else 0 for count, gone in pairs]
@@ -53,11 +74,11 @@ class MissingTelegrams:
         blind = [
             server.label
             for server, count in zip(self._servers, self._counts, strict=True)
-            if count >= BLIND
+            if count >= most
         ]
         if not blind:
             return None
         return NodeSilent(
-            f"{', '.join(blind)}: no TPDO for {BLIND} SYNCs in a row; check the drive's supply, "
+            f"{', '.join(blind)}: no TPDO for {most} SYNCs in a row; check the drive's supply, "
             "CAN wiring and termination"
         )

@@ -25,7 +25,7 @@ from drivers.axis import AxisScale
 from drivers.drive_bus import Tripped
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import ProcessData
@@ -92,7 +92,7 @@ class Trips:
         self._lows[axis] = min(low, self._lows[axis]) if moving else low
         self._highs[axis] = max(high, self._highs[axis]) if moving else high
 
-    def follow(self, lows: Sequence[int], highs: Sequence[int]) -> None:
+    def follow(self, lows: Iterable[int], highs: Iterable[int]) -> None:
         """Let all axes be between `lows` and `highs` [increments] until others are given."""
         self._lows, self._highs = list(lows), list(highs)
 

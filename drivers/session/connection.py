@@ -126,7 +126,11 @@ class Connection:
             for axis in drives.axes
         )
         supervision = Supervision(servers)
-        process_data = SyncProcessData(network, drives.axes, clock, feed_forward=feed_forward)
+        communications = tuple(
+            Communication.predefined(axis, server.label, feed_forward=feed_forward)
+            for axis, server in zip(drives.axes, servers, strict=True)
+        )
+        process_data = SyncProcessData(network, drives.axes, clock, communications)
         heartbeats = Heartbeats(
             network,
             drives.master_node,
@@ -141,10 +145,7 @@ class Connection:
             clock=clock,
             network=network,
             servers=servers,
-            communications=tuple(
-                Communication.predefined(axis, server.label, feed_forward=feed_forward)
-                for axis, server in zip(drives.axes, servers, strict=True)
-            ),
+            communications=communications,
             supervision=supervision,
             emergencies=Emergencies(
                 network, [server.node for server in servers], supervision.take_emergency

@@ -8,18 +8,19 @@ Trouble stops all axes before it is raised, and latches. How a session is left i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from drivers.axis import AxisScale
 from drivers.canopen.vendor_objects import own_feed_forward
-from drivers.cia402.cyclic_position import CyclicPosition
+from drivers.cia402.cyclic_position import LEFT_OUT, CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
 from drivers.cia402.set_point_limits import check_move
-from drivers.cia402.states import State
+from drivers.cia402.states import Mode, State
 from drivers.cia402.stream_limits import check_feed_forward, check_path
 from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
@@ -43,6 +44,8 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
     from drivers.session.connection import Connection
 
+LATE = 0.5
+"""Time after a late SYNC in which it is the first cause to look at where the axes must stop [s]."""
 UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
@@ -110,9 +113,10 @@ class Session:
         self._supervision = connection.supervision
         self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * period)
         self._words: tuple[int, ...] = ()
+        self._late = (-math.inf, 0.0)
         self._scales = [AxisScale.of(axis) for axis in drives.axes]
         self._samples = SampleReader(drives.axes)
-        self._missing = MissingTelegrams(self._servers, connection.collect_late)
+        self._missing = MissingTelegrams(self._servers, connection.collect_late, period)
         self._profile_position = ProfilePosition(data, self._servers, limited, period)
         self._trips = Trips(limited, period)
         self._cyclic_position = CyclicPosition(
@@ -123,6 +127,7 @@ class Session:
             period,
             self.follow,
             [own_feed_forward(axis) for axis in drives.axes],
+            note,
         )
         self.stopping = Stopping(
             connection, drives, period, limits, self._profile_position, self._cyclic_position
@@ -153,14 +158,29 @@ class Session:
         self._power.walk(State.OPERATION_ENABLED, self.connection.cycle)
         self._clock.skipped = 0
         self._trips.arm(self._clock.now(), self._process_data.positions)
+        if self._planned:
+            here = self._samples.sample(self._clock.now(), self._process_data, reached=True).q
+            self._cyclic_position.begin(np.array([here, here]))
+            while self._cyclic_position.moving:
+                self.sample()
+
+    @property
+    def _planned(self) -> bool:
+        """The driver plans the ways of all axes, since some drive has no profile position."""
+        modes = {drive.mode for drive in self.connection.communications}
+        return Mode.PROFILE_POSITION not in modes or len(modes) > 1
 
     def move(self, moves: Mapping[int, Move]) -> None:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         self.stopping.refuse()
+        if self._planned and self._cyclic_position.streaming:
+            raise MoveFailed("a move can only begin where no path is streamed; wait until reached")
         for axis, move in moves.items():
             own = self.limits[axis].own
             check_move(move, self.limited[axis], self._scales[axis], axis + 1, own)
         try:
+            if self._planned:
+                return self._cyclic_position.move(moves)
             if self._cyclic_position.cyclic:
                 self._cyclic_position.leave()
             for axis, move in moves.items():
@@ -170,12 +190,14 @@ class Session:
             self._profile_position.start(moves)
         except DriveError as error:
             self.stopping.fail(error)
+        return None
 
     def stream(
         self,
         path: Sequence[Sequence[float]],
         velocity: Sequence[Sequence[float]] | None = None,
         torque: Sequence[Sequence[float]] | None = None,
+        holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
         """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
         self.stopping.refuse()
@@ -185,7 +207,7 @@ class Session:
         points = np.asarray(path, dtype=float)
         own = [limits.own for limits in self.limits]
         check_path(points, self.limited, here, self._period, own)
-        offsets = self._offsets(points, velocity, torque)
+        offsets = self._offsets(points, velocity, torque, holding)
         try:
             self._cyclic_position.begin(points, offsets)
         except DriveError as error:
@@ -199,24 +221,27 @@ class Session:
         before = data.time
         try:
             time = data.sync()
+            if time - before > LEFT_OUT * self._period:
+                self._late = time, time - before
             if time >= self._heartbeats.due:
                 self._heartbeats.service()
             words = data.words
             if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
                 self._attend(words)
             if data.irregular or self._missing.open:
-                blind = self._missing.look(data.flags)
+                busy = time - self._late[0] <= LATE
+                blind = self._missing.look(data.flags, busy=busy)
                 if blind:
-                    self.stopping.fail(blind)
-            if time - before > self._unsupervised and (profile.active or cyclic.moving):
+                    self._fail(blind)
+            if time - before > self._unsupervised and profile.active:
                 self.stopping.fail(self._unattended(time - before))
             failed = (
                 (profile.active and profile.advance(time, data))
                 or self._trips.look(time, data)
-                or (cyclic.cyclic and cyclic.advance())
+                or (cyclic.cyclic and cyclic.advance(calm=self._missing.blind))
             )
             if failed:
-                self.stopping.fail(failed)
+                self._fail(failed)
         except DriveError as error:
             self.stopping.fail(error)
         return self._samples.sample(time, data, not (profile.active or cyclic.moving))
@@ -241,6 +266,8 @@ class Session:
     def halt(self) -> None:
         """Bring every axis to rest with its profile deceleration; the drives stay powered."""
         self.stopping.refuse()
+        if self._planned:
+            return self._cyclic_position.brake()
         try:
             profile = self._profile_position
             decelerations = [profile.deceleration(axis) for axis in range(len(self.axes))]
@@ -249,6 +276,7 @@ class Session:
             self._cyclic_position.give_back()
         except DriveError as error:
             self.stopping.fail(error)
+        return None
 
     def reset(self) -> None:
         """Power the axes on again after a trip (see `drivers.drive_bus.DriveBus`)."""
@@ -271,28 +299,34 @@ class Session:
         self._note(offsets(self._process_data, self._stated, self.connection.beating_cycle, when))
 
     @property
+    def along(self) -> float:
+        """Number of the set-points that act from the last SYNC on, from 0."""
+        return self._cyclic_position.along
+
+    @property
     def _moving(self) -> bool:
         return bool(self._profile_position.active) or self._cyclic_position.moving
 
     def _offsets(
         self,
         points: NDArray[np.float64],
-        velocity: Sequence[Sequence[float]] | None,
-        torque: Sequence[Sequence[float]] | None,
-    ) -> NDArray[np.int64] | None:
-        """Return what is fed forward as the drives take it, once it has passed its checks."""
-        if velocity is None and torque is None:
+        *stated: Sequence[Sequence[float]] | None,
+    ) -> NDArray[np.float64] | None:
+        """Return what is fed forward in the drives' units, once it has passed its checks."""
+        if not any(values is not None for values in stated):
             return None
         if not self._feed_forward:
             raise DriveRefused(
                 "the drives were not set up to take what is fed forward; open the bus with"
                 " feed_forward=True"
             )
-        v = np.zeros_like(points) if velocity is None else np.asarray(velocity, dtype=float)
-        tau = np.zeros_like(points) if torque is None else np.asarray(torque, dtype=float)
+        fed = [
+            np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
+            for values in stated
+        ]
         own = [limits.own for limits in self.limits]
-        check_feed_forward(points, v, tau, self.limited, self._period, own)
-        return offsets_in_counts(v, tau, self._scales)
+        check_feed_forward(points, fed, self.limited, self._period, own)
+        return offsets_in_counts(fed, self._scales)
 
     def _attend(self, words: tuple[int, ...]) -> None:
         self._words = words
@@ -303,8 +337,20 @@ class Session:
         if lost is not None:
             self.stopping.stop()
             self.stopping.shutdown.await_rest()  # before the drive may be asked for the reason
-            self.stopping.fail(self._supervision.diagnose(self._servers[lost], words[lost]))
+            self._fail(self._supervision.diagnose(self._servers[lost], words[lost]))
         self._note(self._supervision.warnings())
+
+    def _fail(self, trouble: DriveError) -> NoReturn:
+        """Stop all axes; where SYNCs were late just before, that is said first."""
+        at, gap = self._late
+        ago = self._clock.now() - at
+        if ago <= LATE:
+            trouble = type(trouble)(
+                f"{ago:.2g} s before this a SYNC came {1e3 * gap:.3g} ms after the last one instead"
+                f" of {1e3 * self._period:.3g} ms: this computer was late, so relieve it of other"
+                f" work or use --realtime first; then: {trouble}"
+            )
+        self.stopping.fail(trouble)
 
     def _unattended(self, elapsed: float) -> Tripped:
         return Tripped(

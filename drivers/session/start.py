@@ -29,7 +29,7 @@ START_AGAIN = 0.1
 def listen_as_found(connection: Connection) -> None:
     """Expect TPDOs, emergencies and guarding of each drive as it has been set up."""
     found = connection.communications
-    connection.process_data.wire([drive.transmitted for drive in found])
+    connection.process_data.wire(found)
     connection.emergencies.listen([drive.emergency for drive in found])
     connection.heartbeats.requests = [
         guarding_request(drive.node) for drive in found if drive.guarded

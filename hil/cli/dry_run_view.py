@@ -35,6 +35,13 @@ def render(result: DryRun, console: Console) -> None:
             f" ({result.bus.frames}; at most {result.bus.most:.0%})",
             console=console,
         )
+    if result.lags:
+        lag = max(result.lags, key=lambda each: each.most / each.window)
+        say(
+            f"axis {lag.axis + 1} lags behind its set-points by up to {lag.most:.2g} in"
+            f" {lag.trajectory}, {lag.most / lag.window:.0%} of its following error window (6065)",
+            console=console,
+        )
     for axis, planned in result.without_law.items():
         say(
             f"axis {axis + 1}: {planned} measurements move it, a law of its friction needs"

@@ -229,7 +229,13 @@ def _checked_drives(
 ) -> tuple[DrivesFile, str]:
     """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
     from hil.cli.plan_files import refuse_problems
-    from hil.cli.robot_drives import bus_cycle, load_robots_drives, narrowed_drives, packaged_drives
+    from hil.cli.robot_drives import (
+        bus_cycle,
+        following_of,
+        load_robots_drives,
+        narrowed_drives,
+        packaged_drives,
+    )
     from hil.planning.dry_run import dry_run
 
     refuse_no_channel(how.interface, how.channel)
@@ -237,7 +243,8 @@ def _checked_drives(
     drives, text = load_robots_drives(drives_file, the_robot)
     drives = narrowed_drives(drives, the_plan.workspace)
     cycle = bus_cycle(the_plan, the_robot.n_joints, drives, feeds=feeds)
-    refuse_problems(dry_run(the_plan, the_robot, cycle), source)
+    following = following_of(drives, the_plan.sample_period)
+    refuse_problems(dry_run(the_plan, the_robot, cycle, following), source)
     return drives, text
 
 

@@ -52,7 +52,7 @@ def dry_run_(
     """State what a plan takes and what it gives; nothing moves."""
     from hil.cli import dry_run_view
     from hil.cli.plan_files import load, refuse_problems
-    from hil.cli.robot_drives import bus_cycle, known_drives
+    from hil.cli.robot_drives import bus_cycle, following_of, known_drives
     from hil.planning.dry_run import dry_run
 
     if view:
@@ -64,7 +64,8 @@ def dry_run_(
         drives = known_drives(the_robot, drives_file)
         now("passing the plan's motions through the limits")
         cycle = bus_cycle(the_plan, the_robot.n_joints, drives, bitrate)
-        result = dry_run(the_plan, the_robot, cycle)
+        following = following_of(drives, the_plan.sample_period)
+        result = dry_run(the_plan, the_robot, cycle, following)
     dry_run_view.render(result, out)
     if view:
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))

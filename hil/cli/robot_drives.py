@@ -10,14 +10,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from checked_files.yaml_file import FileError, line_of
 from drivers.axis import AxisScale
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time, time_on_bus
 from drivers.canopen.pdo_mapping import transmitted
 from drivers.drives_file import load_drives
+from hil.measuring.feeding import DELAY
 from hil.model.robot import ROBOTS
 from hil.planning import BITRATE
 from hil.planning.dry_run import BusCycle
+from hil.planning.lag import Following
 from hil.planning.prediction.noise import stated_noise
 from hil.runs.atomic_file import file_errors
 
@@ -191,6 +195,25 @@ def bus_cycle(
     frames = f"SYNC, {count} TPDOs{set_points} by the drives file"
     time = cycle_time(drives, streamed=streamed, feed_forward=feeds)
     return BusCycle(time, drives.bitrate, frames, MAX_LOAD)
+
+
+def following_of(drives: DrivesFile | None, period: float | None = None) -> Following | None:
+    """How closely the axes must follow a trajectory, and how late they do; None if not known.
+
+    Parameters
+    ----------
+    drives : DrivesFile or None
+    period : float, optional
+        Of SYNC, by default that of the drives file [s].
+    """
+    if drives is None:
+        return None
+    late = DELAY * (period or drives.sync_period)
+    columns = [
+        (axis.following_error_window, axis.following_error_time, axis.position_lag + late)
+        for axis in drives.axes
+    ]
+    return Following(*np.array(columns).T)
 
 
 def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Noise:

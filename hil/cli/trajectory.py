@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.arguments import RobotName
+from hil.cli.arguments import RobotName, RobotsDrives
 from hil.cli.outputs import NewPlan
 from hil.terminal.console import say, working
 
@@ -64,9 +64,11 @@ def plan(
     warm_up: Annotated[
         float, typer.Option(min=0, help="Duration of motion before measuring \\[s].")
     ] = 0.0,
+    drives_file: RobotsDrives = None,
 ) -> None:
     """Optimise a trajectory within the limits."""
     from hil.cli.plan_files import keep_plan
+    from hil.cli.robot_drives import following_of, known_drives
     from hil.model.robot import load_robot, refuse_unknown
     from hil.planning.design.trajectories import HARMONICS, PERIOD, condition, design_trajectory
     from hil.planning.plan import Plan, PlannedRobot, WarmUp
@@ -75,8 +77,17 @@ def plan(
     refuse_unknown(robot)
     period, harmonics = period or PERIOD, harmonics or HARMONICS
     cycles = max(1, round(60 * minutes / period))
+    following = following_of(known_drives(robot, drives_file))
     with working(f"optimising a trajectory of {robot.n_joints} axes and {harmonics} harmonics"):
-        found = design_trajectory(robot, period, cycles, criterion.value, seed, harmonics=harmonics)
+        found = design_trajectory(
+            robot,
+            period,
+            cycles,
+            criterion.value,
+            seed,
+            harmonics=harmonics,
+            speed=following.speed if following else None,
+        )
     designed = Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         warm_up=WarmUp(duration=warm_up) if warm_up else None,

@@ -99,6 +99,7 @@ class BusInFront:
         path: Sequence[Sequence[float]],
         velocity: Sequence[Sequence[float]] | None = None,
         torque: Sequence[Sequence[float]] | None = None,
+        holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
         """Begin to send a path.
 
@@ -107,9 +108,18 @@ class BusInFront:
         DriveRefused
             The drives follow no stream of set-points.
         """
+        self._streaming.stream(path, velocity, torque, holding)
+
+    @property
+    def along(self) -> float:
+        """Where on the path that is streamed the last sample was."""
+        return self._streaming.along
+
+    @property
+    def _streaming(self) -> StreamingBus:
         if not isinstance(self._bus, StreamingBus):
             raise DriveRefused("these drives follow no stream of set-points")
-        self._bus.stream(path, velocity, torque)
+        return self._bus
 
 
 class FeedingBus(BusInFront):
@@ -150,18 +160,21 @@ class FeedingBus(BusInFront):
         path: Sequence[Sequence[float]],
         velocity: Sequence[Sequence[float]] | None = None,
         torque: Sequence[Sequence[float]] | None = None,
+        holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
         """Begin to send a path, with what is fed forward for it where the caller states nothing."""
         if velocity is None and torque is None:
-            v, tau = self._fed(np.asarray(path, dtype=float))
-            velocity, torque = v.tolist(), tau.tolist()
-        super().stream(path, velocity, torque)
+            fed = self._fed(np.asarray(path, dtype=float))
+            velocity, torque, holding = (values.tolist() for values in fed)
+        super().stream(path, velocity, torque, holding)
 
-    def _fed(self, path: Array) -> tuple[Array, Array]:
+    def _fed(self, path: Array) -> tuple[Array, Array, Array]:
         ahead = 0.5 - self._loop / (2 * self.period) - self._delay
         q, qd, qdd = motion_of(path, self.period, ahead)
         velocity = qd if self._velocity else np.zeros_like(qd)
-        return velocity, added_torque(self._predict, q, qd, qdd)
+        still = np.zeros_like(q)
+        holding = added_torque(self._predict, q, still, still)
+        return velocity, added_torque(self._predict, q, qd, qdd), holding
 
 
 def added_torque(predict: Predict | None, q: Array, qd: Array, qdd: Array) -> Array:

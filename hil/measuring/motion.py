@@ -55,7 +55,7 @@ def _record(
         profile = measurement.profile(number)
         recorder.stroke(number)
         bus.move({measurement.index: Move(profile.end, profile.velocity, profile.acceleration)})
-        each = recorder.add
+        each: Callable[[Sample], None] = recorder.add
         if partner:
             partner.begin(last.time + profile.window[0], last.time + profile.window[1])
             each = partner.add

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,8 @@ from drivers.drive_bus import DriveRefused, MoveFailed, StreamingBus
 from hil.measuring.checks.encoder_jumps import finished
 from hil.measuring.travel import GRACE
 from hil.planning.strokes import REST
-from hil.runs.recording import Finding, Recorder
+from hil.runs.recording import IDLE, Finding, Recorder
+from hil.runs.set_points import path_time
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,6 +22,9 @@ if TYPE_CHECKING:
     from hil.planning.trajectory import Trajectory
     from hil.runs.recording import Recording
 
+AT_ONCE = 1.0
+"""SYNC periods by which a drive without delay shows its set-points later than they act: it goes to
+each in the period after the SYNC from which it acts."""
 ASTRAY = 0.05
 """How far an axis may be from its set-point at the same SYNC [rad or m]."""
 
@@ -27,7 +32,8 @@ ASTRAY = 0.05
 def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
     """Carry out all periods of a trajectory from where it starts, and record every sample.
 
-    Samples of period k are group k.
+    Samples of period k are group k. What is recorded beside them is how far along the trajectory
+    its set-points are, which the drives may have passed more slowly.
 
     Raises
     ------
@@ -38,22 +44,22 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
     Tripped
         An encoder jumped.
     """
-    recorder = Recorder()
-    first = round(REST / bus.period)
-    begins = [first + round(k * trajectory.period / bus.period) for k in range(trajectory.cycles)]
-    marks = {begin: k for k, begin in enumerate(begins)}
-    marks[first + round(trajectory.cycles * trajectory.period / bus.period)] = -1
-    for number, sample in enumerate(_followed(bus, trajectory, 1.0)):
-        if number in marks:
-            recorder.group(marks[number])
-        recorder.add(sample)
+    recorder, period = Recorder(), IDLE
+    rest = round(REST / bus.period)
+    for sample, along in _followed(bus, trajectory, 1.0):
+        t = (along - rest) * bus.period
+        number = math.floor((t + bus.period / 2) / trajectory.period)  # by the nearest sample
+        number = number if 0 <= number < trajectory.cycles else IDLE
+        if number != period:
+            recorder.group(period := number)
+        recorder.add(sample, t)
     _, _, acceleration = trajectory.motion(np.linspace(0.0, trajectory.period, 1000))
     return finished(bus, recorder, float(np.abs(acceleration).max()))
 
 
 def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:
     """Pass one period at `slow` times its speed, recording nothing; return the last sample."""
-    for sample in _followed(bus, trajectory.once, slow):
+    for sample, _ in _followed(bus, trajectory.once, slow):
         last = sample
     return last
 
@@ -67,10 +73,8 @@ def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
 
 def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterator[Finding]:
     """Find where an axis did not follow the path."""
-    period = round(recording.period, 9)
-    index = np.rint((recording.time - recording.time[0]) / period).astype(int)
-    path = trajectory.path(period)
-    away = np.abs(recording.q - path[np.minimum(index, len(path) - 1)])
+    t = path_time(recording, AT_ONCE)
+    away = np.abs(recording.q - trajectory.motion(trajectory.within(t))[0])
     worst = np.nan_to_num(away).max(axis=0)
     axis = int(worst.argmax())
     if worst[axis] > ASTRAY:
@@ -84,20 +88,23 @@ def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterat
         )
 
 
-def _followed(bus: DriveBus, trajectory: Trajectory, slow: float) -> Iterator[Sample]:
+def _followed(bus: DriveBus, trajectory: Trajectory, slow: float) -> Iterator[tuple[Sample, float]]:
+    """Samples, and the number of the set-points that act from each one's SYNC on."""
     if not isinstance(bus, StreamingBus):
         raise DriveRefused(
             f"{trajectory.id}: these drives follow no stream of set-points; plan measurements of"
             " strokes instead"
         )
-    bus.stream(trajectory.path(slow * bus.period).tolist())
-    sample = bus.sample()
-    deadline = sample.time + trajectory.duration / slow + GRACE
-    yield sample
-    while not sample.reached:
+    path = trajectory.path(slow * bus.period)
+    bus.stream(path.tolist())
+    reached, arrived = False, math.inf
+    while not reached:
         sample = bus.sample()
-        yield sample
-        if sample.time > deadline:
+        reached = sample.reached
+        yield sample, bus.along
+        if bus.along >= len(path) - 1:
+            arrived = min(arrived, sample.time)
+        if sample.time - arrived > GRACE:
             bus.halt()
             raise MoveFailed(
                 f"{trajectory.id}: not at rest {GRACE:g} s after its end; see whether an axis is"

@@ -13,6 +13,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil.planning.lag import check_lag, furthest
 from hil.planning.measurement import element_measurements, shows_parameters, without_law
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.model.robot import Robot
+    from hil.planning.lag import Following, Lag
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.strokes import Partner, Strokes
@@ -85,6 +87,8 @@ class DryRun:
     without_law : dict
         Axes, from 0, of which too few measurements are planned for a law of friction, and how many
         these are; empty where no parameters are identified.
+    lags : tuple of Lag
+        Where each trajectory comes nearest to what its drives allow; empty where that is unknown.
     groups : tuple of Identifiability
         What each group of base parameters can expect; empty where there are problems with the
         measurements, or where all of them are about friction or trajectories.
@@ -96,6 +100,7 @@ class DryRun:
     bus_load: float
     problems: tuple[Problem, ...]
     without_law: dict[int, int]
+    lags: tuple[Lag, ...]
     groups: tuple[Identifiability, ...]
 
     @property
@@ -104,8 +109,20 @@ class DryRun:
         return sum(self.durations.values())
 
 
-def dry_run(plan: Plan, robot: Robot, bus: BusCycle | None = None) -> DryRun:
-    """Fold over `plan`, which was made for `robot`; `bus` is what a cycle puts on the bus."""
+def dry_run(
+    plan: Plan, robot: Robot, bus: BusCycle | None = None, following: Following | None = None
+) -> DryRun:
+    """Fold over a plan.
+
+    Parameters
+    ----------
+    plan, robot : Plan, Robot
+        The plan was made for this robot.
+    bus : BusCycle, optional
+        What a cycle puts on the bus.
+    following : Following, optional
+        How closely the axes must follow trajectories, and how late they do.
+    """
     of_groups = bool(element_measurements(plan.measurements))
     measurements = measurement_problems(plan, robot)
     if not measurements:
@@ -113,6 +130,14 @@ def dry_run(plan: Plan, robot: Robot, bus: BusCycle | None = None) -> DryRun:
             Problem(("measurements", number, "q"), message)
             for number, message in obstacles(plan, robot)
         ]
+    lags = []
+    for number, measurement in enumerate(plan.measurements):
+        if following is not None and measurement.streamed:
+            lags.append(furthest(measurement, following))
+            measurements += [
+                Problem(("measurements", number, "sine"), message)
+                for message in check_lag(measurement, robot, following)
+            ]
     return DryRun(
         counts=dict(Counter(m.kind for m in plan.measurements)),
         durations=_durations(plan, robot),
@@ -122,6 +147,7 @@ def dry_run(plan: Plan, robot: Robot, bus: BusCycle | None = None) -> DryRun:
         without_law=without_law(plan.measurements, robot.n_joints)
         if any(shows_parameters(each) for each in plan.measurements)
         else {},
+        lags=tuple(lags),
         groups=() if measurements or not of_groups else identifiability(plan, robot),
     )
 

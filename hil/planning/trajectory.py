@@ -140,10 +140,15 @@ class Trajectory(FileModel):
             -(s * order**2) @ a - (c * order**2) @ b,
         )
 
+    def within(self, t: ArrayLike) -> Array:
+        """Times since the first period began that lie before or after the motion, put into it."""
+        inside: Array = np.clip(np.asarray(t, dtype=float), 0.0, self.cycles * self.period)
+        return inside
+
     def path(self, sample_period: float) -> Array:
         """Set-points with the rest before and after, shape (n, n_joints) [rad]."""
         t = sample_period * np.arange(-round(REST / sample_period), self.n_samples(sample_period))
-        return self.motion(np.clip(t, 0.0, self.cycles * self.period))[0]
+        return self.motion(self.within(t))[0]
 
     def n_samples(self, sample_period: float) -> int:
         """Set-points from the first of the motion to the last at rest."""

@@ -15,11 +15,11 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.errors import NotEnoughData
-from hil.planning.strokes import REST
 from hil.planning.trajectory import Trajectory
 from hil.results.rounding import significant
 from hil.results.tables.table import Part, Table, figures, table
 from hil.runs.atomic_file import write_file
+from hil.runs.set_points import path_time
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -120,7 +120,7 @@ def tracked(runs: dict[str, Run], model: str, delay: float) -> Tracking:
 def following_error(
     recording: Recording, trajectory: Trajectory, delay: float
 ) -> tuple[Array, Array, Array]:
-    """Following errors while the trajectory is in motion.
+    """Following errors while the trajectory is in motion, but of periods that were slowed down.
 
     Returns
     -------
@@ -129,13 +129,10 @@ def following_error(
     error, qd : ndarray, shape (n, n_joints)
         What was planned less what was measured [rad or m], and the planned velocity.
     """
-    period = round(recording.period, 9)
-    index = np.rint((recording.time - recording.time[0]) / period)
-    # the first sample comes with the SYNC that follows the first set-point
-    t = (index + 1 - delay - round(REST / period)) * period
-    q, qd, _ = trajectory.motion(np.clip(t, 0.0, trajectory.cycles * trajectory.period))
+    t = path_time(recording, delay)
+    q, qd, _ = trajectory.motion(trajectory.within(t))
     error = q - recording.q
-    shown = recording.under_way & np.isfinite(error).all(axis=1)
+    shown = recording.under_way & np.isfinite(error).all(axis=1) & ~recording.slowed_groups
     return t[shown], error[shown], qd[shown]
 
 

@@ -8,6 +8,7 @@ is all that happens between two SYNCs. Only when the measurement is over does it
 from __future__ import annotations
 
 import struct
+from array import array
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 CHANCE = 1e-6
 """Of a sound recording to show what counts as wrong by chance alone."""
+SLOWED, LEFT_OUT = 0.999, 1.5
+"""Share of a period along the trajectory below which it was passed more slowly; periods between two
+SYNCs from which on one was left out."""
 IDLE = -1
 """Number of samples that belong to no stroke or group."""
 UNITS = {
@@ -35,6 +39,7 @@ UNITS = {
     "partner_stroke": "number, even forward, odd back, -1 at rest",
     "qd": "rad/s",
     "group": "number of the period, block or pair of strokes, -1 at rest",
+    "along": "s",
 }
 """Of each array of a recording."""
 
@@ -62,6 +67,9 @@ class Recording:
         Number of the group of samples that share their friction: a period of a trajectory, a block
         of a free motion, a pair of strokes that somebody else recorded; -1 at rest. None where all
         samples are one group: measurements of strokes.
+    along : array (n,), optional
+        How far along the trajectory the set-points are that act from each sample on, since the
+        first period began [s]; None where nothing was streamed, and of earlier versions.
     """
 
     time: Array
@@ -72,6 +80,24 @@ class Recording:
     partner_stroke: Numbers
     qd: Array | None = None
     group: Numbers | None = None
+    along: Array | None = None
+
+    @property
+    def slowed(self) -> Mask:
+        """Samples after which a trajectory was not passed at its own pace, shape (n,)."""
+        if self.along is None:
+            return np.zeros(self.n_samples, dtype=bool)
+        step, passed = np.diff(self.time), np.diff(self.along)
+        slow = (passed < SLOWED * np.median(passed)) | (step > LEFT_OUT * np.median(step))
+        return np.append(slow & (self.along[1:] < self.along[-1]), False)
+
+    @property
+    def slowed_groups(self) -> Mask:
+        """Samples of groups with such samples, which are not like the others, shape (n,)."""
+        if self.group is None:
+            return self.slowed
+        groups: Mask = np.isin(self.group, self.group[self.slowed]) & (self.group != IDLE)
+        return groups
 
     @property
     def pair(self) -> Numbers:
@@ -150,9 +176,12 @@ class Recorder:
         self._strokes: list[tuple[int, int]] = []
         self._partner_strokes: list[tuple[int, int]] = []
         self._groups: list[tuple[int, int]] = []
+        self._along = array("d")
 
-    def add(self, sample: Sample) -> None:
-        """Take one sample."""
+    def add(self, sample: Sample, along: float | None = None) -> None:
+        """Take one sample, and how far along its trajectory it is, if it is on one [s]."""
+        if along is not None:
+            self._along.append(along)
         time, q, tau, flags, _ = sample
         self._rows += self._pack(time, *q, *tau, *flags)
 
@@ -181,6 +210,7 @@ class Recorder:
             stroke=_numbers(self._strokes, len(rows)),
             partner_stroke=_numbers(self._partner_strokes, len(rows)),
             group=_numbers(self._groups, len(rows)) if self._groups else None,
+            along=np.array(self._along) if self._along else None,
         )
 
     @property

@@ -28,9 +28,11 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
 
-FORMAT = 2
+FORMAT = 3
+_BEFORE_PATH_TIME = 2
+"""Format of earlier versions, which had no ``along``."""
 _FIRST = 1
-"""Format of earlier versions, where ``stroke`` holds groups unless an axis goes back and forth."""
+"""The first format, where ``stroke`` holds groups unless an axis goes back and forth."""
 _RUN = "run"
 PER_JOINT = ("q", "tau", "qd")
 """Arrays with a column for each joint, in its own unit."""
@@ -153,9 +155,9 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
     meta = {
         key: value if isinstance(value := attributes[key], str) else int(str(value)) for key in keys
     }
-    if meta["format"] not in (_FIRST, FORMAT):
+    if meta["format"] not in (_FIRST, _BEFORE_PATH_TIME, FORMAT):
         raise FileError(
-            f"{path}: format {meta['format']} must be {_FIRST} or {FORMAT}; use another version"
+            f"{path}: format {meta['format']} must be {_FIRST} to {FORMAT}; use another version"
         )
     if attributes["checksum"] != _checksum(arrays, meta):
         raise FileError(f"{path}: content does not fit its checksum; {replace_or_leave_out(path)}")

@@ -30,9 +30,28 @@ def set_points(motion: RecordedMotion, recording: Recording) -> Array | None:
         return None
     if isinstance(motion, Strokes):
         return _of_strokes(motion, recording)
-    # the first sample comes with the SYNC that follows the first set-point
-    t = (np.arange(recording.n_samples) + 1 - round(REST / recording.period)) * recording.period
-    return motion.motion(np.clip(t, 0.0, motion.cycles * motion.period))[0]
+    return motion.motion(motion.within(path_time(recording)))[0]
+
+
+def path_time(recording: Recording, delay: float = 0.0) -> Array:
+    """How far along its trajectory each sample is, since the first period began, shape (n,) [s].
+
+    That of the set-points that act from the sample's SYNC on, or did somewhat earlier. Recordings
+    of earlier versions do not state it: their set-points acted as soon as they were sent, right
+    after the SYNC of the sample before.
+
+    Parameters
+    ----------
+    delay : float
+        How much earlier [SYNC periods].
+    """
+    if recording.along is not None:
+        period = float(np.median(np.diff(recording.time)))
+        along: Array = np.interp(recording.time - delay * period, recording.time, recording.along)
+        return along
+    period = round(recording.period, 9)
+    index: Array = np.rint((recording.time - recording.time[0]) / period)
+    return (index + 1 - delay - round(REST / period)) * period
 
 
 def _of_strokes(motion: Strokes, recording: Recording) -> Array:

@@ -89,7 +89,10 @@ def wired(
 
 def offsets(frames: list[tuple[int, bytes]], node: int = NODE) -> list[tuple[int, int]]:
     """Offsets of velocity and torque that a node was sent by process data."""
-    return [struct.unpack("<ih", data) for cob_id, data in frames if cob_id == 0x300 + node]
+    places = {0x400 + node, 0x300 + node}
+    return [
+        struct.unpack("<ih", data) for cob_id, data in frames if cob_id in places and len(data) == 6
+    ]
 
 
 def last_before(frames: list[tuple[int, bytes]], word: int, node: int = NODE) -> tuple[int, int]:
@@ -107,8 +110,8 @@ def test_offsets_go_out_before_the_target_of_the_same_cycle() -> None:
         wire.stream(velocity=bump(VELOCITY).tolist(), torque=bump(TORQUE).tolist())
         wire.frames()
         wire.samples(50)
-        order = [cob_id for cob_id, _ in wire.frames() if cob_id in {0x80, 0x303, 0x203}]
-        assert order == [0x80, 0x303, 0x203] * 50
+        order = [cob_id for cob_id, _ in wire.frames() if cob_id in {0x80, 0x403, 0x303}]
+        assert order == [0x80, 0x403, 0x303] * 50
 
 
 def test_offsets_are_in_the_drive_s_units_and_direction() -> None:
@@ -212,15 +215,27 @@ def test_the_drive_s_own_feed_forward_rests_as_long_as_ours_counts() -> None:
         assert drive.get(OWN) == 1000
 
 
-def test_rpdo_2_is_put_back_as_it_was_found() -> None:
-    places = [(0x1401, 1, "u32"), (0x1401, 2, "u8"), (0x1601, 0, "u8")]
-    entries = [Entry(*place, "") for place in [*places, (0x1601, 1, "u32"), (0x1601, 2, "u32")]]
+def test_rpdo_2_and_3_are_put_back_as_they_were_found() -> None:
+    entries = [
+        Entry(index, subindex, kind, "")
+        for index, subindex, kind in [
+            (0x1401, 1, "u32"), (0x1401, 2, "u8"), (0x1601, 0, "u8"), (0x1601, 1, "u32"),
+            (0x1402, 1, "u32"), (0x1402, 2, "u8"), (0x1602, 0, "u8"), (0x1602, 1, "u32"),
+            (0x1602, 2, "u32"),
+        ]
+    ]  # fmt: skip
     with wired() as wire:
         held = [wire.bus.servers[AXIS].get(entry) for entry in entries]
         wire.bus.__exit__(None, None, None)
         found = [wire.bus.servers[AXIS].get(entry) for entry in entries]
-    assert held == [0x300 + NODE, 255, 2, 0x60B10020, 0x60B20010]
-    assert found == [0x80000300 + NODE, 255, 2, 0x60400010, 0x60600008]
+    assert held == [
+        *(0x300 + NODE, 1, 1, 0x607A0020),
+        *(0x400 + NODE, 1, 2, 0x60B10020, 0x60B20010),
+    ]
+    assert found == [
+        *(0x80000300 + NODE, 255, 2, 0x60400010),
+        *(0x80000400 + NODE, 255, 2, 0x607A0020, 0x60400010),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -293,8 +308,12 @@ def test_a_drive_that_cannot_take_it_is_refused_in_one_message_and_stays_off(
         assert wire.bus.sample().reached
 
 
-def test_a_fixed_rpdo_that_carries_just_this_is_taken_as_it_is(tmp_path: Path) -> None:
+def test_a_drive_whose_rpdo_2_carries_just_this_takes_set_points_by_rpdo_1(tmp_path: Path) -> None:
     with wired(DRIVES, personality(tmp_path, FIXED)) as wire:
         wire.stream(torque=bump(TORQUE).tolist())
+        wire.frames()
         wire.samples(COUNT // 2)
-        assert offsets(wire.frames())[-1][1] < -100
+        frames = wire.frames()
+    assert offsets(frames)[-1][1] < -100
+    order = [cob_id for cob_id, _ in frames if cob_id in {0x80, 0x403, 0x303, 0x203}]
+    assert order == [0x80, 0x303, 0x203] * (COUNT // 2)

@@ -30,6 +30,7 @@ OBJECTS: dict[Place, Spec] = {
     (0x1018, 1): _var("u32", "ro", DefaultValue="0x4D2"),
     (0x1018, 2): _var("u32", "ro", DefaultValue="0x402"),
     (0x1400, 1): _var("u32", DefaultValue="$NODEID+0x200"),
+    (0x1401, 2): _var("u8"),
     (0x1600, 0): _var("u8", HighLimit=8),
     **{(0x1600, sub): _var("u32") for sub in range(1, 9)},
     (0x1800, 1): _var("u32", DefaultValue="$NODEID+0x180"),

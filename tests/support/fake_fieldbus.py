@@ -10,6 +10,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
+from drivers.cia402.set_point import ENABLED
 from drivers.cia402.states import Control, Mode, State, Status
 from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent, SampleFlag
 
@@ -157,6 +158,7 @@ class FakeFieldbus:
         self.currents: tuple[int, ...] = (0,) * axes
         self.flags: tuple[int, ...] = (0,) * axes
         self.irregular = False
+        self.on_arrival: tuple[int, ...] = ()
         self.time = 0.0
         self.silent: set[int] = set()
         self.alive = True
@@ -174,6 +176,10 @@ class FakeFieldbus:
         drive = self.drives[axis]
         if not drive.deaf:
             drive.control(controlword, target)
+
+    def lead(self, axis: int, target: int) -> None:
+        """Send a set-point to one axis; it counts from the next SYNC on, as all that is sent."""
+        self.command(axis, target, ENABLED)
 
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
         """Send offsets to one axis."""

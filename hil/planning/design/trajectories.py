@@ -72,6 +72,7 @@ def design_trajectory(
     search: Search | None = None,
     name: str = "trajectory",
     harmonics: int = HARMONICS,
+    speed: Array | None = None,
 ) -> Trajectory:
     """Find an exciting trajectory within the limits of `robot`.
 
@@ -91,6 +92,8 @@ def design_trajectory(
         Id of the measurement.
     harmonics : int
         Of the Fourier series of each joint, at least 2.
+    speed : ndarray, shape (n_joints,), optional
+        Above which an axis would lag too far behind its set-points [rad/s or m/s].
 
     Raises
     ------
@@ -98,7 +101,7 @@ def design_trajectory(
         So few harmonics that none could rest at the beginning of a period.
     """
     effort = search or Search()
-    basis = Basis(robot, period, harmonics)
+    basis = Basis(robot, period, harmonics, speed)
     rng = np.random.default_rng(seed)
     starts = [basis.random(rng) for _ in range(effort.random)]
     values = [basis.judge(x, criterion) for x in starts]
@@ -121,6 +124,8 @@ class Basis:
         Of the fundamental [s].
     harmonics : int
         At least 2.
+    speed : ndarray, shape (n_joints,), optional
+        Bound of each joint's speed beside its limit [rad/s or m/s].
 
     Raises
     ------
@@ -128,7 +133,13 @@ class Basis:
         Fewer harmonics: a single one cannot rest at t = 0.
     """
 
-    def __init__(self, robot: Robot, period: float, harmonics: int = HARMONICS) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        period: float,
+        harmonics: int = HARMONICS,
+        speed: Array | None = None,
+    ) -> None:
         if harmonics < 2:
             raise ValueError(
                 f"{harmonics} harmonics must be at least 2, for a period to begin at rest; take"
@@ -155,7 +166,8 @@ class Basis:
         # 0.98: between these instants acceleration is up to 1.2 % more, 1 - cos(pi / SAMPLES), and
         # drives round their limits
         acceleration = 0.98 * ACCELERATION_SHARE * robot.acceleration_limit
-        self._limits = np.stack([self._reach, SHARE * robot.velocity_limit, acceleration])
+        fastest = np.minimum(SHARE * robot.velocity_limit, np.inf if speed is None else speed)
+        self._limits = np.stack([self._reach, fastest, acceleration])
 
     @property
     def n_unknowns(self) -> int:

@@ -116,8 +116,8 @@ def test_what_is_fed_forward_goes_with_each_set_point_and_is_taken_back_by_a_sto
     trips.arm(bus.time, bus.positions)
     motion = CyclicPosition(bus, bus.drives, AXES, trips, PERIOD, bus.sync)
     here = SampleReader(AXES).sample(bus.time, bus, reached=True).q
-    offsets = np.zeros((20, len(AXES), 2), dtype=np.int64)
-    offsets[1:-1, 1] = 30, -7
+    offsets = np.zeros((20, len(AXES), 3))
+    offsets[1:-1, 1] = 30, -7, 0
     motion.begin(np.tile(here, (20, 1)), offsets)
     for _ in range(3):
         bus.sync()

@@ -57,12 +57,14 @@ def test_off_is_what_was_shown(phase: StopPhase, shown: Shown) -> None:
         assert step_of(phase, shown)[0] is StopPhase.OFF
 
 
-@pytest.mark.parametrize("phase", set(StopPhase) - BRAKING - {StopPhase.RESTING})
+@pytest.mark.parametrize(
+    "phase", [each for each in StopPhase if each not in BRAKING | {StopPhase.RESTING}]
+)
 def test_whose_voltage_is_to_be_off_is_never_commanded_to_stop_again(phase: StopPhase) -> None:
     assert not reached(phase, set(Shown)) & (BRAKING | {StopPhase.RESTING})
 
 
-@pytest.mark.parametrize("shown", set(Shown) - OFF - {Shown.READY})
+@pytest.mark.parametrize("shown", [each for each in Shown if each not in OFF | {Shown.READY}])
 def test_an_axis_that_never_shows_off_ends_lost_or_unseen(shown: Shown) -> None:
     phases = reached(StopPhase.STOPPING, {shown})
     assert StopPhase.OFF not in phases

@@ -138,8 +138,12 @@ def test_all_axes_follow_a_path_and_move_on_by_themselves_afterwards(bus: Canope
     reach(bus, *TRAJECTORY.start)
     recording = stream(bus, TRAJECTORY)
     path = TRAJECTORY.path(PERIOD)
-    away = np.abs(recording.q[: len(path)] - path)
+    away = np.abs(recording.q[1 : len(path) + 1] - path)
     assert away.max() < 0.01
+    assert recording.along == pytest.approx(
+        PERIOD * (np.arange(recording.n_samples) - 75).clip(max=len(path) - 76)
+    )
+    assert not recording.slowed.any()
     assert recording.q[-1] == pytest.approx(TRAJECTORY.start, abs=2e-3)
     assert sorted(set(recording.group.tolist())) == [-1, 0, 1]
     assert set(recording.stroke.tolist()) == {-1}
@@ -201,13 +205,13 @@ def test_an_axis_that_leaves_its_path_trips(bus: CanopenDriveBus) -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize(("behind", "trips"), [(5, False), (6, True)])
-def test_an_axis_may_be_five_periods_and_its_window_behind_its_set_points(
+@pytest.mark.parametrize(("behind", "trips"), [(6, False), (7, True)])
+def test_an_axis_may_be_six_periods_and_its_window_behind_what_was_sent(
     axis: int, behind: int, trips: bool
 ) -> None:
     axes = drives_file().axes
     corridor = Trips(axes, PERIOD)
-    silent: Any = SimpleNamespace(command=lambda *_: None)
+    silent: Any = SimpleNamespace(lead=lambda *_: None, time=0.0, on_arrival=())
     streams = CyclicPosition(silent, (), axes, corridor, PERIOD, lambda: None)
     streams.cyclic = True
     path = np.full((100, 3), 0.4 * PERIOD) * np.arange(100)[:, None]
@@ -218,6 +222,7 @@ def test_an_axis_may_be_five_periods_and_its_window_behind_its_set_points(
     corridor.arm(0.0, counts)
     streams.begin(path)
     for _ in range(50):
+        silent.time += PERIOD
         streams.advance()
     brought: Any = SimpleNamespace(positions=counts, irregular=False, currents=[0] * 3)
     looks = [corridor.look(number * PERIOD, brought) for number in range(2)]  # by turns

@@ -17,7 +17,7 @@ class Watched:
 
     def __init__(self) -> None:
         self.collected = 0
-        self.telegrams = MissingTelegrams(FakeFieldbus(3).drives, self._collect)
+        self.telegrams = MissingTelegrams(FakeFieldbus(3).drives, self._collect, 0.004)
 
     def _collect(self) -> None:
         self.collected += 1

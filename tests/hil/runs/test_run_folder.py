@@ -104,9 +104,9 @@ def test_a_format_to_come_is_refused(
 ) -> None:
     motion = FreeMotion(id="f", q=(0.0,) * 6, duration=0.2)
     with monkeypatch.context() as later:
-        later.setattr("hil.runs.recording_file.FORMAT", 3)
+        later.setattr("hil.runs.recording_file.FORMAT", 4)
         write_measured(tmp_path / "f.h5", Measured(motion, recording), manutec)
-    with pytest.raises(FileError, match=r"format 3 must be 1 or 2; use another version"):
+    with pytest.raises(FileError, match=r"format 4 must be 1 to 3; use another version"):
         read_measured(tmp_path / "f.h5")
 
 

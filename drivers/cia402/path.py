@@ -1,0 +1,159 @@
+"""A path of set-points, passed at its own pace or slowed down along itself.
+
+Whoever sends set-points may be late, and whoever supervises the axes may be away. Then the path is
+not left: the same points q(s) are passed more slowly, s being the number of a set-point and r <= 1
+the pace at which it grows. With q' and q'' by the path's own time, an axis has
+
+    velocity r q',  acceleration r^2 q'' + q' dr/dt,
+
+so the pace may change by what the acceleration limit a leaves to every axis,
+
+    -(a + q'' r^2) <= q' dr/dt <= a - q'' r^2.
+
+What is fed forward is passed alike: velocity by r; of the torque, what holds the axes counts as it
+is and the rest, by acceleration and speed, by r^2.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SHARE = 0.9
+"""Of what the acceleration limits leave; the rest is for the steps in which a pace changes."""
+
+RECOVERY = 0.3
+"""Time in which the pace goes from rest to the path's own at the least [s]."""
+
+CAUTION, TRUST = 0.9, 1.0
+"""Factor of the pace that is aimed at for each period by which set-points are late, and time in
+which it grows by the path's own [s]: one of 250 that is late costs little, one of 20 a third."""
+
+STILL = 1.5
+"""Periods by which set-points may be late before drives have come to rest at the last ones."""
+
+
+class Path:
+    """Set-points of all axes, and where along them the last ones stand that were sent.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, n_axes)
+        A set-point of each axis every period, not rounded; at rest at both ends [increments].
+    accelerations : sequence of float, length n_axes
+        Limits [increments/s^2].
+    period : float
+        Between two set-points [s].
+    offsets : ndarray, shape (n, n_axes, 3), optional
+        Velocity [the drive's unit], torque and the part of it that holds the axes [per mille of
+        rated].
+
+    Attributes
+    ----------
+    at : float
+        Number of the last set-points, from 0; between two of them where the path was slowed down.
+    pace : float
+        Set-points passed in a period, 0 to 1.
+    slowed : int
+        Periods in which it was below 1.
+    """
+
+    def __init__(
+        self,
+        points: Array,
+        accelerations: Sequence[float],
+        period: float,
+        offsets: Array | None = None,
+    ) -> None:
+        self.at = 0.0
+        self.pace = self._aim = 1.0
+        self.slowed = 0
+        self._period = period
+        self._exact = np.vstack([points[:1], points, points[-1:], points[-1:]])
+        self._offsets = None if offsets is None else np.vstack([offsets, offsets[-1:]])
+        self._rounded = _whole(points)
+        self._limits = np.asarray(accelerations, dtype=float)
+        self._last = len(points) - 1
+
+    @property
+    def ended(self) -> bool:
+        """The last set-points have been reached."""
+        return self.at >= self._last
+
+    @property
+    def exact(self) -> Array:
+        """The set-points that stand at `at`, not rounded, shape (n_axes,)."""
+        k = int(self.at)
+        f = self.at - k
+        a, b, c, d = self._exact[min(k, self._last) : min(k, self._last) + 4]
+        # a cubic with the slopes of the chords beside it
+        q: Array = b + f / 2 * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
+        return q
+
+    def go_on(self, before: Path, at: float) -> None:
+        """Go on at a place of this path as one before it was passed."""
+        self.at, self.pace, self._aim = at, before.pace, before._aim
+
+    @property
+    def targets(self) -> list[int]:
+        """The set-points that stand at `at`, length n_axes [increments]."""
+        k = int(self.at)
+        if k == self.at:
+            return list(self._rounded[k])
+        return list(_whole(self.exact))
+
+    @property
+    def fed(self) -> list[list[int]]:
+        """Velocity and torque fed forward at `at` to each axis; empty where nothing is."""
+        if self._offsets is None:
+            return []
+        k, r = int(self.at), self.pace
+        f = self.at - k
+        velocity, torque, holding = ((1 - f) * self._offsets[k] + f * self._offsets[k + 1]).T
+        counts = np.stack([r * velocity, holding + r**2 * (torque - holding)], axis=1)
+        return list(_whole(counts))
+
+    def step(self, *, calm: bool = False) -> None:
+        """Go on by one period.
+
+        Parameters
+        ----------
+        calm : bool
+            Slow down to rest; otherwise the path's own pace is taken up again.
+        """
+        before = self.pace
+        if calm or self._aim < 1.0 or before < 1.0:
+            self._aim = min(1.0, self._aim + self._period / TRUST)
+            self._change(0.0 if calm else self._aim)
+            self.slowed += 1
+        self.at = min(self.at + (before + self.pace) / 2, self._last)
+
+    def late(self, periods: float) -> None:
+        """Take note that set-points were late: drives have slowed down or rest at the last ones."""
+        self._aim *= CAUTION**periods
+        if periods > STILL:
+            self.pace = 0.0
+
+    def _change(self, aim: float) -> None:
+        """Let the pace approach one that is aimed at as fast as all axes can follow."""
+        k = min(round(self.at), self._last)
+        a, b, c = self._exact[k : k + 3]
+        speed = (c - a) / (2 * self._period)
+        bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2
+        with np.errstate(divide="ignore"):
+            slower, faster = (SHARE * (self._limits + s * bend) / np.abs(speed) for s in (1, -1))
+        least = self.pace - max(slower.min(), 0.0) * self._period
+        most = self.pace + min(max(faster.min(), 0.0), 1 / RECOVERY) * self._period
+        self.pace = min(max(aim, least, 0.0), most)
+
+
+def _whole(values: Array) -> Any:
+    return np.rint(values).astype(np.int64).tolist()

@@ -1,0 +1,92 @@
+"""How far axes lag behind the set-points of a trajectory, and what their drives allow.
+
+An axis at constant speed is behind its set-points by that speed times a time: what the drive takes
+from one set-point to the next, and the lag of its position loop, one over its gain, where it does
+not feed the demand's velocity forward. A drive faults where the following error leaves its window
+(6065) for longer than its time (6066), and the driver's own corridor is as wide.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.arrays import Array
+    from hil.model.robot import Robot
+    from hil.planning.trajectory import Trajectory
+
+MARGIN = 0.7
+"""Share of the window that a trajectory may take by its speed when it is planned: what torques and
+friction make of the following error beside it was up to 0.2 of it on the manutec-r15."""
+SAMPLES = 2000
+"""Instants of a period at which lags are looked at."""
+
+
+class Following(NamedTuple):
+    """How closely axes must follow, and how late they do.
+
+    Attributes
+    ----------
+    window, time : ndarray, shape (n_joints,)
+        Largest following error [rad or m], and how long it may last [s].
+    lag : ndarray, shape (n_joints,)
+        Time by which axes follow their set-points late [s].
+    """
+
+    window: Array
+    time: Array
+    lag: Array
+
+    @property
+    def speed(self) -> Array:
+        """Speeds that leave a margin [rad/s or m/s]."""
+        return MARGIN * self.window / self.lag
+
+
+class Lag(NamedTuple):
+    """Where a trajectory comes nearest to the window of a drive: which axis, from 0, how far."""
+
+    trajectory: str
+    axis: int
+    most: float
+    window: float
+
+
+def furthest(trajectory: Trajectory, following: Following) -> Lag:
+    """Return the axis whose lag is the largest share of its window."""
+    most = _lags(trajectory, following).max(axis=0)
+    axis = int((most / following.window).argmax())
+    return Lag(trajectory.id, axis, float(most[axis]), float(following.window[axis]))
+
+
+def check_lag(trajectory: Trajectory, robot: Robot, following: Following) -> Iterator[str]:
+    """Find axes that lag by more than their drives allow, for longer than they allow."""
+    lags = _lags(trajectory, following)
+    for axis, (window, time) in enumerate(zip(following.window, following.time, strict=True)):
+        lasts = _longest(lags[:, axis] > window) * trajectory.period / SAMPLES
+        if lasts > time:
+            unit, most = robot.position_unit(axis), float(lags[:, axis].max())
+            yield (
+                f"{trajectory.id}: axis {axis + 1} lags {most:.3g} {unit} behind its set-points,"
+                f" and for {lasts:.2g} s by more than its drive allows, {window:g} {unit} (6065)"
+                f" for {time:g} s (6066); plan a slower trajectory, or state a wider"
+                " following_error_window in the drives file"
+            )
+
+
+def _lags(trajectory: Trajectory, following: Following) -> Array:
+    t = np.linspace(0.0, trajectory.period, SAMPLES, endpoint=False)
+    lags: Array = np.abs(trajectory.motion(t)[1]) * following.lag
+    return lags
+
+
+def _longest(beyond: Array) -> int:
+    """Samples of the longest run of a period that repeats itself."""
+    if beyond.all():
+        return len(beyond)
+    runs = np.diff(np.flatnonzero(~np.concatenate([beyond, beyond])))
+    return int(runs.max()) - 1 if len(runs) else 0

@@ -1,0 +1,90 @@
+"""A path that is slowed down along itself: where it leads, and within which limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.cia402.path import RECOVERY, Path
+
+PERIOD = 0.004
+LIMITS = (2e5, 1e5)
+"""Of acceleration [increments/s^2]."""
+T = PERIOD * np.arange(1500)
+SIZE = np.array([3e4, -1e4])
+
+
+def swing(t: np.ndarray) -> np.ndarray:
+    """Two axes that swing from rest to rest, at up to 0.93 of their limits."""
+    phase = 2 * np.pi * np.clip(t, 0.0, 5.0) / 2.5
+    return SIZE / 2 * np.column_stack([1 - np.cos(phase), 1 - np.cos(phase)])
+
+
+def passed(calm: set[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Set-points, where they stand and the paces, of a path that is to be slow in some periods."""
+    path = Path(swing(T), LIMITS, PERIOD)
+    points, at, pace = [path.targets], [path.at], [path.pace]
+    for number in range(4000):
+        path.step(calm=number in calm)
+        points.append(path.targets)
+        at.append(path.at)
+        pace.append(path.pace)
+    return np.array(points), np.array(at), np.array(pace)
+
+
+def test_at_its_own_pace_a_path_is_its_set_points() -> None:
+    points, at, pace = passed(set())
+    assert np.array_equal(points[: len(T)], np.rint(swing(T)))
+    assert np.array_equal(at[: len(T)], np.arange(len(T)))
+    assert pace.min() == 1.0
+
+
+@pytest.mark.parametrize("begin", [150, 300, 420, 625, 900])
+@pytest.mark.parametrize("duration", [3, 40, 600])
+def test_a_path_slowed_down_stays_on_itself_and_within_the_limits_of_acceleration(
+    begin: int, duration: int
+) -> None:
+    points, at, pace = passed(set(range(begin, begin + duration)))
+    assert np.abs(points - swing(PERIOD * at)).max() < 1.0
+    bend = np.diff(points, n=2, axis=0) / PERIOD**2
+    rounding = 2 / PERIOD**2  # of the set-points to whole increments
+    assert (np.abs(bend).max(axis=0) <= np.array(LIMITS) + rounding).all()
+    assert pace[-1] == 1.0
+    assert at[-1] == len(T) - 1
+    if duration == 600:
+        assert pace[begin : begin + duration].min() == 0.0
+
+
+def test_it_comes_to_rest_and_goes_on_from_there() -> None:
+    _, at, pace = passed(set(range(400, 1400)))
+    assert pace[1000:1400].max() == 0.0
+    assert at[1000] == at[1400] > 400
+    again = 1400 + round(RECOVERY / PERIOD)
+    assert (np.diff(pace[1400:again]) >= 0).all()
+    assert pace[again + 200] == 1.0
+
+
+def test_what_is_fed_forward_goes_with_the_pace_and_what_holds_the_axes_stays() -> None:
+    offsets = np.tile([100.0, 70.0, 20.0], (len(T), 2, 1))
+    path = Path(swing(T), LIMITS, PERIOD, offsets)
+    assert path.fed == [[100, 70]] * 2
+    path.step()
+    path.pace = 0.5
+    assert path.fed == [[50, 20 + 50 // 4]] * 2
+    path.late(3)
+    assert path.fed == [[0, 20]] * 2
+
+
+def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> None:
+    paces = []
+    for every in (10**6, 250, 20, 5):
+        path = Path(swing(T), LIMITS, PERIOD)
+        for number in range(1, 1200):
+            if number % every == 0:
+                path.late(1)
+            path.step()
+        paces.append(path.at / 1199)
+    assert paces[0] == 1.0
+    assert paces == sorted(paces, reverse=True)
+    assert paces[1] > 0.9
+    assert 0.1 < paces[3] < 0.4
