@@ -108,6 +108,7 @@ def test_the_same_campaign_gives_the_same_parameters_on_every_personality(
 @pytest.mark.parametrize(
     "name",
     [
+        "event-rpdo",
         "event-tpdo",
         "fixed-identifiers",
         "fixed-pair",

@@ -134,6 +134,6 @@ def test_a_trip_soon_after_a_late_sync_says_that_first() -> None:
         drives._session._trips._lows = [10**7] * 6
         with pytest.raises(
             Tripped,
-            match=r"^0\.0.* s before this a SYNC came [5-9].* ms after .* 4 ms: this computer",
+            match=r"^0.* s before this a SYNC came [0-9.]+ ms after .* 4 ms: this computer",
         ):
             list(iter(drives.sample, None))
