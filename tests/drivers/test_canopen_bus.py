@@ -188,7 +188,10 @@ def test_every_drive_that_cannot_serve_is_named_at_once() -> None:
     [
         ({(0x1018, 2): ("u32", 0x77)}, "product code 00000077h, the drives file expects 00000402h"),
         ({(0x1000, 0): ("u32", 401)}, "device profile 401 is no CiA 402 drive"),
-        ({(0x6502, 0): ("u32", 0x84)}, "no profile position mode (6502 = 00000084h"),
+        (
+            {(0x6502, 0): ("u32", 0x304)},
+            "neither profile position nor cyclic synchronous position mode (6502 = 00000304h",
+        ),
         ({(0x6075, 0): ("u32", 2100)}, "is 2.1 A, the drives file states rated_current: 2 A;"),
         ({(0x6076, 0): ("u32", 1500)}, "is 1.5 N m, the drives file states rated_torque: 1 N m;"),
         (

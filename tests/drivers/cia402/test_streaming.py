@@ -211,7 +211,9 @@ def test_an_axis_may_be_six_periods_and_its_window_behind_what_was_sent(
 ) -> None:
     axes = drives_file().axes
     corridor = Trips(axes, PERIOD)
-    silent: Any = SimpleNamespace(lead=lambda *_: None, time=0.0, on_arrival=())
+    silent: Any = SimpleNamespace(
+        lead=lambda *_: None, command=lambda *_: None, time=0.0, on_arrival=()
+    )
     streams = CyclicPosition(silent, (), axes, corridor, PERIOD, lambda: None)
     streams.cyclic = True
     path = np.full((100, 3), 0.4 * PERIOD) * np.arange(100)[:, None]

@@ -230,7 +230,12 @@ def test_a_current_of_32_bits_needs_a_second_tpdo() -> None:
     assert chosen.declared.index == 0x6077
 
 
-PLACES = {"int32-current": "30D1:02", "torque-only": "6077:00", "no-current": None}
+PLACES = {
+    "int32-current": "30D1:02",
+    "torque-only": "6077:00",
+    "centiampere": "6077:00",
+    "no-current": None,
+}
 """Of the current, where it is not 6078."""
 FATAL = ("no-current", "wrong-pdos")
 """For no-watchdog the drives file may state what stops the axis."""

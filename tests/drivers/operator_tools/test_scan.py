@@ -76,7 +76,7 @@ def test_several_robots_drives_stand_side_by_side() -> None:
 
 
 def test_what_a_drive_lacks_is_told() -> None:
-    found = scanned(LocalBus(2, {2: {(0x6084, 0): None, (0x6502, 0): ("u32", 0x20)}}))
+    found = scanned(LocalBus(2, {2: {(0x6084, 0): None, (0x6060, 0): None}}))
     review = found.nodes[2].review
     assert review is not None
     stated = [str(finding) for finding in review.findings]

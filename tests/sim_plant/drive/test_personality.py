@@ -294,7 +294,9 @@ def test_a_plant_file_may_name_a_personality_beside_it(tmp_path: Path) -> None:
 
 
 def test_an_unknown_personality_is_refused_with_those_that_are_known() -> None:
-    with pytest.raises(FileError, match=r"grumpy: neither a packaged personality \(bare, clipping"):
+    with pytest.raises(
+        FileError, match=r"grumpy: neither a packaged personality \(bare, centiampere"
+    ):
         load_machine("manutec-r15", personality="grumpy")
 
 
