@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.mistakes.mistake import Mistake, MistakeName
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array
     from hil.estimation.signals import Signals
-    from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
 
@@ -24,20 +21,20 @@ NEXT = 5.0
 _WIDTH = 1e-6
 
 
-def saturated(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -> Mistake | None:
-    """Find the axis whose torque is at its limit most often, if any is."""
+def saturated(
+    prepared: Sequence[tuple[ParameterMotion, Signals]], n_joints: int
+) -> tuple[int, float, float] | None:
+    """Axis whose torque is at its limit most often, from 0, the share of its samples, and it."""
     found = {}
-    for axis in range(robot.n_joints):
+    for axis in range(n_joints):
         own = [np.abs(s.tau[s.under_way, axis]) for m, s in prepared if axis in m.moved]
         size = np.concatenate(own) if own else np.zeros(0)
         if size.size and (share := share_at_top(size)) > LEVEL:
             found[axis] = (share, float(size.max()))
     if not found:
         return None
-    axis, (share, top) = max(found.items(), key=lambda each: each[1][0])
-    unit = robot.torque_unit(axis)
-    detail = f"{share:.0%} of its samples have one and the same greatest torque, {top:.3g} {unit}"
-    return Mistake(MistakeName.SATURATION, (axis + 1,), detail, 1.0)
+    axis = max(found, key=lambda each: found[each][0])
+    return axis, *found[axis]
 
 
 def share_at_top(size: Array) -> float:

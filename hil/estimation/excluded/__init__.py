@@ -1,0 +1,1 @@
+"""Found, excluded, invisible: what recordings prove of all that may spoil an identification."""

@@ -1,0 +1,268 @@
+"""Finite alternatives: what no derivative shows, such as a sign, an exchange, a zero far off.
+
+Each is another reading of the recordings. Joint i is read from channel `order[i]`, and
+
+    q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
+
+so that a gear ratio N that is stated as N' has scale and gain N' / N, the motor's H scale^-2. All
+base parameters are fitted anew under each. Readings are compared by the likelihood of white noise
+of unknown variance on each axis, sum n_a log s_a^2; they have as many unknowns as what is stated,
+or one more. Two things are impossible whatever the residual: friction that drives its axis, and
+motion of negative kinetic energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from hil.least_squares.regression import Regression
+from hil.model.dynamics import mass_matrix, regressor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from hil.arrays import Array
+    from hil.estimation.excluded.evidence import Evidence
+    from hil.model.robot import Robot
+
+ROWS = 500
+"""Rows of a channel: alternatives differ by more than noise."""
+CONFIGURATIONS = 60
+"""At which the mass matrix is looked at."""
+STARTS = {
+    "zero": tuple(np.arange(-135.0, 181.0, 45.0)),
+    "gear ratio": (-50.0, -20.0, 25.0, 100.0),
+    "position scale": (-98.25, -50.0, -10.0, 10.0, 100.0),
+    "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
+    "gravity x": (-90.0, 90.0, 180.0),
+    "gravity y": (-90.0, 90.0),
+}
+"""Sizes from which each is searched: torques are sinusoids of angles; degrees for radians are 57
+times too many, peak values 41 % above rms ones."""
+WIDTH = 0.5
+"""Of a search around a start, as share of the distance between starts."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """What recordings mean; the vectors are by joint, angles in rad, gravity in the base frame."""
+
+    order: tuple[int, ...]
+    torques: tuple[int, ...]
+    sign_q: Array
+    sign_tau: Array
+    scale: Array
+    gain: Array
+    zero: Array
+    gravity: Array
+
+    @classmethod
+    def stated(cls, robot: Robot) -> Reading:
+        """What robot file and drives file state."""
+        n, one = robot.n_joints, np.ones(robot.n_joints)
+        order = tuple(range(n))
+        return cls(order, order, one, one, one, one, np.zeros(n), np.array(robot.gravity))
+
+    def at(self, axis: int, **values: float) -> Reading:
+        """The same with other values of one axis."""
+        changed = {}
+        for name, value in values.items():
+            changed[name] = getattr(self, name).copy()
+            changed[name][axis] = value
+        return replace(self, **changed)
+
+    def motion(self, evidence: Evidence) -> tuple[Array, Array, Array]:
+        """True q, qd and qdd of all joints, each of shape (n, n_joints)."""
+        factor = self.sign_q * self.scale
+        q, qd, qdd = (x[:, self.order] * factor for x in evidence.motion[1])
+        return q + self.zero, qd, qdd
+
+    def rows(self, robot: Robot, evidence: Evidence) -> tuple[Array, Array]:
+        """Torque less that of motors, and base parameters' columns, in recorded torque."""
+        motion = self.motion(evidence)
+        torque, X = evidence.recorded.copy(), np.zeros_like(evidence.X)
+        for channel in np.unique(evidence.axis):
+            joint, rows = self.torques.index(int(channel)), evidence.axis == channel
+            factor = self.sign_tau[joint] * self.gain[joint]
+            q, qd, qdd = (x[rows] for x in motion)
+            X[rows] = factor * regressor(robot, q, qd, qdd, [joint], self.gravity)[:, 0]
+            inertia = robot.reflected_inertia[joint] / self.scale[joint] ** 2
+            torque[rows] -= factor * inertia * qdd[:, joint]
+        return torque, X
+
+
+class Explained(NamedTuple):
+    """What a reading makes of the evidence.
+
+    Attributes
+    ----------
+    misfit : float
+        sum n_a log s_a^2: differences of it are chi squares.
+    p : ndarray, shape (n_base,)
+    possible : bool
+        Whether friction takes power everywhere, and all motion has a positive energy.
+    """
+
+    misfit: float
+    p: Array
+    possible: bool
+
+
+class Alternative(NamedTuple):
+    """Another reading, its cause, axes from 0, size and standard error; NaN where it has none."""
+
+    cause: str
+    axes: tuple[int, ...]
+    size: float
+    error: float
+    explained: Explained
+
+
+def explained(
+    robot: Robot, evidence: Evidence, reading: Reading, more: Array | None = None
+) -> Explained:
+    """Fit base parameters under a reading, and of `more` columns, shape (n, k)."""
+    torque, X = reading.rows(robot, evidence)
+    n_base = X.shape[1]
+    if more is not None:
+        X = np.hstack([X, more])
+    rows = evidence.without_friction(np.hstack([torque[:, None], X, evidence.own]))
+    blocks = evidence.blocks(rows, X.shape[1])
+    regression = Regression.weighed(blocks)
+    x = regression.solution
+    left = np.maximum(blocks.mean_squares(x), np.finfo(float).tiny)
+    p = x[:n_base]
+    possible = not _driving(evidence, reading, torque - X @ x[: X.shape[1]]) and not _negative(
+        robot, evidence, reading, p
+    )
+    return Explained(float(blocks.counts[0] @ np.log(left)), p, possible)
+
+
+def _driving(evidence: Evidence, reading: Reading, left: Array) -> bool:
+    """Whether friction drives an axis: the power that it takes is negative."""
+    for channel in np.unique(evidence.axis):
+        rows, joint = evidence.axis == channel, reading.torques.index(int(channel))
+        turned = reading.sign_q[joint] * reading.sign_tau[joint]
+        direction = np.sign(evidence.motion[1, 1, rows, reading.order[joint]])
+        rest = left[rows] - left[rows].mean()
+        if np.ptp(direction) > 0 and turned * rest @ direction < 0:
+            return True
+    return False
+
+
+def _negative(robot: Robot, evidence: Evidence, reading: Reading, p: Array) -> bool:
+    """Whether some motion would have a negative kinetic energy."""
+    q = reading.motion(evidence)[0]
+    some = q[:: max(1, len(q) // CONFIGURATIONS)]
+    rotors = np.diag(robot.reflected_inertia / reading.scale**2)
+    return bool(np.linalg.eigvalsh(mass_matrix(robot, p, some) + rotors).min() < 0)
+
+
+def sized(robot: Robot, cause: str, axis: int) -> Callable[[float], Reading]:
+    """Readings of a cause by its size, in the unit of the table."""
+    stated = Reading.stated(robot)
+    unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
+
+    def read(size: float) -> Reading:
+        share = 1.0 + size / 100.0
+        if cause == "zero":
+            return stated.at(axis, zero=unit * size)
+        if cause == "position scale":
+            return stated.at(axis, scale=share)
+        if cause == "torque constant":
+            return stated.at(axis, gain=1.0 / share)
+        if cause == "gear ratio":
+            return stated.at(axis, scale=1.0 / share, gain=1.0 / share)
+        down, angle = stated.gravity, np.pi / 180 * size
+        across = np.linalg.svd(down[np.newaxis])[2][1 if cause.endswith("x") else 2]
+        gravity = np.cos(angle) * down + np.sin(angle) * np.linalg.norm(down) * across
+        return replace(stated, gravity=gravity)
+
+    return read
+
+
+def alternatives(
+    robot: Robot,
+    thin: Evidence,
+    stated: Explained,
+    dispersion: float,
+    sizes: dict[tuple[str, int], float],
+) -> list[Alternative]:
+    """All that could be instead of what is stated, and is possible.
+
+    Parameters
+    ----------
+    thin : Evidence
+        Some `ROWS` of each channel.
+    stated : Explained
+        What is stated, on these.
+    dispersion : float
+        Of misfits, which noise that is not white makes greater.
+    sizes : dict
+        Sizes of causes to first order, which are tried too.
+    """
+    found = [
+        Alternative(cause, axes, np.nan, np.nan, explained(robot, thin, reading))
+        for cause, axes, reading in _discrete(robot, thin)
+    ]
+    for cause, axis in _sized(robot, thin):
+        read = sized(robot, cause, axis)
+        starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
+        found += _searched(robot, thin, cause, axis, read, starts, stated.misfit, dispersion)
+    return [each for each in found if each.explained.possible]
+
+
+def _discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int, ...], Reading]]:
+    """Signs, and every two axes of a kind exchanged."""
+    stated, measured = Reading.stated(robot), set(evidence.axis.tolist())
+    for axis in sorted(measured):
+        yield "wrong direction of an axis", (axis,), stated.at(axis, sign_q=-1.0, sign_tau=-1.0)
+        yield "wrong sign of a position", (axis,), stated.at(axis, sign_q=-1.0)
+        yield "wrong sign of a torque", (axis,), stated.at(axis, sign_tau=-1.0)
+    for i, j in combinations(sorted(measured), 2):
+        if robot.revolute[i] == robot.revolute[j]:
+            order = list(stated.order)
+            order[i], order[j] = j, i
+            both = tuple(order)
+            yield "two axes exchanged", (i, j), replace(stated, order=both, torques=both)
+            yield "two positions exchanged", (i, j), replace(stated, order=both)
+            yield "two torques exchanged", (i, j), replace(stated, torques=both)
+
+
+def _sized(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, int]]:
+    for cause in STARTS:
+        if cause.startswith("gravity"):
+            if np.any(robot.gravity):
+                yield cause, -1
+        else:
+            yield from ((cause, int(axis)) for axis in np.unique(evidence.axis))
+
+
+def _searched(
+    robot: Robot, evidence: Evidence, cause: str, axis: int, read: Callable[[float], Reading],
+    starts: list[float], stated: float, dispersion: float,
+) -> Iterator[Alternative]:  # fmt: skip
+    """The size that explains most, if any start explains more than what is stated."""
+
+    def misfit(size: float) -> float:
+        return explained(robot, evidence, read(size)).misfit
+
+    tried = [(misfit(size), size) for size in starts]
+    best, start = min(tried)
+    if best >= stated:
+        return
+    reach = WIDTH * min([abs(start - each) for each in (*starts, 0.0) if each != start])
+    size = float(optimize.minimize_scalar(
+        misfit, bounds=(start - reach, start + reach), method="bounded",
+        options={"xatol": 1e-3 * reach, "maxiter": 25},
+    ).x)  # fmt: skip
+    here, step = explained(robot, evidence, read(size)), 0.02 * reach
+    bend = (misfit(size + step) + misfit(size - step) - 2.0 * here.misfit) / step**2
+    error = float(np.sqrt(2.0 * dispersion / bend)) if bend > 0 else np.nan
+    name = cause if axis >= 0 else "gravity"
+    yield Alternative(name, (axis,) if axis >= 0 else (), size, error, here)

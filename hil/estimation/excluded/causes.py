@@ -1,0 +1,167 @@
+"""The table of causes: what may be wrong with a robot, its drives, files or recordings.
+
+Each has a unit, the size that is usual of such a quantity, words for what was found, and a remedy.
+Usual sizes are worth a share of the torque; of causes that do not show that is all to be said.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from hil.model.drive_train_file import USUAL_BOUND
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+
+SIGNS = "change it in the drives file or in the map, or turn its frame in the robot file"
+LEFT_OUT = (
+    "take the load off, or state the missing parameters of that link in the robot file (hil"
+    " diagnose ranks the parameters, hil payload finds a load)"
+)
+
+
+class Cause(NamedTuple):
+    """One line of the table.
+
+    Attributes
+    ----------
+    words : str
+        What was found, before its size; a clause without subject.
+    unit : str
+        Of a joint that turns; ``{torque}`` and ``{position}`` stand for the joint's own.
+    slides : str
+        Of a joint that slides.
+    usual : float
+        Size that is usual, in this unit; 0 where none is known.
+    remedy : str
+    whole : bool
+        Whether it leaves nothing of the parameters, whatever its size.
+    """
+
+    words: str
+    unit: str
+    slides: str
+    usual: float
+    remedy: str
+    whole: bool = False
+
+    def unit_of(self, robot: Robot, axis: int) -> str:
+        """Unit at an axis, from 0; -1 where it concerns none."""
+        if axis < 0:
+            return self.unit
+        unit = self.unit if robot.revolute[axis] else self.slides
+        return unit.format(torque=robot.torque_unit(axis), position=robot.position_unit(axis))
+
+
+PERCENT = 100.0 * USUAL_BOUND
+CAUSES = {
+    "wrong sign of a position": Cause(
+        "its position has the wrong sign", "", "", 0.0,
+        "correct the sign of its position in the map or the drives file", whole=True,
+    ),
+    "wrong sign of a torque": Cause(
+        "its torque has the wrong sign", "", "", 0.0,
+        "correct the sign of its current in the drives file, or of its torque in the map",
+        whole=True,
+    ),
+    "wrong direction of an axis": Cause(
+        "counts the other way round, position and torque alike", "", "", 0.0,
+        "turn its sign in the drives file or in the map, or its frame in the robot file",
+        whole=True,
+    ),
+    "two axes exchanged": Cause(
+        "each has the recordings of the other", "", "", 0.0,
+        "exchange their nodes in the drives file, or their columns in the map", whole=True,
+    ),
+    "two positions exchanged": Cause(
+        "each has the position of the other", "", "", 0.0,
+        "exchange the columns of their positions in the map", whole=True,
+    ),
+    "two torques exchanged": Cause(
+        "each has the torque of the other", "", "", 0.0,
+        "exchange the columns of their torques in the map", whole=True,
+    ),
+    "torque at its limit": Cause(
+        "of its samples have one and the same greatest torque", "%", "%", 0.0,
+        "measure with lower accelerations, or raise the drive's limit",
+    ),
+    "load": Cause(
+        "a load on it, or more than its link parameters in the robot file say",
+        "SI", "SI", 0.0, LEFT_OUT,
+    ),
+    # homing by eye or against a stop
+    "zero": Cause(
+        "its zero is off by", "degrees", "mm", 0.5,
+        "correct its zero in the drives file (hil home), its offset in the map, or theta in the"
+        " robot file",
+    ),
+    "torque constant": Cause(
+        "its torques, over those stated, are greater by", "%", "%", PERCENT,
+        "correct its torque_constant in robot file and drives file, and look whether currents are"
+        " rms or peak values",
+    ),
+    # numbers of teeth are exact; 1 in 100 is a tooth miscounted
+    "gear ratio": Cause(
+        "its gear ratio, over that stated, is greater by", "%", "%", 1.0,
+        "correct its gear_ratio in robot file and drives file",
+    ),
+    "position scale": Cause(
+        "its positions are to be multiplied, more by", "%", "%", 1.0,
+        "correct the unit or the increments per turn of its position",
+    ),
+    "rotor inertia": Cause(
+        "the inertia of its rotor, over that stated, is greater by", "%", "%", PERCENT,
+        "correct its rotor_inertia in the robot file, a brake's and a coupling's included",
+    ),
+    # NdFeB loses 0.11 % of its flux per kelvin, and motors warm by some 20 K in an hour
+    "drift of torque constant": Cause(
+        "its torques grow by", "%/h", "%/h", 2.2,
+        "let the motors reach their temperature before measuring (magnets weaken as they warm), and"
+        " look whether the current sensor drifts",
+    ),
+    "slip": Cause(
+        "position and link slipped by", "degrees", "mm", 0.0,
+        "fasten the coupling, home the axis and measure again",
+    ),
+    # of mounting plates levelled by a spirit level, 1 mm/m, on a floor
+    "gravity": Cause(
+        "gravity is off by", "degrees", "degrees", 0.1,
+        "correct gravity in the robot file: how is the base mounted?",
+    ),
+    "spring": Cause(
+        "a torque grows with its position by", "{torque}/{position}", "{torque}/{position}", 0.0,
+        "add it to springs in the robot file, or take away what pulls there (a cable, a hose, a"
+        " balancer)",
+    ),
+    "repeats": Cause(
+        "a torque repeats with its position, of", "{torque}", "{torque}", 0.0,
+        "look for what rubs or meshes so often in a turn (gear, bearing, cable); no base parameter"
+        " holds such a torque",
+    ),
+    "friction of the load": Cause(
+        "friction grows with the transmitted torque by", "%", "%", 0.0,
+        "nothing: methods without it find other parameters",
+    ),
+    # one cycle of a current controller
+    "late torque": Cause(
+        "its torque is late by", "ms", "ms", 1.0,
+        "record torque and position of one and the same instant, or state the lag",
+    ),
+    "late position": Cause(
+        "its position is late by", "ms", "ms", 1.0,
+        "record positions of all axes at one and the same instant",
+    ),
+    # one arc minute, as data sheets of precision gears state
+    "play": Cause(
+        "the link lags by the play of its gear, half of which is", "degrees", "mm", 1 / 120,
+        "nothing to be corrected: positions of the link differ from those of the motor so far",
+    ),
+    "unknown": Cause(
+        "", "", "", 0.0,
+        "look for what differs between them: a contact, a load that changed, a machine that was"
+        " altered in between",
+    ),
+}  # fmt: skip
+"""All causes by name, those of which the larger harm is likelier first: of several that data cannot
+tell apart the first is named first. A load comes before a zero: to home an axis that only carries
+one would spoil what was right."""

@@ -1,0 +1,227 @@
+"""Causes that may spoil an identification, each as columns: torque per unit of it.
+
+A cause that is small enters the torque linearly. With tau(q, qd, qdd) = A p + H qdd the torque that
+the estimate says, and e_k the axis k, the column of axis i is, per unit of
+
+    zero of k              d tau_i / d q_k: the link stands further on than is read
+    position scale of k    (q_k d/dq_k + qd_k d/dqd_k + qdd_k d/dqdd_k) tau_i
+    gear ratio of k        minus that of the rigid bodies, and minus their torque where i = k
+    torque constant of k   -tau_i where i = k; its drift as much times the time
+    rotor inertia of k     H qdd_i where i = k
+    late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
+    late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
+    play of k              d tau_i / d q_k times the sign of the speed of k
+    slip of k              d tau_i / d q_k from an instant on
+    direction of gravity   d tau_i by a turn about either axis across it
+    a load                 the regressor's columns of the last link's parameters that are left out
+    spring, torque that repeats with the angle, friction of the load: q_i; sin, cos of n q_i; |A p|
+                           times the sign of the speed
+
+A column that the base parameters, the channel's own columns or friction span is *invisible*: the
+cause then is part of what they stand for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.estimation.excluded.causes import CAUSES
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics, regressor
+from hil.model.motors import motor_torque
+from hil.model.robot import Robot
+from hil.model.robot_file import LINK_PARAMETERS, split_tie
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from hil.arrays import Array
+    from hil.estimation.excluded.evidence import Evidence
+
+STEP = 1e-4
+"""Of central differences, in units of the column: rounding and third derivatives cost 1e-8 each."""
+ORDERS = range(1, 13)
+"""How often a turn a torque may repeat: teeth of a bearing or a belt, and the spring of a
+counterweight, once."""
+INSTANTS = 4
+"""Parts of the time between which an axis may slip."""
+
+
+class Column(NamedTuple):
+    """One column: its cause, the axis (from 0; -1 where it concerns none), and which of several."""
+
+    cause: str
+    axis: int
+    part: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Columns of all causes.
+
+    Attributes
+    ----------
+    names : tuple of Column
+    values : ndarray, shape (n, n_columns)
+        Torque per unit of each, which is that of its cause.
+    """
+
+    names: tuple[Column, ...]
+    values: Array
+
+    @property
+    def tests(self) -> dict[tuple[str, int], list[int]]:
+        """Columns of each cause and axis, which are tested together."""
+        found: dict[tuple[str, int], list[int]] = {}
+        for k, name in enumerate(self.names):
+            found.setdefault((name.cause, name.axis), []).append(k)
+        return found
+
+
+class _Rows:
+    """Rows of the evidence and the torque that base parameters say."""
+
+    def __init__(self, robot: Robot, p: Array, evidence: Evidence) -> None:
+        self.robot, self.p, self.evidence = robot, p, evidence
+        self.before, (self.q, self.qd, self.qdd), self.after = evidence.motion
+        self.rigid = self.torque(self.q, self.qd, self.qdd)
+        self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
+
+    def _own(self, x: Array) -> Array:
+        found: Array = np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
+        return found
+
+    def torque(self, *motion: Array) -> Array:
+        """Of the rigid bodies, each row that of its axis."""
+        return self._own(inverse_dynamics(self.robot, self.p, *motion))
+
+    def whole(self, *motion: Array) -> Array:
+        """With that of the motors."""
+        return self.torque(*motion) + self._own(motor_torque(self.robot, *motion))
+
+    def along(self, function: Callable[..., Array], axis: int, *of: Array | float) -> Array:
+        """Derivative where position, speed and acceleration of an axis change by `of`."""
+        sides = []
+        for sign in (1.0, -1.0):
+            motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
+            for x, change in zip(motion, of, strict=True):
+                x[:, axis] += sign * STEP * change
+            sides.append(function(*motion))
+        return (sides[0] - sides[1]) / (2.0 * STEP)
+
+    def shifted(self, axis: int | None) -> Array:
+        """Change by time of the torque, where all motion or that of an axis is later."""
+        if axis is None:
+            sides = [self.whole(*self.after), self.whole(*self.before)]
+        else:
+            sides = []
+            for other in (self.after, self.before):
+                motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
+                for x, y in zip(motion, other, strict=True):
+                    x[:, axis] = y[:, axis]
+                sides.append(self.whole(*motion))
+        return (sides[0] - sides[1]) / (2.0 * self.evidence.period)
+
+    def turned(self) -> Array:
+        """Derivative by a turn of gravity about either axis across it, shape (n, 2)."""
+        down = np.array(self.robot.gravity)
+        across = np.linalg.svd(down[np.newaxis])[2][1:] * np.linalg.norm(down)
+        still = np.zeros_like(self.q)
+        found = np.zeros((len(self.q), 2))
+        for k, direction in enumerate(across):
+            for axis in range(self.robot.n_joints):
+                rows = self.evidence.axis == axis
+                if rows.any():
+                    A = regressor(
+                        self.robot, self.q[rows], still[rows], still[rows], [axis], direction
+                    )
+                    found[rows, k] = A[:, 0] @ self._without_springs
+        return found
+
+    @property
+    def _without_springs(self) -> Array:
+        """Base parameters, those that no link has set to zero: springs know no gravity."""
+        base = base_parameters(self.robot)
+        added = [head in self.robot.added_parameters for head in base.heads]
+        return np.where(added, 0.0, self.p)
+
+
+def columns(robot: Robot, p: Array, evidence: Evidence) -> Columns:
+    """Columns of all causes on the rows of the evidence.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n_base,)
+        Base parameters by which torques are calculated.
+    """
+    found = list(_columns(_Rows(robot, p, evidence)))
+    return Columns(tuple(name for name, _ in found), np.column_stack([x for _, x in found]))
+
+
+def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
+    robot, evidence = rows.robot, rows.evidence
+    total, time = rows.rigid + rows.motor, evidence.time / 3600.0
+    hours = time - time.mean()
+    instants = np.quantile(evidence.time, np.arange(1, INSTANTS) / INSTANTS)
+    for axis in range(robot.n_joints):
+        mine = evidence.axis == axis
+        if not mine.any():
+            continue
+        at = {name: Column(name, axis) for name in CAUSES}
+        turns = bool(robot.revolute[axis])
+        q, qd, qdd = (x[:, axis] for x in (rows.q, rows.qd, rows.qdd))
+        unit = np.pi / 180 if turns else 1e-3
+        by_position = unit * rows.along(rows.whole, axis, 1.0, 0.0, 0.0)
+        scale = rows.along(rows.torque, axis, q, qd, qdd)
+        yield at["zero"], by_position
+        yield at["position scale"], 0.01 * (scale + mine * rows.motor)
+        yield at["gear ratio"], -0.01 * (scale + mine * rows.rigid)
+        yield at["torque constant"], -0.01 * mine * total
+        yield at["drift of torque constant"], -0.01 * mine * total * hours
+        yield at["rotor inertia"], 0.01 * mine * rows.motor
+        yield at["late torque"], -1e-3 * mine * rows.shifted(None)
+        yield at["late position"], 1e-3 * rows.shifted(axis)
+        yield at["play"], by_position * np.sign(qd)
+        for instant in instants:
+            part = f"{instant:.0f}"
+            yield Column("slip", axis, part), by_position * (evidence.time >= instant)
+        yield at["spring"], mine * q
+        yield at["friction of the load"], 0.01 * mine * np.abs(rows.rigid) * np.sign(qd)
+        if turns:
+            for order in ORDERS:
+                cause = f"repeats {order}"
+                yield Column(cause, axis, "sine"), mine * np.sin(order * q)
+                yield Column(cause, axis, "cosine"), mine * np.cos(order * q)
+    if np.any(robot.gravity):
+        for part, column in zip("xy", rows.turned().T, strict=True):
+            yield Column("gravity", -1, part), np.pi / 180 * column
+    yield from _load(rows)
+
+
+def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:
+    """Parameters of the last link that the robot file leaves out."""
+    robot, evidence = rows.robot, rows.evidence
+    complete = with_whole_link(robot, robot.n_joints - 1)
+    stated, all_of_it = base_parameters(robot), base_parameters(complete)
+    more = [k for k, head in enumerate(all_of_it.heads) if head not in stated.heads]
+    values = np.zeros((len(rows.q), len(more)))
+    for axis in range(robot.n_joints):
+        mine = evidence.axis == axis
+        if more and mine.any():
+            q, qd, qdd = (x[mine] for x in (rows.q, rows.qd, rows.qdd))
+            values[mine] = regressor(complete, q, qd, qdd, [axis])[:, 0][:, more]
+    for k, column in zip(more, values.T, strict=True):
+        yield Column("load", -1, all_of_it.heads[k]), column
+
+
+def with_whole_link(robot: Robot, link: int) -> Robot:
+    """The robot with all ten parameters of a link, free of ties."""
+    joints = list(robot.file.joints)
+    joints[link] = joints[link].model_copy(update={"parameters": LINK_PARAMETERS})
+    own = {f"{name}{link + 1}" for name in LINK_PARAMETERS}
+    ties = tuple(tie for tie in robot.file.ties if not own & set(split_tie(tie)))
+    file = robot.file.model_copy(update={"joints": tuple(joints), "ties": ties})
+    return Robot(file, robot.source, robot.text)

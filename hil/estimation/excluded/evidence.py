@@ -1,0 +1,208 @@
+"""What recordings say, sample by sample, thinned out: the rows that all causes are tested on.
+
+A row is a sample of one channel, the torque of an axis in recordings of one kind: its torque, the
+base parameters' and the channel's own columns, and the motion there, all of them smoothed alike.
+Friction of a part (a measurement, a period) is projected out within it, so that no cause is tested
+by what friction explains. Parts are cut into groups, which the covariance goes by.
+
+Some thousand rows of each axis are enough. What scatters between recordings does not become less by
+more samples of each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.condensed import groups, stack_axis
+from hil.friction.equation import FEWEST, LOAD
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.solving import orthonormal
+from hil.model.base_parameters import base_parameters
+from hil.model.motors import motor_torque
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.arrays import Array, Indices, Mask
+    from hil.estimation.condensed import Stacked
+    from hil.estimation.signals import Signals
+    from hil.estimation.simultaneous import SimultaneousFit
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMotion
+
+MOST = 2400
+"""Rows of a channel, about: twice as many take twice the time and show sizes 5 % smaller."""
+LONGEST = 10.0
+"""Duration of a group at most [s]: what a law of friction misses of a period of a trajectory
+differs from one part of it to the next."""
+_SAME = 1e-6
+"""As `rank` of `orthonormal`: columns of friction that one speed cannot tell apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Rows of all channels.
+
+    Attributes
+    ----------
+    axis, group : ndarray of int, shape (n,)
+        From 0. What is left out or clustered together has one number.
+    torque : ndarray, shape (n,)
+        Without that of rotors of known inertia [N m].
+    recorded : ndarray, shape (n,)
+        With it.
+    X : ndarray, shape (n, n_base)
+    own : ndarray, shape (n, n_own)
+        Columns of the channel alone.
+    motion : ndarray, shape (3, 3, n, n_joints)
+        q, qd and qdd, one sample before, at the row and one after it.
+    period : ndarray, shape (n,)
+        From one of these samples to the next [s].
+    time : ndarray, shape (n,)
+        Since the bus was entered, or the recording began [s].
+    parts : tuple of (slice, ndarray)
+        Rows that share their friction, and an orthonormal basis of what that can be.
+    """
+
+    axis: Indices
+    group: Indices
+    torque: Array
+    recorded: Array
+    X: Array
+    own: Array
+    motion: Array
+    period: Array
+    time: Array
+    parts: tuple[tuple[slice, Array], ...]
+
+    def without_friction(self, x: Array) -> Array:
+        """Rows of `x`, shape (n, ...), with friction projected out, part by part."""
+        found = x.copy()
+        for rows, Q in self.parts:
+            found[rows] -= Q @ (Q.T @ x[rows])
+        return found
+
+    def blocks(self, rows: Array, n_shared: int) -> Blocks:
+        """All rows added up: of a torque, so many shared columns and channels' own ones.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, 1 + n_shared + n_own)
+            Without friction.
+        """
+        channels = [np.flatnonzero(self.axis == axis) for axis in range(self.n_channels)]
+        counts = np.array([float(len(at)) for at in channels])
+        for at, Q in self.parts:
+            counts[self.axis[at.start]] -= Q.shape[1]
+        return Blocks(
+            tuple(f"shared {k}" for k in range(n_shared)),
+            tuple(f"own {k}" for k in range(rows.shape[1] - 1 - n_shared)),
+            np.array([[rows[at].T @ rows[at] for at in channels]]),
+            counts[np.newaxis],
+        )
+
+    @property
+    def n_channels(self) -> int:
+        """Channels, whether rows are of them or not."""
+        return int(self.motion.shape[-1])
+
+    def thinned(self, most: int) -> tuple[Evidence, Indices]:
+        """About `most` rows of each channel, and which these are."""
+        counts, kept, parts, first = np.bincount(self.axis), [], [], 0
+        for rows, Q in self.parts:
+            step = max(1, round(counts[self.axis[rows.start]] / most))
+            some = np.arange(rows.start, rows.stop)[::step]
+            kept.append(some)
+            basis, _ = orthonormal(Q[::step], _SAME)
+            parts.append((slice(first, first + len(some)), basis))
+            first += len(some)
+        at = np.concatenate(kept)
+        columns = {name: getattr(self, name)[at] for name in COLUMNS}
+        return Evidence(**columns, motion=self.motion[:, :, at], parts=tuple(parts)), at
+
+
+COLUMNS = ("axis", "group", "torque", "recorded", "X", "own", "period", "time")
+"""Attributes of `Evidence` with a row each."""
+
+
+def measured(
+    robot: Robot, solver: SimultaneousFit, prepared: Sequence[tuple[ParameterMotion, Signals]]
+) -> Evidence:
+    """Rows of strokes and trajectories that were measured here.
+
+    Axes that move though they should not are heard, too: two of them may be exchanged.
+
+    Parameters
+    ----------
+    prepared : sequence of (ParameterMotion, Signals)
+        What the solver is of.
+    """
+    stacked = [(s, list(axes)) for s, axes in solver.stacked]
+    for motion, s in prepared:
+        for axis in set(range(robot.n_joints)) - set(motion.moved):
+            stacked += [(s, [each]) for each in _unasked(robot, s, axis)]
+    parts = []
+    for axis in range(robot.n_joints):
+        own = [(k, s, each) for k, (s, axes) in enumerate(stacked) for each in axes
+               if each.axis == axis]  # fmt: skip
+        step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
+        parts += [_part(robot, s, each, step, k, solver.loaded) for k, s, each in own]
+    return gathered(parts)
+
+
+def _unasked(robot: Robot, s: Signals, axis: int) -> Iterator[Stacked]:
+    used = s.usable(robot, axis)
+    if used.sum() >= FEWEST:
+        motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, [axis]]
+        torques = np.hstack([s.tau[:, [axis]] - motor, motor])
+        found = stack_axis(robot, s, axis, torques, used, list(groups(s)))
+        yield from (each for each in found if each is not None)
+
+
+def _part(robot: Robot, s: Signals, each: Stacked, step: int, place: int, loaded: Mask) -> Evidence:
+    """Rows of one axis in one measurement, friction's basis beside."""
+    some = slice(step // 2, None, step) if len(each.index) > step else slice(None)
+    index = each.index[some]
+    n_base = len(base_parameters(robot))
+    smooth = s.once("smooth motion", lambda: np.array([s.smoothed(x) for x in s.link]))
+    motion = np.stack([smooth[:, index + k] for k in (-1, 0, 1)])
+    time = s.time[index]
+    number = ((time - time[0]) // LONGEST).astype(np.intp)
+    Q, _ = orthonormal(each.friction[some], _SAME)
+    own = each.X[some, n_base:].copy()
+    if not loaded[each.axis]:
+        own[:, LOAD:] = 0.0
+    return Evidence(
+        axis=np.full(len(index), each.axis),
+        group=place * 1000 + number,
+        torque=each.torques[some, 0],
+        recorded=each.torques[some].sum(axis=1),
+        X=each.X[some, :n_base],
+        own=own,
+        motion=motion,
+        period=np.full(len(index), s.period),
+        time=time,
+        parts=((slice(0, len(index)), Q),),
+    )
+
+
+def gathered(parts: Sequence[Evidence]) -> Evidence:
+    """Rows of all parts, one after the other; groups of theirs are numbered anew."""
+    first, ends = [], 0
+    for each in parts:
+        first.append(ends)
+        ends += len(each.axis)
+    stacked = {name: np.concatenate([getattr(each, name) for each in parts]) for name in COLUMNS}
+    stacked["group"] = np.unique(stacked["group"], return_inverse=True)[1]
+    return Evidence(
+        **stacked,
+        motion=np.concatenate([each.motion for each in parts], axis=2),
+        parts=tuple(
+            (slice(a + rows.start, a + rows.stop), Q)
+            for a, each in zip(first, parts, strict=True)
+            for rows, Q in each.parts
+        ),
+    )

@@ -1,0 +1,127 @@
+"""Found, excluded, invisible: what recordings prove of the causes that may spoil an estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.excluded.causes import CAUSES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A cause that the recordings show.
+
+    Attributes
+    ----------
+    cause : str
+        One of `hil.estimation.excluded.causes.CAUSES`.
+    axes : tuple of int
+        From 1; none where it concerns none in particular.
+    detail : str
+        Its size with standard error, or its evidence; a clause without subject.
+    left : float
+        Share of the sum of squares of residuals that remains beside it.
+    others : tuple of str
+        Causes that explain the recordings as well, with axes and sizes.
+    change : ndarray, shape (n_base,), optional
+        Of the base parameters once it is corrected; None where that takes other parameters.
+    size, error : float
+        In the cause's unit; of several columns the largest; NaN where it has none.
+    """
+
+    cause: str
+    axes: tuple[int, ...]
+    detail: str
+    left: float = 1.0
+    others: tuple[str, ...] = ()
+    change: Array | None = field(default=None, compare=False)
+    size: float = float("nan")
+    error: float = float("nan")
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it; nothing about others that explain the recordings as well."""
+        which = "find out which before anything is changed: " if self.others else ""
+        return which + CAUSES[self.cause].remedy
+
+    def __str__(self) -> str:
+        same = ": the same in these data" if self.others else ""
+        return "; or ".join((located(self.axes, self.detail), *self.others)) + same
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """What is excluded of a cause.
+
+    Attributes
+    ----------
+    cause : str
+    axis : int
+        From 1; 0 where it concerns none in particular.
+    part : str
+        Which of its columns; empty where all of them are alike.
+    unit : str
+    size : float
+        Size that would be found with a probability of 80 %; infinite where it never shows.
+    torque : float
+        Share of the recorded torque that one unit makes, on the axis where that is most.
+    """
+
+    cause: str
+    axis: int
+    part: str
+    unit: str
+    size: float
+    torque: float
+
+    @property
+    def usual(self) -> float:
+        """Size that is usual of it, 0 where none is known."""
+        return CAUSES[self.cause].usual
+
+    @property
+    def worth(self) -> float:
+        """Share of the torque that may go unnoticed: of the smallest size, or of a usual one."""
+        return self.torque * (min(self.size, self.usual) if self.usual else self.size)
+
+
+@dataclass(frozen=True, slots=True)
+class Excluded:
+    """What recordings prove.
+
+    Attributes
+    ----------
+    found : tuple of Found
+        The one that explains most first.
+    limits : tuple of Limit
+        Of all causes, in the order of the table.
+    tests : int
+        Causes that were tested.
+    """
+
+    found: tuple[Found, ...]
+    limits: tuple[Limit, ...]
+    tests: int
+
+    @property
+    def invisible(self) -> tuple[Limit, ...]:
+        """Causes that never show, or only in a size that is larger than usual."""
+        return tuple(
+            each
+            for each in self.limits
+            if each.size > each.usual > 0 and np.isfinite(each.torque) and each.torque > 0
+        )
+
+
+def located(axes: Sequence[int], words: str) -> str:
+    """Words about axes, from 1."""
+    which = " and ".join(map(str, axes))
+    return f"{'axis' if len(axes) == 1 else 'axes'} {which}: {words}" if which else words
