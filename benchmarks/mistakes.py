@@ -32,8 +32,10 @@ from accuracy import ROBOT, SIDE_BY_SIDE, hil
 from flawed_plants import CASES, ON_EVERY_AXIS
 
 from hil.errors import HilError
+from hil.estimation.excluded.causes import CAUSES
+from hil.estimation.excluded.finding import proved
+from hil.estimation.excluded.result import located
 from hil.estimation.identify import estimate
-from hil.estimation.mistakes.finding import find_mistake
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.results.identification import model_of
@@ -47,7 +49,7 @@ if TYPE_CHECKING:
 
     from flawed_plants import Case, Change, Plant
 
-    from hil.estimation.mistakes.mistake import Mistake
+    from hil.estimation.excluded.result import Excluded, Found
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
@@ -90,14 +92,14 @@ class Said:
     Attributes
     ----------
     word, cause : str
-    mistake : Mistake or None
+    mistake : Found or None
     times : float
         True error of a good model over its stated error, on the axis where that is most.
     """
 
     word: str
     cause: str
-    mistake: Mistake | None
+    mistake: Found | None
     times: float
 
     @property
@@ -107,23 +109,29 @@ class Said:
 
     def right(self, case: Case) -> str:
         """FIRST, SAME (as another in these data) or nothing."""
-        named = self.mistake and (self.mistake.name, self.mistake.axes)
-        other = self.mistake and self.mistake.other
-        expected = case.name and (case.name, case.axes)
-        if named == expected:
-            return "FIRST" if other is None else "SAME"
-        return "SAME" if other and (other.name, other.axes) == expected else ""
+        if self.mistake is None or case.name is None:
+            return "FIRST" if self.mistake is None and case.name is None else ""
+        if (self.mistake.cause, self.mistake.axes) == (case.name, case.axes):
+            return "SAME" if self.mistake.others else "FIRST"
+        start = located(case.axes, CAUSES[case.name].words)
+        return "SAME" if any(each.startswith(start) for each in self.mistake.others) else ""
+
+
+def first(proof: Excluded | None) -> Found | None:
+    """The cause that explains most, if any is found."""
+    return proof.found[0] if proof is not None and proof.found else None
 
 
 def say(run: Run, recorded: Sequence[Recorded]) -> Said:
     """Identify a campaign and hear what is said; the truth is that of the plant as it should be."""
-    mistake = find_mistake(run.robot, recorded)
     try:
         found = estimate(run.robot, recorded)
     except HilError as error:
+        mistake = first(proved(run.robot, recorded))
         # hil identify refuses it, and states the mistake first
         return Said("failed" if mistake else "refused", str(mistake or error), mistake, 0.0)
-    model = model_of(run, found, mistake=mistake)
+    proof = proved(run.robot, recorded, found.p, found.drive_train)
+    model, mistake = model_of(run, found, proof=proof), first(proof)
     assert model.outcome is not None
     stated = uncertainty(model, 0.0 if found.usual_covariance is None else found.usual_covariance)
     true = comparison(found, run.robot, true_parameters(run.robot, ROBOT)).torque_error
@@ -148,7 +156,7 @@ def show_every_axis(run: Run) -> None:
     """Print what is named where one good run's recordings have each mistake on each axis."""
     for what, change in ON_EVERY_AXIS.items():
         for axis in range(1, run.robot.n_joints + 1):
-            found = find_mistake(run.robot, recordings_of(run, change(axis)))
+            found = first(proved(run.robot, recordings_of(run, change(axis))))
             print(f"{what}, axis {axis}: {found or 'nothing'}", flush=True)
 
 

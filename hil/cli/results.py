@@ -63,6 +63,7 @@ def identify(
         from hil.results import identification, model_file
         from hil.results.advice import budget_table
         from hil.results.findings import identify_and_keep
+        from hil.results.tables import excluded
         from hil.results.tables.friction import symmetry
         from hil.results.tables.terminal import show, show_sentence
         from hil.runs.pooling import open_runs, pooled
@@ -91,6 +92,10 @@ def identify(
     say_simulated(run, *more)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)), out)
+    if found.excluded is not None:
+        show(excluded.excluded(found.excluded, found.robot.n_joints), out)
+        for sentence in excluded.sentences(found.excluded):
+            show_sentence(sentence, out)
     show(budget_table(found.error_budget), out)
     for term in found.error_budget:
         show_sentence(f"{term.cause}: {term.found}", out)

@@ -13,9 +13,9 @@ from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
+from hil.estimation.excluded.finding import proved
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
-from hil.estimation.mistakes.finding import find_mistake
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for
 from hil.planning.measurement import shows_element
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.mistakes.mistake import Mistake
+    from hil.estimation.excluded.result import Excluded
     from hil.estimation.noise_levels import Levels
     from hil.estimation.options import Options
     from hil.planning.measurement import RecordedMotion
@@ -46,13 +46,10 @@ class Identified(NamedTuple):
     Attributes
     ----------
     estimate : Estimate
-    mistake : Mistake or None
-        The likeliest in what is stated of robot and drives.
     model : Model
     """
 
     estimate: Estimate
-    mistake: Mistake | None
     model: Model
 
 
@@ -92,7 +89,7 @@ def identified(
     UnknownName
         There is no such method.
     NotIdentifiable, NotEnoughData
-        Measurements that do not suffice; the likeliest mistake behind that is stated, if any is
+        Measurements that do not suffice; the likeliest cause behind that is stated, if any is
         found.
     """
     campaign = Pooled([run, *others]) if recorded is None else recorded
@@ -100,22 +97,23 @@ def identified(
         try:
             found = estimate(run.robot, campaign, method or method_for(run, others)[0], options)
         except (NotIdentifiable, NotEnoughData) as error:
-            raise _with_mistake(error, find_mistake(run.robot, campaign)) from error
+            raise _with_cause(error, proved(run.robot, campaign)) from error
     # limits decide which samples a law of friction is chosen by
     if found.free is None and found.friction_law is None and run.robot.limits_known:
         prepared = prepared_for(run.robot, found, campaign)
         past = history(run.robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
-    mistake = find_mistake(run.robot, campaign)
-    return Identified(found, mistake, model_of(run, found, others, mistake))
+    proof = proved(run.robot, campaign, found.p, found.drive_train)
+    return Identified(found, model_of(run, found, others, proof))
 
 
-def _with_mistake(error: HilError, mistake: Mistake | None) -> HilError:
-    """State the mistake first: more measurements of the same kind would not mend it."""
-    if mistake is None:
+def _with_cause(error: HilError, proof: Excluded | None) -> HilError:
+    """State the cause first: more measurements of the same kind would not mend it."""
+    if proof is None or not proof.found:
         return error
-    return type(error)(f"{mistake}; {mistake.remedy}\nas it stands, {error}")
+    cause = proof.found[0]
+    return type(error)(f"{cause}; {cause.remedy}\nas it stands, {error}")
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
@@ -124,7 +122,7 @@ def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
 
 
 def model_of(
-    run: Run, found: Estimate, others: Sequence[Run] = (), mistake: Mistake | None = None
+    run: Run, found: Estimate, others: Sequence[Run] = (), proof: Excluded | None = None
 ) -> Model:
     """Return an estimate from a run, and others together with it, as a model, and judge it."""
     model = Model(
@@ -142,8 +140,9 @@ def model_of(
         back_and_forth=found.back_and_forth,
         friction_law=found.free.law if found.free else found.friction_law,
         torque_effect=found.torque_effect,
+        excluded=proof,
     )
-    return replace(model, outcome=outcome(model, mistake, found.usual_covariance))
+    return replace(model, outcome=outcome(model, found.usual_covariance))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

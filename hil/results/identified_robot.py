@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.consistent.result import ConsistentRobot
+    from hil.estimation.excluded.result import Excluded
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
     from hil.friction.law import FrictionLaw
@@ -72,6 +73,9 @@ class IdentifiedRobot:
     torque_effect : ndarray, shape (n_base, n_joints), optional
         Change of `values` per relative change of each axis's torque, as another torque constant
         makes it; None where the method states none.
+    excluded : Excluded, optional
+        What the recordings prove of all that may be wrong: found, excluded, invisible; None where
+        too little was recorded, or the model was read from a file of a version without.
     """
 
     robot: Robot
@@ -91,6 +95,7 @@ class IdentifiedRobot:
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
     torque_effect: Array | None = None
+    excluded: Excluded | None = None
 
     @property
     def failed(self) -> bool:

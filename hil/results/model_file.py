@@ -19,6 +19,7 @@ from pydantic import model_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
+from hil.estimation.excluded.result import Excluded
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, degrees_behind
 from hil.friction.law import FrictionLaw
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 NAME = "model.yaml"
 _AS_IDENTIFIED = (
     "provenance", "condition", "error_budget", "friction", "back_and_forth", "outcome",
-    "validations", "consistent",
+    "validations", "consistent", "excluded",
 )  # fmt: skip
 """Fields that the file holds as the model does."""
 
@@ -98,6 +99,7 @@ class ModelFile(FileModel):
     consistent: ConsistentRobot | None = None
     robot_file: str | None = None
     torque_effect: tuple[tuple[float, ...], ...] | None = None
+    excluded: Excluded | None = None
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:
@@ -189,7 +191,7 @@ class ModelFile(FileModel):
         """As YAML, the robot file as a block of its own."""
         optional = (
             "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
-            "torque_effect",
+            "torque_effect", "excluded",
         )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(

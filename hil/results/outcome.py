@@ -1,6 +1,6 @@
 """What an identification is worth, by its model alone: the rules that judge it.
 
-The first cause to look at comes first: a likely mistake (`hil.estimation.mistakes`) before anything
+The first to look at comes first: a cause that was found (`hil.estimation.excluded`) before anything
 that the parameters' own uncertainty shows, since that holds for the right model alone.
 """
 
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import FEW_BLOCKS, POOR
-from hil.estimation.mistakes.mistake import MistakeName
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.results.judgement import (
     FEWEST,
@@ -33,51 +33,44 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from hil.arrays import Array
+    from hil.estimation.excluded.result import Found
     from hil.estimation.free_motion.result import FreeMotionFit
-    from hil.estimation.mistakes.mistake import Mistake
     from hil.model.robot import Robot
     from hil.results.judgement import Rule
     from hil.results.model import Model
 
-WHOLE = frozenset(
-    {
-        MistakeName.DIRECTION,
-        MistakeName.POSITION_SIGN,
-        MistakeName.TORQUE_SIGN,
-        MistakeName.EXCHANGED,
-    }
-)
-"""Mistakes that leave nothing of the parameters; others are of any size."""
 
-
-def outcome(
-    model: Model, mistake: Mistake | None = None, usual_covariance: Array | None = None
-) -> Judgement:
-    """Judge a model by itself: the worst of what speaks against it, the likeliest mistake first.
+def outcome(model: Model, usual_covariance: Array | None = None) -> Judgement:
+    """Judge a model by itself: the worst of what speaks against it, causes that were found first.
 
     Parameters
     ----------
     usual_covariance : ndarray, shape (n_base, n_base), optional
         As of an `Estimate`: what usual tolerances of drives add to the model's covariance.
     """
-    mistaken = () if mistake is None else (_mistaken(model, mistake),)
-    return Judgement.of(
-        (*mistaken, *reservations(RULES, model)), lambda: _good(model, usual_covariance)
-    )
+    return Judgement.of(reservations(RULES, model), lambda: _good(model, usual_covariance))
 
 
-def _mistaken(model: Model, mistake: Mistake) -> Reservation:
-    spoilt = mistake.name in WHOLE or mistake.left < HALF or _moved(model, mistake) > TOLERANCE
-    return (failed if spoilt else doubtful)(str(mistake), mistake.remedy)
+def _found(model: Model) -> Iterator[Reservation]:
+    """Causes that were found; one that hardly moves torques spoils nothing."""
+    for cause in model.excluded.found if model.excluded else ():
+        moved, harmless = _moved(model, cause)
+        unknown = cause.change is None and cause.left < HALF
+        spoilt = CAUSES[cause.cause].whole or unknown or moved > TOLERANCE
+        if spoilt or not harmless:
+            yield (failed if spoilt else doubtful)(str(cause), cause.remedy)
 
 
-def _moved(model: Model, mistake: Mistake) -> float:
-    """By which share of its torque the worst axis moves as a mistake, or its like, is corrected."""
-    free, found = free_torques(model), [0.0]
-    for each in (mistake, mistake.other):
-        if free is not None and each is not None and each.change is not None:
-            found += free.relative(free.rms(each.change), model.values).tolist()
-    return max(found)
+def _moved(model: Model, cause: Found) -> tuple[float, bool]:
+    """By which share its torque moves on the worst axis as a cause is corrected.
+
+    And whether that is less than the torque's standard error on all axes.
+    """
+    free, relative = free_torques(model), uncertainty(model)
+    if free is None or cause.change is None or relative is None:
+        return 0.0, False
+    moved = free.relative(free.rms(np.array(cause.change)), model.values)
+    return float(moved.max()), bool((moved <= relative).all())
 
 
 def _unexplained(fit: FreeMotionFit) -> Reservation | None:
@@ -204,7 +197,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
     ),
 )
 """What the measurements behind a model say against it, whatever it is used for."""
-RULES: tuple[Rule[Model], ...] = (_free_motions, _unexcited, *OF_DATA, _causes)
+RULES: tuple[Rule[Model], ...] = (_found, _free_motions, _unexcited, *OF_DATA, _causes)
 
 
 def _good(model: Model, usual_covariance: Array | None) -> Reservation:

@@ -21,8 +21,8 @@ from pydantic import Field
 from scipy import special
 
 from checked_files.yaml_file import FileModel
+from hil.estimation.excluded.saturation import LEVEL, share_at_top
 from hil.estimation.intervals import SIGNIFICANT
-from hil.estimation.mistakes.saturation import LEVEL, share_at_top
 from hil.least_squares.uncertainty import TWICE
 from hil.results.judgement import (
     HALF,

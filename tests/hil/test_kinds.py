@@ -85,6 +85,10 @@ OTHERWISE = {
     ("friction", "cli/friction.py"): "the same",
     ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
     ("friction", "imports/plausibility.py"): "the same",
+    **{
+        ("gravity", f"estimation/excluded/{name}.py"): "the acceleration of gravity"
+        for name in ("alternatives", "causes", "columns", "finding")
+    },
     ("gravity", "ground_truth/true_parameters.py"): "a key of a plant's file",
     ("friction", "export/urdf_file.py"): "an attribute of a URDF",
     ("inertia", "export/urdf_file.py"): "an element of a URDF",

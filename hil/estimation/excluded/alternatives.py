@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
+from hil.estimation.excluded.columns import across_gravity, instants
 from hil.least_squares.regression import Regression
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
@@ -39,13 +40,12 @@ STARTS = {
     "gear ratio": (-50.0, -20.0, 25.0, 100.0),
     "position scale": (-98.25, -50.0, -10.0, 10.0, 100.0),
     "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
+    "slip": (-20.0, -5.0, 5.0, 20.0),
     "gravity x": (-90.0, 90.0, 180.0),
     "gravity y": (-90.0, 90.0),
 }
 """Sizes from which each is searched: torques are sinusoids of angles; degrees for radians are 57
 times too many, peak values 41 % above rms ones."""
-WIDTH = 0.5
-"""Of a search around a start, as share of the distance between starts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +60,8 @@ class Reading:
     gain: Array
     zero: Array
     gravity: Array
+    slip: tuple[int, float, float] | None = None
+    """Axis, instant [s] from which on its link stands elsewhere, and by how much."""
 
     @classmethod
     def stated(cls, robot: Robot) -> Reading:
@@ -80,7 +82,11 @@ class Reading:
         """True q, qd and qdd of all joints, each of shape (n, n_joints)."""
         factor = self.sign_q * self.scale
         q, qd, qdd = (x[:, self.order] * factor for x in evidence.motion[1])
-        return q + self.zero, qd, qdd
+        q = q + self.zero
+        if self.slip is not None:
+            axis, instant, angle = self.slip
+            q[:, axis] += angle * (evidence.time >= instant)
+        return q, qd, qdd
 
     def rows(self, robot: Robot, evidence: Evidence) -> tuple[Array, Array]:
         """Torque less that of motors, and base parameters' columns, in recorded torque."""
@@ -103,24 +109,31 @@ class Explained(NamedTuple):
     ----------
     misfit : float
         sum n_a log s_a^2: differences of it are chi squares.
+    left : ndarray, shape (n_channels,)
+        s_a^2, the mean squares that are left.
     p : ndarray, shape (n_base,)
     possible : bool
         Whether friction takes power everywhere, and all motion has a positive energy.
     """
 
     misfit: float
+    left: Array
     p: Array
     possible: bool
 
 
 class Alternative(NamedTuple):
-    """Another reading, its cause, axes from 0, size and standard error; NaN where it has none."""
+    """Another reading: its cause, axes from 0, size and standard error, NaN where it has none.
+
+    Of a slip also the instant [s].
+    """
 
     cause: str
     axes: tuple[int, ...]
     size: float
     error: float
     explained: Explained
+    instant: float = 0.0
 
 
 def explained(
@@ -135,12 +148,13 @@ def explained(
     blocks = evidence.blocks(rows, X.shape[1])
     regression = Regression.weighed(blocks)
     x = regression.solution
-    left = np.maximum(blocks.mean_squares(x), np.finfo(float).tiny)
+    least = np.maximum(evidence.finest, np.finfo(float).tiny) ** 2
+    left = np.maximum(blocks.mean_squares(x), least)
     p = x[:n_base]
     possible = not _driving(evidence, reading, torque - X @ x[: X.shape[1]]) and not _negative(
         robot, evidence, reading, p
     )
-    return Explained(float(blocks.counts[0] @ np.log(left)), p, possible)
+    return Explained(float(blocks.counts[0] @ np.log(left)), left, p, possible)
 
 
 def _driving(evidence: Evidence, reading: Reading, left: Array) -> bool:
@@ -163,7 +177,7 @@ def _negative(robot: Robot, evidence: Evidence, reading: Reading, p: Array) -> b
     return bool(np.linalg.eigvalsh(mass_matrix(robot, p, some) + rotors).min() < 0)
 
 
-def sized(robot: Robot, cause: str, axis: int) -> Callable[[float], Reading]:
+def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:
     """Readings of a cause by its size, in the unit of the table."""
     stated = Reading.stated(robot)
     unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
@@ -172,6 +186,8 @@ def sized(robot: Robot, cause: str, axis: int) -> Callable[[float], Reading]:
         share = 1.0 + size / 100.0
         if cause == "zero":
             return stated.at(axis, zero=unit * size)
+        if cause == "slip":
+            return replace(stated, slip=(axis, instant, unit * size))
         if cause == "position scale":
             return stated.at(axis, scale=share)
         if cause == "torque constant":
@@ -179,7 +195,7 @@ def sized(robot: Robot, cause: str, axis: int) -> Callable[[float], Reading]:
         if cause == "gear ratio":
             return stated.at(axis, scale=1.0 / share, gain=1.0 / share)
         down, angle = stated.gravity, np.pi / 180 * size
-        across = np.linalg.svd(down[np.newaxis])[2][1 if cause.endswith("x") else 2]
+        across = across_gravity(robot)[0 if cause.endswith("x") else 1]
         gravity = np.cos(angle) * down + np.sin(angle) * np.linalg.norm(down) * across
         return replace(stated, gravity=gravity)
 
@@ -189,6 +205,7 @@ def sized(robot: Robot, cause: str, axis: int) -> Callable[[float], Reading]:
 def alternatives(
     robot: Robot,
     thin: Evidence,
+    fitted: Array,
     stated: Explained,
     dispersion: float,
     sizes: dict[tuple[str, int], float],
@@ -199,6 +216,8 @@ def alternatives(
     ----------
     thin : Evidence
         Some `ROWS` of each channel.
+    fitted : ndarray, shape (n, k)
+        Columns that stay free under each.
     stated : Explained
         What is stated, on these.
     dispersion : float
@@ -207,14 +226,41 @@ def alternatives(
         Sizes of causes to first order, which are tried too.
     """
     found = [
-        Alternative(cause, axes, np.nan, np.nan, explained(robot, thin, reading))
+        Alternative(cause, axes, np.nan, np.nan, explained(robot, thin, reading, fitted))
         for cause, axes, reading in _discrete(robot, thin)
     ]
     for cause, axis in _sized(robot, thin):
-        read = sized(robot, cause, axis)
+        instant = _instant(robot, thin, fitted, axis) if cause == "slip" else 0.0
+        read = sized(robot, cause, axis, instant)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
-        found += _searched(robot, thin, cause, axis, read, starts, stated.misfit, dispersion)
+        each = _searched(
+            lambda size, read=read: explained(robot, thin, read(size), fitted),  # type: ignore[misc]
+            starts,
+            stated.misfit,
+        )
+        if each is not None:
+            size, bend, here = each
+            error = float(np.sqrt(2.0 * dispersion / bend)) if bend > 0 else np.nan
+            name = cause if axis >= 0 else "gravity"
+            found.append(
+                Alternative(name, (axis,) if axis >= 0 else (), size, error, here, instant)
+            )
     return [each for each in found if each.explained.possible]
+
+
+def _instant(robot: Robot, thin: Evidence, fitted: Array, axis: int) -> float:
+    """Instant at which a slip of an axis explains most, roughly and then between two."""
+
+    def best(tried: Sequence[float]) -> float:
+        return min(
+            (explained(robot, thin, sized(robot, "slip", axis, each)(size), fitted).misfit, each)
+            for each in tried
+            for size in STARTS["slip"]
+        )[1]
+
+    rough = [float(thin.time.min()), *instants(thin), float(thin.time.max())]
+    place = rough.index(best(rough[1:-1]))
+    return best(np.linspace(rough[place - 1], rough[place + 1], len(rough)).tolist()[1:-1])
 
 
 def _discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int, ...], Reading]]:
@@ -244,25 +290,30 @@ def _sized(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, int]]:
 
 
 def _searched(
-    robot: Robot, evidence: Evidence, cause: str, axis: int, read: Callable[[float], Reading],
-    starts: list[float], stated: float, dispersion: float,
-) -> Iterator[Alternative]:  # fmt: skip
-    """The size that explains most, if any start explains more than what is stated."""
+    read: Callable[[float], Explained], starts: list[float], stated: float
+) -> tuple[float, float, Explained] | None:
+    """The size that explains most, the misfit's second derivative there, and what it explains.
+
+    None if no start explains more than what is stated.
+    """
 
     def misfit(size: float) -> float:
-        return explained(robot, evidence, read(size)).misfit
+        return read(size).misfit
 
-    tried = [(misfit(size), size) for size in starts]
-    best, start = min(tried)
+    best, start = min((misfit(size), size) for size in starts)
     if best >= stated:
-        return
-    reach = WIDTH * min([abs(start - each) for each in (*starts, 0.0) if each != start])
-    size = float(optimize.minimize_scalar(
-        misfit, bounds=(start - reach, start + reach), method="bounded",
-        options={"xatol": 1e-3 * reach, "maxiter": 25},
-    ).x)  # fmt: skip
-    here, step = explained(robot, evidence, read(size)), 0.02 * reach
+        return None
+    every = sorted({*starts, 0.0})
+    place = every.index(start)
+    below = every[place - 1] if place else 2.0 * start
+    above = every[place + 1] if place + 1 < len(every) else 2.0 * start
+    bounds = ((start + below) / 2, (start + above) / 2)
+    reach = bounds[1] - bounds[0]
+    size = float(
+        optimize.minimize_scalar(
+            misfit, bounds=bounds, method="bounded", options={"xatol": 1e-3 * reach, "maxiter": 25}
+        ).x
+    )
+    here, step = read(size), 0.01 * reach
     bend = (misfit(size + step) + misfit(size - step) - 2.0 * here.misfit) / step**2
-    error = float(np.sqrt(2.0 * dispersion / bend)) if bend > 0 else np.nan
-    name = cause if axis >= 0 else "gravity"
-    yield Alternative(name, (axis,) if axis >= 0 else (), size, error, here)
+    return size, bend, here

@@ -24,7 +24,8 @@ phi_0 as if that had been seen with d_0 of them, and what counts is
     (d_0 phi_0 + d_j phi_j) / (d_0 + d_j), with d_0 + d_j degrees of freedom.
 
 phi_0 and d_0 are found from the scatter of log phi_j over the causes of the axis. Columns of them
-resemble each other, so their phi_j scatter less than they are uncertain; d_0 therefore is limited.
+resemble each other, so their phi_j scatter less than they are uncertain; d_0 therefore is limited,
+and is no more than there are groups of the axis.
 """
 
 from __future__ import annotations
@@ -46,10 +47,10 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.columns import Columns
     from hil.estimation.excluded.evidence import Evidence
 
-SPAN = 1e-5
+SPAN = 1e-4
 """Share of a column's square beside what is estimated below which it is within its span: columns
 are of the smoothed motion, those of the base parameters are smoothed themselves, and the two differ
-by some 1e-3."""
+by some 1e-3; of less than ten times that nothing can be said."""
 NOTHING = 1e-10
 """Largest root mean square of a column, over that of all of its cause, which is rounding."""
 ALIKE = 1e-6
@@ -127,7 +128,9 @@ class Battery:
         rows, n_shared = np.hstack([self._y[:, None], shared, self._own]), shared.shape[1]
         blocks = e.blocks(rows, n_shared)
         regression = Regression.weighed(blocks)
-        self.weights = regression.weights
+        least = np.maximum(e.finest, np.finfo(float).tiny) ** 2
+        self.weights = np.minimum(regression.weights, 1.0 / least)
+        regression = Regression(blocks, self.weights, regression.kept)
         """Of the channels, shape (n_channels,)."""
         self.solution = regression.solution[: self._X.shape[1]]
         """Base parameters, shape (n_base,)."""
@@ -147,7 +150,7 @@ class Battery:
         self.visible: Mask = ~silent & (after > SPAN * before)
         """Columns that what is estimated does not span, shape (n_columns,)."""
         self.visible[list(self.given)] = False
-        self.left = np.maximum(blocks.mean_squares(regression.solution), np.finfo(float).tiny)
+        self.left = np.maximum(blocks.mean_squares(regression.solution), least)
         """Mean square that is left of each channel, shape (n_channels,)."""
         self.misfit = float(blocks.counts[0] @ np.log(self.left))
         """Differences of which are chi squares."""
@@ -174,7 +177,10 @@ class Battery:
             own = self.visible & ((axis == one) | (one < 0))
             if own.any():
                 place = axis == one
-                found.dispersion[place], found.degrees[place] = moderated(phi[own], degrees[own])
+                found.dispersion[place], d = moderated(phi[own], degrees[own])
+                rows = (self.evidence.axis == one) | (one < 0)
+                groups = len(np.unique(self.evidence.group[rows]))
+                found.degrees[place] = min(d, max(groups - 1.0, ALMOST_NONE))
         return found
 
     def test(self, columns: Sequence[int], common: Common | None = None) -> Test | None:

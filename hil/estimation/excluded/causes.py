@@ -82,7 +82,7 @@ CAUSES = {
         "exchange the columns of their torques in the map", whole=True,
     ),
     "torque at its limit": Cause(
-        "of its samples have one and the same greatest torque", "%", "%", 0.0,
+        "many samples have one and the same greatest torque", "%", "%", 0.0,
         "measure with lower accelerations, or raise the drive's limit",
     ),
     "load": Cause(

@@ -46,7 +46,7 @@ STEP = 1e-4
 ORDERS = range(1, 13)
 """How often a turn a torque may repeat: teeth of a bearing or a belt, and the spring of a
 counterweight, once."""
-INSTANTS = 4
+INSTANTS = 8
 """Parts of the time between which an axis may slip."""
 
 
@@ -127,8 +127,7 @@ class _Rows:
 
     def turned(self) -> Array:
         """Derivative by a turn of gravity about either axis across it, shape (n, 2)."""
-        down = np.array(self.robot.gravity)
-        across = np.linalg.svd(down[np.newaxis])[2][1:] * np.linalg.norm(down)
+        across = across_gravity(self.robot) * np.linalg.norm(self.robot.gravity)
         still = np.zeros_like(self.q)
         found = np.zeros((len(self.q), 2))
         for k, direction in enumerate(across):
@@ -161,11 +160,25 @@ def columns(robot: Robot, p: Array, evidence: Evidence) -> Columns:
     return Columns(tuple(name for name, _ in found), np.column_stack([x for _, x in found]))
 
 
+def instants(evidence: Evidence) -> list[float]:
+    """Instants at which an axis may slip [s]."""
+    times = np.quantile(evidence.time, np.arange(1, INSTANTS) / INSTANTS)
+    return [float(each) for each in times]
+
+
+def across_gravity(robot: Robot) -> Array:
+    """Two directions square to gravity and to each other, shape (2, 3); the base's, if they are."""
+    down = np.array(robot.gravity) / np.linalg.norm(robot.gravity)
+    first = np.eye(3)[np.argmin(np.abs(down))]
+    first = first - (first @ down) * down
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(down, first)])
+
+
 def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
     robot, evidence = rows.robot, rows.evidence
     total, time = rows.rigid + rows.motor, evidence.time / 3600.0
     hours = time - time.mean()
-    instants = np.quantile(evidence.time, np.arange(1, INSTANTS) / INSTANTS)
     for axis in range(robot.n_joints):
         mine = evidence.axis == axis
         if not mine.any():
@@ -185,7 +198,7 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         yield at["late torque"], -1e-3 * mine * rows.shifted(None)
         yield at["late position"], 1e-3 * rows.shifted(axis)
         yield at["play"], by_position * np.sign(qd)
-        for instant in instants:
+        for instant in instants(evidence):
             part = f"{instant:.0f}"
             yield Column("slip", axis, part), by_position * (evidence.time >= instant)
         yield at["spring"], mine * q

@@ -11,13 +11,13 @@ more samples of each.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.estimation.condensed import groups, stack_axis
-from hil.friction.equation import FEWEST, LOAD
+from hil.friction.equation import FEWEST, LOAD, limit_or_reached
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import orthonormal
 from hil.model.base_parameters import base_parameters
@@ -38,6 +38,11 @@ MOST = 2400
 LONGEST = 10.0
 """Duration of a group at most [s]: what a law of friction misses of a period of a trajectory
 differs from one part of it to the next."""
+FEWEST_GROUPS = 12
+"""Groups that there are to be, if parts are long enough: a test of fewer finds next to nothing."""
+FINEST = 1e-4
+"""Share of the torque limit that no model is truer than: differences of positions and means over
+the window leave as much of torques that are without noise."""
 _SAME = 1e-6
 """As `rank` of `orthonormal`: columns of friction that one speed cannot tell apart."""
 
@@ -65,6 +70,8 @@ class Evidence:
         Since the bus was entered, or the recording began [s].
     parts : tuple of (slice, ndarray)
         Rows that share their friction, and an orthonormal basis of what that can be.
+    finest : ndarray, shape (n_channels,)
+        Torque below which no model is true [N m].
     """
 
     axis: Indices
@@ -77,6 +84,7 @@ class Evidence:
     period: Array
     time: Array
     parts: tuple[tuple[slice, Array], ...]
+    finest: Array
 
     def without_friction(self, x: Array) -> Array:
         """Rows of `x`, shape (n, ...), with friction projected out, part by part."""
@@ -121,7 +129,9 @@ class Evidence:
             first += len(some)
         at = np.concatenate(kept)
         columns = {name: getattr(self, name)[at] for name in COLUMNS}
-        return Evidence(**columns, motion=self.motion[:, :, at], parts=tuple(parts)), at
+        return Evidence(
+            **columns, motion=self.motion[:, :, at], parts=tuple(parts), finest=self.finest
+        ), at
 
 
 COLUMNS = ("axis", "group", "torque", "recorded", "X", "own", "period", "time")
@@ -144,13 +154,19 @@ def measured(
     for motion, s in prepared:
         for axis in set(range(robot.n_joints)) - set(motion.moved):
             stacked += [(s, [each]) for each in _unasked(robot, s, axis)]
+    several = -(-FEWEST_GROUPS // max(len(solver.stacked), 1))
     parts = []
     for axis in range(robot.n_joints):
         own = [(k, s, each) for k, (s, axes) in enumerate(stacked) for each in axes
                if each.axis == axis]  # fmt: skip
         step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
-        parts += [_part(robot, s, each, step, k, solver.loaded) for k, s, each in own]
-    return gathered(parts)
+        parts += [_part(robot, s, each, step, k, several, solver.loaded) for k, s, each in own]
+    evidence = gathered(parts)
+    limits = [
+        limit_or_reached(limit, evidence.recorded[evidence.axis == axis])
+        for axis, limit in enumerate(robot.torque_limit)
+    ]
+    return replace(evidence, finest=FINEST * np.array(limits))
 
 
 def _unasked(robot: Robot, s: Signals, axis: int) -> Iterator[Stacked]:
@@ -162,7 +178,9 @@ def _unasked(robot: Robot, s: Signals, axis: int) -> Iterator[Stacked]:
         yield from (each for each in found if each is not None)
 
 
-def _part(robot: Robot, s: Signals, each: Stacked, step: int, place: int, loaded: Mask) -> Evidence:
+def _part(
+    robot: Robot, s: Signals, each: Stacked, step: int, place: int, several: int, loaded: Mask
+) -> Evidence:
     """Rows of one axis in one measurement, friction's basis beside."""
     some = slice(step // 2, None, step) if len(each.index) > step else slice(None)
     index = each.index[some]
@@ -170,7 +188,8 @@ def _part(robot: Robot, s: Signals, each: Stacked, step: int, place: int, loaded
     smooth = s.once("smooth motion", lambda: np.array([s.smoothed(x) for x in s.link]))
     motion = np.stack([smooth[:, index + k] for k in (-1, 0, 1)])
     time = s.time[index]
-    number = ((time - time[0]) // LONGEST).astype(np.intp)
+    longest = min(LONGEST, float(np.ptp(time)) / several + s.period)
+    number = ((time - time[0]) // longest).astype(np.intp)
     Q, _ = orthonormal(each.friction[some], _SAME)
     own = each.X[some, n_base:].copy()
     if not loaded[each.axis]:
@@ -186,6 +205,7 @@ def _part(robot: Robot, s: Signals, each: Stacked, step: int, place: int, loaded
         period=np.full(len(index), s.period),
         time=time,
         parts=((slice(0, len(index)), Q),),
+        finest=np.zeros(robot.n_joints),
     )
 
 
@@ -200,6 +220,7 @@ def gathered(parts: Sequence[Evidence]) -> Evidence:
     return Evidence(
         **stacked,
         motion=np.concatenate([each.motion for each in parts], axis=2),
+        finest=parts[0].finest,
         parts=tuple(
             (slice(a + rows.start, a + rows.stop), Q)
             for a, each in zip(first, parts, strict=True)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.causes import CAUSES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array
 
-
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(FileModel):
     """A cause that the recordings show.
 
     Attributes
@@ -31,10 +26,10 @@ class Found:
         Share of the sum of squares of residuals that remains beside it.
     others : tuple of str
         Causes that explain the recordings as well, with axes and sizes.
-    change : ndarray, shape (n_base,), optional
+    change : tuple of float, optional
         Of the base parameters once it is corrected; None where that takes other parameters.
     size, error : float
-        In the cause's unit; of several columns the largest; NaN where it has none.
+        In the cause's unit; of several columns the largest; None where it has none.
     """
 
     cause: str
@@ -42,9 +37,9 @@ class Found:
     detail: str
     left: float = 1.0
     others: tuple[str, ...] = ()
-    change: Array | None = field(default=None, compare=False)
-    size: float = float("nan")
-    error: float = float("nan")
+    change: tuple[float, ...] | None = None
+    size: float | None = None
+    error: float | None = None
 
     @property
     def remedy(self) -> str:
@@ -57,8 +52,7 @@ class Found:
         return "; or ".join((located(self.axes, self.detail), *self.others)) + same
 
 
-@dataclass(frozen=True, slots=True)
-class Limit:
+class Limit(FileModel):
     """What is excluded of a cause.
 
     Attributes
@@ -69,8 +63,8 @@ class Limit:
     part : str
         Which of its columns; empty where all of them are alike.
     unit : str
-    size : float
-        Size that would be found with a probability of 80 %; infinite where it never shows.
+    size : float or None
+        Size that would be found with a probability of 80 %; None where it never shows.
     torque : float
         Share of the recorded torque that one unit makes, on the axis where that is most.
     """
@@ -79,7 +73,7 @@ class Limit:
     axis: int
     part: str
     unit: str
-    size: float
+    size: float | None
     torque: float
 
     @property
@@ -88,13 +82,18 @@ class Limit:
         return CAUSES[self.cause].usual
 
     @property
+    def visible(self) -> bool:
+        """Whether what is usual of it would be found; true where nothing is usual."""
+        return self.size is not None and (not self.usual or self.size <= self.usual)
+
+    @property
     def worth(self) -> float:
         """Share of the torque that may go unnoticed: of the smallest size, or of a usual one."""
-        return self.torque * (min(self.size, self.usual) if self.usual else self.size)
+        sizes = [each for each in (self.size, self.usual) if each]
+        return self.torque * min(sizes, default=0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Excluded:
+class Excluded(FileModel):
     """What recordings prove.
 
     Attributes
@@ -113,12 +112,8 @@ class Excluded:
 
     @property
     def invisible(self) -> tuple[Limit, ...]:
-        """Causes that never show, or only in a size that is larger than usual."""
-        return tuple(
-            each
-            for each in self.limits
-            if each.size > each.usual > 0 and np.isfinite(each.torque) and each.torque > 0
-        )
+        """Causes that do not show in the size that is usual of them, and make torque."""
+        return tuple(each for each in self.limits if not each.visible and each.worth > 0)
 
 
 def located(axes: Sequence[int], words: str) -> str:

@@ -11,9 +11,8 @@ from free_run import TRUTH, arm, recorded
 from stroke_run import campaign, curved
 
 from hil.estimation.condensed import groups, stack
+from hil.estimation.excluded.finding import proved
 from hil.estimation.identify import estimate
-from hil.estimation.mistakes.finding import find_mistake
-from hil.estimation.mistakes.mistake import MistakeName
 from hil.estimation.signals import signals
 
 if TYPE_CHECKING:
@@ -76,7 +75,8 @@ def test_a_mistake_in_the_map_of_imported_strokes_is_found(
         q[:, 1] /= 1.5
         tau[:, 1] *= 1.5
         geared.append((motion, replace(recording, q=q, tau=tau)))
-    assert find_mistake(ROBOT, strokes) is None
-    found = find_mistake(ROBOT, geared)
-    assert found is not None
-    assert (found.name, found.axes) == (MistakeName.GEAR, (2,))
+    right, wrong = proved(ROBOT, strokes), proved(ROBOT, geared)
+    assert right is not None
+    assert wrong is not None
+    assert not right.found
+    assert (wrong.found[0].cause, wrong.found[0].axes) == ("gear ratio", (2,))

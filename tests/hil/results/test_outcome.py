@@ -1,4 +1,4 @@
-"""What an identification is worth: the worst of what speaks against it, a mistake before all."""
+"""What an identification is worth: the worst of what speaks against it, causes found before all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from small_run import write_run
 
 from checked_files.yaml_file import FileError
 from hil.errors import NotIdentifiable
-from hil.estimation.mistakes.mistake import Mistake, MistakeName
+from hil.estimation.excluded.result import Excluded, Found
 from hil.model.robot import Robot
 from hil.results import identification
 from hil.results.identification import identify
@@ -33,43 +33,54 @@ def model(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Model:
     return identify(write_run(tmp_path_factory.mktemp("run") / "run", manutec, seed=1))
 
 
-def test_a_mistake_comes_before_everything_else(model: Model) -> None:
-    mistake = Mistake(MistakeName.ZERO, (3,), "its zero is off by 20.1 ± 0.2 degrees", left=0.1)
-    found = outcome(replace(model, scatter_covariance=1e6 * model.scatter_covariance), mistake)
+def proof(*found: Found) -> Excluded:
+    return Excluded(found=found, limits=(), tests=1)
+
+
+def test_a_cause_that_was_found_comes_before_everything_else(model: Model) -> None:
+    zero = Found(
+        cause="zero", axes=(3,), detail="its zero is off by 20.1 ± 0.2 degrees", left=0.1
+    )  # fmt: skip
+    loose = replace(model, scatter_covariance=1e6 * model.scatter_covariance)
+    found = outcome(replace(loose, excluded=proof(zero)))
     assert str(found).startswith("failed: axis 3: its zero is off by 20.1 ± 0.2 degrees; correct")
-    assert outcome(model, replace(mistake, left=0.98)).word == "doubtful"
+    little = zero.model_copy(update={"left": 0.98})
+    assert outcome(replace(model, excluded=proof(little))).word == "doubtful"
 
 
-def test_a_mistake_that_moves_the_torques_spoils_the_model_however_little_residual_it_leaves(
+def test_a_cause_counts_by_how_far_it_moves_the_torques(model: Model) -> None:
+    def judged(share: float) -> str:
+        change = tuple((share * model.values).tolist())
+        zero = Found(cause="zero", axes=(5,), detail="its zero is off", left=0.9, change=change)
+        return outcome(replace(model, excluded=proof(zero))).word
+
+    assert judged(0.2) == "failed"
+    assert judged(0.05) == "doubtful"
+    assert judged(1e-5) == "good"  # less than the torques are uncertain by
+
+
+def test_of_two_causes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once(
     model: Model,
 ) -> None:
-    zero = Mistake(MistakeName.ZERO, (5,), "its zero is off", left=0.9, change=0.2 * model.values)
-    load = Mistake(MistakeName.LEFT_OUT, (6,), "a load on it", left=0.9, other=zero)
-    assert outcome(model, zero).word == outcome(model, load).word == "failed"
-    assert outcome(model, replace(zero, change=0.05 * model.values)).word == "doubtful"
-
-
-def test_of_two_mistakes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once(
-    model: Model,
-) -> None:
-    zero = Mistake(MistakeName.ZERO, (5,), "its zero is off by 18.9 ± 0.2 degrees", left=0.87)
-    load = Mistake(MistakeName.LEFT_OUT, (6,), "a load on it", left=0.87, other=zero)
-    assert str(outcome(model, load)).startswith(
+    zero = "axis 5: its zero is off by 18.9 ± 0.2 degrees"
+    load = Found(cause="load", axes=(6,), detail="a load on it", left=0.87, others=(zero,))
+    assert str(outcome(replace(model, excluded=proof(load)))).startswith(
         "doubtful: axis 6: a load on it; or axis 5: its zero is off by 18.9 ± 0.2 degrees: the same"
         " in these data; find out which before anything is changed: take the load off"
     )
 
 
-def test_a_mistake_comes_before_what_a_method_refuses(
+def test_a_cause_comes_before_what_a_method_refuses(
     manutec: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    exchanged = Mistake(MistakeName.EXCHANGED, (5, 6), "each has the recordings of the other", 0.7)
+    words = "each has the recordings of the other"
+    exchanged = proof(Found(cause="two axes exchanged", axes=(5, 6), detail=words, left=0.7))
 
     def refuse(*_given: object) -> None:
         raise NotIdentifiable("9 measurements do not identify p5; measure more configurations")
 
     monkeypatch.setattr(identification, "estimate", refuse)
-    monkeypatch.setattr(identification, "find_mistake", lambda *_given: exchanged)
+    monkeypatch.setattr(identification, "proved", lambda *_given: exchanged)
     run = write_run(tmp_path / "run", manutec, seed=1)
     with pytest.raises(NotIdentifiable, match=r"axes 5 and 6: each has .*; exchange their nodes"):
         identify(run)
@@ -135,11 +146,12 @@ def test_all_reasons_are_kept_the_worst_first_and_those_of_earlier_versions_are_
 ) -> None:
     path, condition = tmp_path / NAME, model.condition | {"gravity": 4000.0}
     few = model.provenance.model_copy(update={"measurements": 15})
-    mistake = Mistake(MistakeName.TORQUE_SIGN, (3,), "its torque has the wrong sign", left=0.1)
-    bad = replace(model, provenance=few, condition=condition)
-    replace(bad, outcome=outcome(bad, mistake)).save(path)
+    words = "its torque has the wrong sign"
+    sign = Found(cause="wrong sign of a torque", axes=(3,), detail=words, left=0.1)
+    bad = replace(model, provenance=few, condition=condition, excluded=proof(sign))
+    replace(bad, outcome=outcome(bad)).save(path)
     kept = Model.load(path).outcome
-    assert kept == outcome(bad, mistake)
+    assert kept == outcome(bad)
     assert [each.word for each in kept.reasons] == ["failed", "doubtful", "doubtful"]
     assert all(each.remedy for each in kept.reasons)
     earlier = {"run": "../r", "validated": "", "verdict": "PASS", "reason": "so", "relative": 0.1}
@@ -159,7 +171,7 @@ def test_a_model_that_was_edited_or_cut_off_is_refused(model: Model, tmp_path: P
     path.write_text(whole.replace(value, "value: 12.0", 1), encoding="utf-8")
     with pytest.raises(FileError, match=r"model.yaml:\d+: p1: .* was edited; .*hil identify"):
         Model.load(path)
-    path.write_text(whole[: len(whole) // 3], encoding="utf-8")
+    path.write_text(whole[: whole.index("drive_covariance") - 9], encoding="utf-8")
     with pytest.raises(
         FileError, match=r"model.yaml:\d+: .*, or write the file anew with: hil identify"
     ) as refused:

@@ -1,1 +1,0 @@
-"""Mistakes in what robot and drives files state, found as other readings of the recordings."""

@@ -1,0 +1,72 @@
+"""What recordings prove of all that may be wrong, as a table: found, excluded, invisible."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.results.rounding import significant
+from hil.results.tables.table import Column, Part, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.estimation.excluded.result import Excluded, Limit
+    from hil.results.tables.table import Row
+
+NEVER = "-"
+"""In place of a size, where none would show."""
+
+
+def excluded(proof: Excluded, n_joints: int) -> Table:
+    """Of each cause the smallest size that these recordings would show, axis by axis."""
+    axes = [Column(f"axis {axis}", "right") for axis in range(1, n_joints + 1)]
+    return Table(
+        title="What these recordings exclude",
+        columns=(Column("cause beyond"), Column("unit"), *axes, Column("worth, %", "right")),
+        parts=(Part(tuple(_rows(proof.limits, n_joints))),),
+        explanation=(
+            f"Sizes that would be found with a probability of 80 %, in {proof.tests} tests that"
+            " find anything with 5 % where nothing is wrong, and the torque that such a size makes"
+            f" at most. {NEVER}: never shows. In brackets: shows in sizes alone that are larger"
+            " than is usual."
+        ),
+    )
+
+
+def _rows(limits: Sequence[Limit], n_joints: int) -> Iterator[Row]:
+    for cause, part in dict.fromkeys((each.cause, each.part) for each in limits):
+        own = [each for each in limits if (each.cause, each.part) == (cause, part)]
+        name, units = f"{cause} {part}".strip(), dict.fromkeys(each.unit for each in own)
+        cells = [
+            _cell([each for each in own if each.axis == axis]) for axis in range(1, n_joints + 1)
+        ]
+        if not own[0].axis:
+            cells = [_cell(own), *[""] * (n_joints - 1)]
+        shown = [each.torque * each.size for each in own if each.size is not None]
+        worth = significant(100 * max(shown), 2) if shown else NEVER
+        yield (name, " or ".join(units), *cells, worth)
+
+
+def _cell(limits: Sequence[Limit]) -> str:
+    """Size of the one that is hardest to see; of a torque that repeats, over all orders."""
+    if not limits:
+        return ""
+    sizes = [each.size for each in limits if each.size is not None]
+    if len(sizes) < len(limits):
+        return NEVER
+    text = significant(max(sizes), 2)
+    return text if all(each.visible for each in limits) else f"({text})"
+
+
+def sentences(proof: Excluded) -> Iterator[str]:
+    """What was found, and what is invisible."""
+    for cause in proof.found:
+        yield f"found: {cause}"
+    if hidden := proof.invisible:
+        worst = max(hidden, key=lambda each: each.worth)
+        where = f" of axis {worst.axis}" if worst.axis else ""
+        names = ", ".join(dict.fromkeys(each.cause for each in hidden))
+        yield (
+            f"invisible in the size that is usual of it: {names}; most is worth the {worst.cause}"
+            f"{where}, {significant(100 * worst.worth, 2)} % of its torque"
+        )

@@ -1,0 +1,185 @@
+"""A cause of error is found with its axis and its size; what would not show is stated."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import arm, recorded
+
+from hil.estimation.excluded.finding import proved
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import Robot, parse_robot
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from free_run import FreeRecorded
+    from numpy.typing import NDArray
+
+    from hil.estimation.excluded.result import Found
+
+    Array = NDArray[np.float64]
+    Change = Callable[[Array, Array, Array], None]
+
+TRUTH = {"Izz1": 6.0, "sx1": 8.0, "Izz2": 1.2, "sx2": 2.0}
+"""Of an arm whose centres of mass are on its links' own axes."""
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return parse_robot(arm().text.replace("  - sy\n", ""), "arm.yaml")
+
+
+@pytest.fixture(scope="module")
+def good(robot: Robot) -> FreeRecorded:
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    return recorded(robot, p, n=3, duration=12.0)
+
+
+def changed(data: FreeRecorded, change: Change) -> FreeRecorded:
+    """The recordings with another q and tau; `change` sees the time since the first began, too."""
+    found = []
+    for number, (motion, recording) in enumerate(data):
+        q, tau = recording.q.copy(), recording.tau.copy()
+        time = recording.time + 20.0 * number
+        change(q, tau, time)
+        found.append((motion, replace(recording, q=q, tau=tau, time=time)))
+    return found
+
+
+def position_sign(q: Array, _tau: Array, _time: Array) -> None:
+    q[:, 1] *= -1
+
+
+def torque_sign(_q: Array, tau: Array, _time: Array) -> None:
+    tau[:, 0] *= -1
+
+
+def direction(q: Array, tau: Array, _time: Array) -> None:
+    q[:, 1] *= -1
+    tau[:, 1] *= -1
+
+
+def exchange(q: Array, tau: Array, _time: Array) -> None:
+    for x in (q, tau):
+        x[:] = x[:, ::-1].copy()
+
+
+def zero(q: Array, _tau: Array, _time: Array) -> None:
+    q[:, 1] -= np.radians(20.0)
+
+
+def constant(_q: Array, tau: Array, _time: Array) -> None:
+    tau[:, 1] /= 1.3
+
+
+def gear(q: Array, tau: Array, _time: Array) -> None:
+    q[:, 0] *= 0.5
+    tau[:, 0] /= 0.5
+
+
+def slip(q: Array, _tau: Array, time: Array) -> None:
+    q[time > 19.0, 1] -= np.radians(10.0)
+
+
+def drifting(_q: Array, tau: Array, time: Array) -> None:
+    tau[:, 1] *= 1.0 - 0.05 * time / 50.0
+
+
+def spring(q: Array, tau: Array, _time: Array) -> None:
+    tau[:, 1] += 10.0 * q[:, 1]
+
+
+def meshing(q: Array, tau: Array, _time: Array) -> None:
+    tau[:, 1] += 3.0 * np.sin(12 * q[:, 1] + 0.5)
+
+
+def limit(_q: Array, tau: Array, _time: Array) -> None:
+    np.clip(tau[:, 0], -60.0, 60.0, out=tau[:, 0])
+
+
+def found_in(robot: Robot, data: FreeRecorded) -> tuple[Found, ...]:
+    proof = proved(robot, data)
+    assert proof is not None
+    return proof.found
+
+
+def test_nothing_is_found_where_nothing_is_wrong(robot: Robot, good: FreeRecorded) -> None:
+    assert found_in(robot, good) == ()
+
+
+def test_noise_is_no_cause(robot: Robot, good: FreeRecorded) -> None:
+    rng = np.random.default_rng(4)
+    loud = changed(good, lambda _q, tau, _t: tau.__iadd__(rng.normal(scale=3.0, size=tau.shape)))
+    assert found_in(robot, loud) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "cause", "axes", "words"),
+    [
+        (position_sign, "wrong sign of a position", (2,), "position has the wrong sign"),
+        (torque_sign, "wrong sign of a torque", (1,), "torque has the wrong sign"),
+        (direction, "wrong direction of an axis", (2,), "counts the other way round"),
+        (exchange, "two axes exchanged", (1, 2), "each has the recordings of the other"),
+        (constant, "torque constant", (2,), r"greater by (2|3)\d\.?\d* ± \d"),
+        (gear, "gear ratio", (1,), r"greater by -(49|5\d)"),
+        (slip, "slip", (2,), r"slipped by -?(9|1\d)\.?\d* ± "),
+        (drifting, "drift of torque constant", (2,), "its torques grow by"),
+        (spring, "spring", (2,), r"grows with its position by (9|10)\.?\d* ± 0\.\d+ N m/rad"),
+        (meshing, "repeats", (2,), r"of (2\.9|3)\.?\d* ± 0\.\d+ N m, 12 times a turn"),
+        (limit, "torque at its limit", (1,), "one and the same greatest torque, 60 N m"),
+    ],
+)
+def test_a_cause_is_found_with_axis_and_size(
+    robot: Robot,
+    good: FreeRecorded,
+    change: Change,
+    cause: str,
+    axes: tuple[int, ...],
+    words: str,
+) -> None:
+    first, *_ = found_in(robot, changed(good, change))
+    assert (first.cause, first.axes) == (cause, axes)
+    assert re.search(words, first.detail), first.detail
+    assert first.remedy
+
+
+def test_a_zero_that_a_load_explains_as_well_comes_with_it_and_homing_is_not_advised(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    # a first moment across the last link, which the robot file leaves out, turns gravity as well
+    first, *_ = found_in(robot, changed(good, zero))
+    assert (first.cause, first.axes) == ("load", (2,))
+    assert re.search(
+        r"a load on it.*; or axis 2: its zero is off by (19|20)\.?\d* ± 0\.\d+ degrees.*: the same"
+        " in these data",
+        str(first),
+    )
+    assert "home" not in first.remedy
+
+
+def test_gravity_that_comes_from_elsewhere_is_found(robot: Robot, good: FreeRecorded) -> None:
+    leaning = robot.text.replace("- -9.81\n- 0.0", "- -4.905\n- -8.496")
+    assert leaning != robot.text
+    first, *_ = found_in(parse_robot(leaning, "leaning.yaml"), good)
+    assert first.cause == "gravity"
+    assert re.search(r"off by -?(58|59|60|61)\.?\d* ± ", first.detail), first.detail
+
+
+@pytest.mark.parametrize("key", ["acceleration_limit", r"\w+_limit"])
+def test_a_robot_of_unknown_limits_is_judged_by_what_was_reached(
+    robot: Robot, good: FreeRecorded, key: str
+) -> None:
+    without = parse_robot(re.sub(rf"({key}): .*", r"\1: unknown", robot.text), "arm.yaml")
+    assert not np.isfinite(without.acceleration_limit).any()
+    assert found_in(without, good) == ()
+    for change, cause in (
+        (torque_sign, "wrong sign of a torque"), (zero, "load"), (gear, "gear ratio"),
+        (slip, "slip"),
+    ):  # fmt: skip
+        first, *_ = found_in(without, changed(good, change))
+        assert first.cause == cause  # a zero of the last axis is the same as a load
