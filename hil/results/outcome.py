@@ -56,7 +56,9 @@ def _found(model: Model) -> Iterator[Reservation]:
     for cause in model.excluded.found if model.excluded else ():
         moved, harmless = _moved(model, cause)
         unknown = cause.change is None and cause.left < HALF
-        spoilt = CAUSES[cause.cause].whole or unknown or moved > TOLERANCE
+        # a torque that repeats is no wrong statement: base parameters are those of the rest
+        stated = cause.cause != "repeats"
+        spoilt = CAUSES[cause.cause].whole or (stated and (unknown or moved > TOLERANCE))
         if spoilt or not harmless:
             yield (failed if spoilt else doubtful)(str(cause), cause.remedy)
 
