@@ -50,6 +50,7 @@ OWN = {
     ),
     "trajectory": (
         "planning/trajectory.py",
+        "planning/lag.py",
         "planning/design/trajectories.py",
         "measuring/streaming.py",
         "measuring/feeding.py",
