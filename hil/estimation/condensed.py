@@ -120,9 +120,6 @@ class Stacked:
         Of the samples in the measurement's signals.
     time : float
         Mean of the samples' [s].
-    noise : ndarray, shape (n_joints, m, m)
-        What each encoder's step adds to inner products of torques and X of these samples, on
-        average, were the position that it reads not controlled by it.
     """
 
     axis: int
@@ -133,7 +130,6 @@ class Stacked:
     each: int
     index: NDArray[np.intp]
     time: float
-    noise: Array | None = None
 
     def loaded(self, load: Array) -> Stacked:
         """The same with the columns of load-dependent friction.
@@ -201,11 +197,10 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
         torques = np.column_stack([s.tau[:, axis] - motors[:, axis], motors[:, axis]])
         return torques, s.usable(robot, axis)
 
-    found = stack_axes(robot, s, measurement.moved, part)
-    return [[replace(each, noise=_of_steps(robot, s, each)) for each in axes] for axes in found]
+    return stack_axes(robot, s, measurement.moved, part)
 
 
-def _of_steps(robot: Robot, s: Signals, stacked: Stacked) -> Array:
+def of_steps(robot: Robot, s: Signals, stacked: Stacked) -> Array:
     """What the step of each encoder adds to inner products of torques and X, on average.
 
     A position that is read in steps d errs by d^2 / 12 (variance), from sample to sample anew, and

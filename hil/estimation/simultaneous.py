@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.condensed import ROTOR, condensed_blocks, stack
+from hil.estimation.condensed import ROTOR, condensed_blocks, of_steps, stack
 from hil.estimation.drive_train import LoadFriction
 from hil.friction.equation import COMMON, LOAD, place
 from hil.least_squares.layout import embedded
@@ -174,12 +174,12 @@ class SimultaneousFit:
         so it is any from 0 to 1: half is taken off, with the variance 1/12 of the share.
         """
         sides = np.zeros((len(self.information), self._n_joints))
-        for _, axes in self.stacked:
+        for s, axes in self.stacked:
             for each in axes:
                 at = place(self._robot, each.axis)
                 around = np.concatenate([[1.0, 0.0], -self.solution[at]])
                 weight = self.weight[each.axis] * each.each
-                sides[at] -= weight * (each.noise @ around)[:, 2:].T
+                sides[at] -= weight * (of_steps(self._robot, s, each) @ around)[:, 2:].T
         effect = self._moved_by(sides)
         return effect.sum(axis=1) / 2, effect @ effect.T / 12
 
