@@ -13,6 +13,7 @@ from hil.estimation.free_motion.choice import without_choice
 from hil.estimation.free_motion.description import (
     Residuals,
     axis_friction,
+    compliances,
     coupled_friction,
     dead_zone,
     driving_axes,
@@ -147,5 +148,6 @@ def estimate_from(robot: Robot, name: str, solver: FreeSolver, gathered: Gathere
             remarks=remarks(robot, products, solution, found, plain.condition, left.torque),
             gains=found_gains(robot, scaling, fit),
             lag=torque_lags(gathered),
+            compliance=compliances(robot, processing.soft, fit),
         ),
     )

@@ -191,10 +191,19 @@ class Search:
             state = self.converged(state)
         return state
 
-    def errors_of_lags(self, state: State, covariance: Covariance, most: int | None) -> Array:
-        """Standard errors of all lags [s]; 0 where none is unknown."""
+    def values(
+        self, what: str, state: State, covariance: Covariance, most: int | None
+    ) -> tuple[Array, Array]:
+        """Lags [s] of `late` axes or compliances [rad/(N m)] of `soft` ones, and their errors.
+
+        Both are 0 where none is unknown.
+        """
         fit = self.regression(state).fit(covariance, most=most)
-        return np.asarray(np.sqrt(self.lags_of(np.diag(fit.covariance)).clip(0.0)))
+        error = np.sqrt(np.diag(fit.covariance).clip(0.0))
+        if what == "late":
+            return state.lag, self.lags_of(error)
+        gears = [fit.layout.at(_SOFT.format(axis + 1)) for axis in range(fit.layout.n_channels)]
+        return STEP * fit.x[gears], STEP * error[gears]
 
     def lags_of(self, x: Array) -> Array:
         """What stands at the lags among all unknowns, shape (n_joints,)."""
@@ -236,6 +245,12 @@ class Search:
         """State with a lag of one more axis; None where it is beyond all that is looked for."""
         found = self.converged(state.with_one("late", axis))
         return found if self._bounds[0] < found.lag[axis] < self._bounds[1] else None
+
+    def with_soft(self, state: State, axis: int) -> State | None:
+        """State with one more gear that gives way; None where it would stiffen with the torque."""
+        found = self.converged(state.with_one("soft", axis))
+        fit = self.regression(found, total=True)
+        return found if fit.solution[fit.layout.at(_SOFT.format(axis + 1))] > 0 else None
 
     def with_distance(self, state: State, axis: int) -> State | None:
         """State with the presliding distance of one axis that fits best.

@@ -160,6 +160,8 @@ class ModelFit:
         if estimate.free is not None:
             for axis, lag in enumerate(estimate.free.lag, start=1):
                 found[f"axis {axis} lag"] = lag.value, lag.standard_error
+            for axis, soft in estimate.free.compliance.items():
+                found[f"axis {axis} compliance"] = soft.value, soft.standard_error
             for gain in estimate.free.gains:
                 found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
         return found

@@ -14,7 +14,9 @@ import numpy as np
 from scipy import special
 
 from hil.errors import Mismatch, NotEnoughData
+from hil.estimation.free_motion.columns import soft_gears
 from hil.estimation.free_motion.motion import Processing, filtered_motion
+from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hil.arrays import Array
+    from hil.estimation.free_motion.motion import Motion
     from hil.friction.direction import Direction
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
@@ -120,7 +123,8 @@ class Along(NamedTuple):
     """A recording as a model takes it: torque at n samples that can be used, motion at all m.
 
     `used` and `passed` bring columns from shape (m, ...) to (n, ...), as they are or after the
-    low-pass; friction acts in `directions`, by default in that of each axis's velocity.
+    low-pass; friction acts in `directions`, by default in that of each axis's velocity; gears that
+    give way add `gears` to the torque.
     """
 
     time: Array
@@ -131,6 +135,7 @@ class Along(NamedTuple):
     used: Callable[[Array], Array]
     passed: Callable[[Array], Array]
     directions: tuple[Direction, ...] | None = None
+    gears: Array | None = None
 
 
 def along(model: Model, recording: Recording) -> Along:
@@ -157,7 +162,17 @@ def along(model: Model, recording: Recording) -> Along:
     return Along(
         coarse(recording.time[:: rates.fine]), motion.q, motion.qd, motion.qdd, motion.tau[used],
         coarse, lambda x: motion.passed(x)[: len(used)][used], motion.directions,
+        _of_soft_gears(model, motion),
     )  # fmt: skip
+
+
+def _of_soft_gears(model: Model, motion: Motion) -> Array | None:
+    """Torque by which gears that give way change that of rigid ones; None where all are rigid."""
+    if model.friction is None or not model.friction.compliance:
+        return None
+    columns = soft_gears(model.robot, motion, model.values, motion.processing.soft)
+    found = [each.value / STEP for each in model.friction.compliance.values()]
+    return np.asarray(columns @ np.array(found))
 
 
 def predict_recording(model: Model, recording: Recording, name: str = "") -> PredictedTorque:
@@ -183,7 +198,8 @@ def predict_recording(model: Model, recording: Recording, name: str = "") -> Pre
     A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
     rigid = A @ model.values
     torque = rigid + _friction(model, motion, rigid)
-    predicted = motion.passed(torque + motor_torque(model.robot, motion.q, motion.qd, motion.qdd))
+    torque += motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
+    predicted = motion.passed(torque if motion.gears is None else torque + motion.gears)
     error = motion.used(_parameter_error(model, motion, A))
     return PredictedTorque(
         measurement=name,
@@ -211,6 +227,8 @@ def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
         "rotors": motor_torque(robot, q, qd, qdd),
         "friction": still if model.friction_law is None else _friction(model, motion, rigid),
     }
+    if motion.gears is not None:
+        parts["gears"] = motion.gears
     parts = {name: motion.passed(part) for name, part in parts.items()}
     left = motion.measured - np.sum(list(parts.values()), axis=0)
     return {"time": motion.time, **parts, "measured": motion.measured, "left": left}
@@ -280,7 +298,9 @@ def processing_of(model: Model) -> Processing:
     speed = np.array([law.speed for law in model.friction.axes])
     presliding = np.array([law.presliding for law in model.friction.axes])
     lag = np.array([each.value for each in model.friction.lag] or [0.0] * len(speed))
-    return Processing(model.friction.cut_off, model.friction.band, speed, taken, presliding, lag)
+    soft = tuple(axis - 1 for axis in model.friction.compliance)
+    low_pass = model.friction.cut_off, model.friction.band
+    return Processing(*low_pass, speed, taken, presliding, lag, soft)
 
 
 def _rms(x: Array) -> Array:

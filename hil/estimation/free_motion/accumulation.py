@@ -25,7 +25,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.condensed import ROTOR
-from hil.estimation.free_motion.columns import axis_columns, shared_names
+from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_gears
 from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.normal_equations import successive
@@ -74,8 +74,8 @@ class Division:
 class Products:
     """Inner products of all columns.
 
-    Shared columns are base parameters, coupled motors' friction and what was added, the own ones
-    those of friction, `COLUMNS`.
+    Shared columns are base parameters, coupled motors' friction, compliances of soft gears and what
+    was added, the own ones those of friction, `COLUMNS`.
 
     Attributes
     ----------
@@ -189,6 +189,7 @@ def recorded_products(
     terms: tuple[str, ...] = COLUMNS,
     *,
     instruments: bool = False,
+    soft: tuple[int, ...] = (),
 ) -> Products:
     """Condense motions, the signal as it was recorded.
 
@@ -202,13 +203,15 @@ def recorded_products(
         Of friction, in the order of `COLUMNS`.
     instruments : bool
         Whether products of one half of the samples with the other are wanted.
+    soft : tuple of int
+        Axes, from 0, whose gears give way.
 
     Raises
     ------
     NotEnoughData
         All recordings are shorter than the filter's reach.
     """
-    shared = (*shared_names(robot), ROTOR)
+    shared = (*shared_names(robot, soft), ROTOR)
     m = 1 + len(shared) + len(terms)
     cells = _Groups.empty(len(divided.states), robot.n_joints, m)
     pieces: list[_Groups] = []
@@ -222,15 +225,16 @@ def recorded_products(
         time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
         states = divided.cells(motion)[motion.used] if len(divided.states) else None
         speeds = np.digitize(motion.slowest[motion.used], SPEEDS)
+        gears = soft_gears(robot, motion, first, soft)
         for axis in range(robot.n_joints):
-            rows = _stacked(robot, motion, axis, first, motion.tau, terms)[motion.used]
+            rows = _stacked(robot, motion, axis, first, motion.tau, terms, gears)[motion.used]
             own.add(axis, rows, time, speeds[:, axis])
             if states is not None:
                 cells.add(axis, rows, states, speeds[:, axis])
         pieces.append(own)
         origin += [number] * len(parts)
         if instruments:
-            crossed.append(_crossed(robot, motion, parts, first, terms))
+            crossed.append(_crossed(robot, motion, parts, first, terms, soft))
     if not pieces:
         raise _too_short(motion.processing)
     columns = shared, terms
@@ -294,21 +298,34 @@ class _Groups:
 
 
 def _crossed(
-    robot: Robot, motion: Motion, parts: Sequence[slice], first: Array, terms: tuple[str, ...]
+    robot: Robot,
+    motion: Motion,
+    parts: Sequence[slice],
+    first: Array,
+    terms: tuple[str, ...],
+    soft: tuple[int, ...],
 ) -> Array:
     """Products of one half of the samples with the other, shape (n_parts, n_joints, m, m)."""
-    half, other = (motion.half(k) for k in (1, 2))
+    halves = [(each, soft_gears(robot, each, first, soft)) for each in map(motion.half, (1, 2))]
     found = []
     for axis in range(robot.n_joints):
-        W, Z = (_stacked(robot, each, axis, first, motion.tau, terms) for each in (half, other))
+        W, Z = (
+            _stacked(robot, half, axis, first, motion.tau, terms, gears) for half, gears in halves
+        )
         found.append(np.array([Z[part].T @ W[part] for part in parts]))
     return np.stack(found, axis=1)
 
 
 def _stacked(
-    robot: Robot, motion: Motion, axis: int, first: Array, y: Array, terms: tuple[str, ...]
+    robot: Robot,
+    motion: Motion,
+    axis: int,
+    first: Array,
+    y: Array,
+    terms: tuple[str, ...],
+    gears: Array,
 ) -> Array:
-    columns = motion.passed(axis_columns(robot, motion, axis, first, terms))
+    columns = motion.passed(axis_columns(robot, motion, axis, first, terms, gears))
     return np.hstack([y[: len(columns), axis, np.newaxis], columns[: len(y)]])
 
 

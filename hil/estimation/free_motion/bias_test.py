@@ -52,6 +52,7 @@ def bias_test(
             # unknown gains are linearised about a torque of all terms
             COLUMNS if scaling.unknown else terms,
             instruments=True,
+            soft=processing.soft,
         )
     )
     if products.instruments is None or products.n_pieces < FEW_BLOCKS:

@@ -7,6 +7,7 @@ Every sample of an axis i says
 with the torque Qm of rotors whose inertia the robot file states. Friction F of an axis is in
 `hil.friction.terms`. A motor that turns with two joints has friction in its own velocity, c_1
 (viscous) and c_2 (Coulomb), which both joints feel: the unknowns c are shared by all axes as p is.
+So are the compliances of gears that give way (`hil.estimation.nuisances`).
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.motion import low_passed
+from hil.estimation.nuisances import compliance_names, gear_columns
 from hil.friction.terms import COLUMNS, coupled_friction, friction_columns, motor_angle
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import regressor
+from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
@@ -37,13 +40,36 @@ def coupled_names(robot: Robot) -> tuple[tuple[str, str], ...]:
     return tuple((f"{name} viscous", f"{name} Coulomb") for name in motors)
 
 
-def shared_names(robot: Robot) -> tuple[str, ...]:
-    """Unknowns that all axes share: base parameters, then two of each coupled motor's friction."""
-    return base_parameters(robot).names + tuple(n for pair in coupled_names(robot) for n in pair)
+def shared_names(robot: Robot, soft: Sequence[int] = ()) -> tuple[str, ...]:
+    """Unknowns that all axes share: base parameters, two of each coupled motor, compliances."""
+    coupled, gears = coupled_names(robot), compliance_names(robot)
+    rigid = base_parameters(robot).names + tuple(n for pair in coupled for n in pair)
+    return rigid + tuple(gears[axis] for axis in soft)
+
+
+def soft_gears(robot: Robot, motion: Motion, p: Array, soft: Sequence[int]) -> Array:
+    """Torque of each axis by a compliance `STEP` of each soft gear, shape (n, n_joints, n_soft).
+
+    Parameters
+    ----------
+    p : ndarray, shape (n_base,)
+        Base parameters, by which the torques are calculated that gears transmit.
+    """
+    state = motion.q, motion.qd, motion.qdd
+    if not soft:
+        return np.zeros((*motion.q.shape, 0))
+    load = inverse_dynamics(robot, p, *state)
+    twist = low_passed(load, motion.period, motion.processing.cut_off, derivatives=2)
+    return gear_columns(robot, p, state, twist)[:, :, list(soft)]
 
 
 def axis_columns(
-    robot: Robot, motion: Motion, axis: int, first: Array, terms: Sequence[str] = COLUMNS
+    robot: Robot,
+    motion: Motion,
+    axis: int,
+    first: Array,
+    terms: Sequence[str] = COLUMNS,
+    gears: Array | None = None,
 ) -> Array:
     """All columns of one axis, at the motion's samples, shape (n, n_shared + 1 + n_terms).
 
@@ -56,6 +82,8 @@ def axis_columns(
         term of friction, so it need not be good.
     terms : sequence of str
         Of friction.
+    gears : ndarray, shape (n, n_joints, n_soft), optional
+        As of `soft_gears`.
     """
     q, qd = motion.q, motion.qd
     rows = regressor(robot, q, qd, motion.qdd, joints=[axis])[:, 0]
@@ -68,7 +96,8 @@ def axis_columns(
         terms=terms,
     )
     rotor = rotor_torque(robot, motion, axis)[:, np.newaxis]
-    return np.hstack([rows, coupled_friction(robot, qd, axis), rotor, friction])
+    soft = q[:, :0] if gears is None else gears[:, axis]
+    return np.hstack([rows, coupled_friction(robot, qd, axis), soft, rotor, friction])
 
 
 def rotor_torque(robot: Robot, motion: Motion, axis: int) -> Array:

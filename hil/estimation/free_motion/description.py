@@ -16,6 +16,7 @@ from hil.estimation.free_motion.result import (
     POOR,
     LagValue,
 )
+from hil.estimation.nuisances import STEP, compliance_names
 from hil.friction.direction import Direction
 from hil.friction.law import AxisLaw, CoupledFriction, OneWay, TermValue
 from hil.friction.terms import BENT, CLASSICAL, LAWS, friction_columns
@@ -96,6 +97,15 @@ def torque_lags(gathered: Gathered) -> tuple[LagValue, ...]:
     """Lag of each axis's torque."""
     both = zip(gathered.processing.lag, gathered.lag_error, strict=True)
     return tuple(LagValue(value=float(lag), standard_error=float(error)) for lag, error in both)
+
+
+def compliances(robot: Robot, soft: Sequence[int], fit: Fit) -> dict[int, TermValue]:
+    """Compliances of the gears that give way, by axis from 1."""
+    places = {axis + 1: fit.layout.at(compliance_names(robot)[axis]) for axis in soft}
+    return {
+        axis: TermValue.estimated(STEP * fit.x[k], STEP**2 * fit.covariance[k, k])
+        for axis, k in places.items()
+    }
 
 
 def coupled_friction(robot: Robot, fit: Fit) -> tuple[CoupledFriction, ...]:

@@ -155,6 +155,7 @@ def gather(
         divided,
         first,
         instruments=variant.solver == "instrumental",
+        soft=processing.soft,
     )
     scaling = first_scaling(robot, condensed.pieces[0].total, unknown)
     products = scaling.applied(condensed)
@@ -245,10 +246,16 @@ def _first_estimate(
     Friction needs to know the transmitted torque.
     """
     n_base = len(base_parameters(robot))
-    divided = division(stretches[0].processing, found.duration)
-    recorded = recorded_products(robot, stretches, divided, np.zeros(n_base), (*CLASSICAL, BENT))
-    total, unknown = recorded.pieces[0].total, found.unknown_gains
-    while open_scale and (lost := open_gains(total, unknown)):
-        unknown = tuple(axis for axis in unknown if axis != lost[0])
-    scaled = first_scaling(robot, total, unknown).applied(total)
-    return usual(scaled).solution[:n_base], unknown
+    processing, first = stretches[0].processing, np.zeros(n_base)
+    divided, unknown = division(processing, found.duration), found.unknown_gains
+    # what gears transmit comes from a solution that takes them for rigid
+    for soft in dict.fromkeys(((), processing.soft)):
+        recorded = recorded_products(
+            robot, stretches, divided, first, (*CLASSICAL, BENT), soft=soft
+        )
+        total = recorded.pieces[0].total
+        while open_scale and (lost := open_gains(total, unknown)):
+            unknown = tuple(axis for axis in unknown if axis != lost[0])
+        scaled = first_scaling(robot, total, unknown).applied(total)
+        first = usual(scaled).solution[:n_base]
+    return first, unknown

@@ -164,6 +164,8 @@ class Processing:
         Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
     lag : ndarray, shape (n_joints,)
         By which the recorded torque comes after the position [s]; taken back.
+    soft : tuple of int
+        Axes, from 0, whose gears give way.
     """
 
     cut_off: float
@@ -172,6 +174,7 @@ class Processing:
     recorded_velocity: Mask
     presliding: Array
     lag: Array
+    soft: tuple[int, ...] = ()
 
     def spoilt(self, period: float) -> int:
         """Samples every `period` [s] at either end that reflected ones have reached."""

@@ -1,4 +1,4 @@
-"""Lags of torques and presliding of free motions, found beside all terms of friction.
+"""Lags of torques, soft gears and presliding of free motions, found beside all terms of friction.
 
 What they are, and how blocks follow them, is in `hil.estimation.nuisances`. What lies between two
 presliding distances is left to the column of how the direction bends with the distance, which the
@@ -8,9 +8,12 @@ Beside a law of friction that is too poor, either makes up for what the law lack
 an arm without any lag, lags of -1.9 and -4.4 ms were found beside Coulomb's friction at all speeds,
 and torques of its bodies 1.1 % off; beside all terms and above the least dead zone, 0.4 ± 0.4 ms.
 So a lag is looked for on fast samples, where friction after a reversal cannot be taken for it, and
-then presliding, with lags taken back, on all samples, where it shows. Both are admitted one axis
-after the other: that which predicts held-out blocks best, if it does so certainly better than
-without it (`hil.least_squares.choice`), all that was admitted being found anew with it.
+then soft gears, after which lags are looked for anew, since either looks like the other, and then
+presliding, with lags taken back, on all samples, where it shows. All are admitted one axis after
+the other: that which predicts held-out blocks best, if it does so certainly better than without it
+(`hil.least_squares.choice`), all that was admitted being found anew with it. Once one gear is
+admitted, all may give way, and those stay that certainly do: one that is taken as rigid would make
+others seem softer than they are.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ import numpy as np
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.accumulation import SPEEDS, division, recorded_products
 from hil.estimation.free_motion.choice import dead_zone_of, usual
-from hil.estimation.free_motion.columns import axis_columns, shared_names
+from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_gears
 from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.nuisances import AROUND, Search, State, over_names, shift_names
@@ -51,7 +54,8 @@ SHIFTS = 8.0
 """Condensed shifts of the torque in a period of the cut-off frequency: six of them interpolate the
 torque at it within 1e-4."""
 SURE = 3.0
-"""Standard errors that a lag is at least: every axis is tried, and soft gears look like one."""
+"""Standard errors that a lag or a compliance is at least: every axis is tried, and each looks like
+the other."""
 DISTANCES = 2.0 ** np.arange(-15.0, -9.75, 0.5)
 """Presliding distances that are tried, as ways at the axis's speed [s]: gears and bearings turn
 round within 1e-5 to 1e-3 rad (twins of seven robots: 5e-5 to 3e-4 s). Over less, friction turns
@@ -67,7 +71,7 @@ class Nuisances:
     Attributes
     ----------
     processing : Processing
-        With lags and presliding distances.
+        With lags, soft gears and presliding distances.
     lag_error : ndarray, shape (n_joints,)
         Standard errors of the lags [s]; 0 where there is none.
     plain : ndarray, shape (n_joints,), optional
@@ -83,14 +87,14 @@ class Nuisances:
 def find_nuisances(
     robot: Robot, found: Survey, processing: Processing, wanted: Collection[str] = NUISANCES
 ) -> Nuisances:
-    """Lags and presliding distances of every axis that moves.
+    """Lags, soft gears and presliding distances of every axis that moves.
 
-    Where gains are unknown there are neither.
+    Where gains are unknown there are none.
     """
     none = Nuisances(processing, np.zeros(robot.n_joints))
     motions = [filtered_motion(each, processing) for each in found.stretches]
     motions = [motion for motion in motions if motion.used.any()]
-    if found.unknown_gains or not motions or not {"lag", "presliding"} & set(wanted):
+    if found.unknown_gains or not motions or not set(wanted) - {"drift"}:
         return none
     first = np.zeros(len(base_parameters(robot)))
     divided = division(processing, found.duration)
@@ -102,42 +106,69 @@ def find_nuisances(
     most = min(MOST, SHARE / processing.band)
     first = plain.solution[: len(first)]
     times = _times(processing.band, most)
+    gears = tuple(range(robot.n_joints)) if "compliance" in wanted else ()
     whole, fast = (
         Search(each, times, (-most, most), DISTANCES)
-        for each in _condensed(robot, motions, first, slowest, times)
+        for each in _condensed(robot, motions, first, slowest, times, gears)
     )
     axes = [axis for axis in range(robot.n_joints) if axis not in found.still]
     state, error = State.of(robot.n_joints), none.lag_error
     if "lag" in wanted:
-        state, error = _lags(fast, fast.grown(state, axes, fast.with_lag))
+        state, error = _sure(fast, fast.grown(state, axes, fast.with_lag), "late")
+    if "compliance" in wanted:
+        state = _with_soft_gears(fast, state, axes)
+    if state.soft.any() and "lag" in wanted:
+        in_time = replace(State.of(robot.n_joints), soft=state.soft)
+        state, error = _sure(fast, fast.grown(in_time, axes, fast.with_lag), "late")
     if "presliding" in wanted:
         state = whole.grown(state, axes, whole.with_distance)
     distance = np.append(0.0, DISTANCES)[state.direction] * processing.speed
     return Nuisances(
-        replace(processing, lag=state.lag, presliding=distance),
+        replace(
+            processing,
+            lag=state.lag,
+            presliding=distance,
+            soft=tuple(np.flatnonzero(state.soft).tolist()),
+        ),
         error,
         plain.blocks.mean_squares(plain.solution) if distance.any() else None,
     )
 
 
-def _lags(search: Search, state: State) -> tuple[State, Array]:
-    """State with the lags that are sure, and their standard errors [s]."""
-    while state.late.any():
-        error = search.errors_of_lags(state, "jackknife", FOLDS)
-        size = np.where(state.late, np.abs(state.lag) / np.where(state.late, error, 1.0), np.inf)
+def _with_soft_gears(search: Search, state: State, axes: Sequence[int]) -> State:
+    """State with the gears that certainly give way, if one does."""
+    if not search.grown(state, axes, search.with_soft).soft.any():
+        return state
+    every = np.isin(np.arange(len(state.soft)), axes)
+    found, _ = _sure(search, replace(state, soft=every), "soft")
+    return found if found.soft.any() else state
+
+
+def _sure(search: Search, state: State, what: str) -> tuple[State, Array]:
+    """State with the `late` or `soft` axes that are sure, and the standard errors."""
+    while (held := getattr(state, what)).any():
+        value, error = search.values(what, state, "jackknife", FOLDS)
+        # a torque may come early, but no gear is stiffer than rigid
+        size = np.abs(value) if what == "late" else value
+        size = np.where(held, size / np.where(held, error, 1.0), np.inf)
         least = int(np.argmin(size))
         if size[least] > SURE:
             return state, error
-        state = search.converged(state.with_one("late", least, 0))
+        state = search.converged(state.with_one(what, least, 0))
     return state, np.zeros(len(state.lag))
 
 
 def _condensed(
-    robot: Robot, motions: Sequence[Motion], first: Array, slowest: int, times: Array
+    robot: Robot,
+    motions: Sequence[Motion],
+    first: Array,
+    slowest: int,
+    times: Array,
+    soft: tuple[int, ...],
 ) -> tuple[Blocks, Blocks]:
     """Torques at all shifts, columns, directions over all distances: all samples, and fast ones."""
     band, n = motions[0].processing.band, robot.n_joints
-    shared = (*shared_names(robot), ROTOR)
+    shared = (*shared_names(robot, soft), ROTOR)
     own = (*shift_names(times), *COLUMNS, *over_names(DISTANCES))
     m = 1 + len(shared) + len(own)
     duration = sum(int(motion.used.sum()) / _rate(motion) for motion in motions)
@@ -150,11 +181,13 @@ def _condensed(
         tau = np.stack(
             [low_passed(recorded, period, band, every, ahead=np.full(n, s))[0] for s in times]
         )
+        gears = soft_gears(robot, motion, first, soft)
         share, count = np.zeros((2, n_parts, n, m, m)), np.zeros((2, n_parts, n))
         for axis in range(n):
             ways = DISTANCES * motion.processing.speed[axis]
             z = np.column_stack([motion.direction_after(axis, way) for way in ways])
-            columns = motion.passed(np.hstack([axis_columns(robot, motion, axis, first), z]))
+            own_columns = axis_columns(robot, motion, axis, first, gears=gears)
+            columns = motion.passed(np.hstack([own_columns, z]))
             y = tau[:, : len(columns), axis].T
             k = len(shared)
             rows = np.hstack([y[:, :1], columns[:, :k], y[:, 1:], columns[:, k:]])

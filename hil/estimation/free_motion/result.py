@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import field_serializer
+from pydantic import Field, field_serializer
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.intervals import SIGNIFICANT
-from hil.friction.law import AxisLaw, CoupledFriction, FrictionLaw
+from hil.friction.law import AxisLaw, CoupledFriction, FrictionLaw, TermValue
 
 FEW_BLOCKS = 8
 """Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
@@ -112,6 +112,9 @@ class FreeMotionFit(FileModel):
     lag : tuple of LagValue
         Of each axis, taken back before anything was fitted and wherever the model predicts a
         recording; empty in models that were written without.
+    compliance : dict of str to TermValue
+        Of gears that give way, by axis from 1 [rad/(N m) or m/N], taken into account wherever the
+        model predicts a recording.
     """
 
     cut_off: float
@@ -134,6 +137,7 @@ class FreeMotionFit(FileModel):
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()
     lag: tuple[LagValue, ...] = ()
+    compliance: dict[int, TermValue] = Field(default_factory=dict)
 
     @property
     def law(self) -> FrictionLaw:

@@ -124,6 +124,12 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
                 f"torque of axis {axis} recorded {value} ± {error} ms after the position; the lag"
                 " is taken back, in residuals and predictions of recordings too"
             )
+    for axis, soft in fit.compliance.items():
+        value, error = uncertain(1e6 * soft.value, 1e6 * soft.standard_error)
+        yield (
+            f"gear of axis {axis} gives way by {value} ± {error} millionths of a rad/(N m) or m/N,"
+            " in residuals and predictions of recordings; model.torque has it rigid"
+        )
     for gain in fit.gains:
         value, error = uncertain(gain.value, gain.standard_error)
         yield (
