@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain, LoadFriction
-    from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.estimation.free_motion.result import FreeMotionFit, GainValue
     from hil.estimation.local_values import LocalValue
     from hil.friction.law import FrictionLaw
 
@@ -71,6 +71,8 @@ class Estimate:
         What matters to the estimate, or would if it were not taken into account.
     noise_covariance : ndarray, shape (n_base, n_base), optional
         What the covariance would be if the residuals were white noise.
+    gains : tuple of GainValue
+        That the maps of imports left unknown, found together with what was measured here.
     free : FreeMotionFit, optional
         Friction and settings, where free motions were identified.
     back_and_forth : BackAndForthFit, optional
@@ -110,6 +112,7 @@ class Estimate:
     friction_law: FrictionLaw | None = None
     torque_effect: Array | None = None
     usual_covariance: Array | None = None
+    gains: tuple[GainValue, ...] = ()
 
     @property
     def standard_error(self) -> Array:

@@ -5,8 +5,10 @@ Each kind becomes blocks in its own way: strokes and trajectories with friction 
 call for (`hil.estimation.free_motion`). Base parameters have the same names in both, so the blocks
 add up to one regression. Filters, rates and friction differ, so the torque of an axis is a channel
 of its own in each kind, with its own weight and its own friction; nothing but the base parameters
-passes from one to the other. How much a whole kind counts follows from leaving out its groups
-(`hil.least_squares.balance`). What lags, gives way and drifts is found in each kind by itself.
+passes from one to the other. Gains that the map of an import leaves unknown are found with all, by
+Gauss and Newton's method from where the parameters of the strokes have them. How much a whole kind
+counts follows from leaving out its groups (`hil.least_squares.balance`). What lags, gives way and
+drifts is found in each kind by itself.
 
 Errors are those of groups that are left out: measurements, periods, and pieces of the free motions.
 What laws of friction get wrong repeats with the motion; of the free motions cells of states show
@@ -20,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.free_motion.gathering import as_kinds, gather_rates
+from hil.estimation.free_motion.scaling import found_gains
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.friction.history import history
 from hil.estimation.identifiability import conditions
@@ -48,6 +51,11 @@ if TYPE_CHECKING:
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
 
+ROUNDS = 2
+"""Of Gauss and Newton's method for unknown gains: it squares the error of a first gain, which is a
+few percent beside parameters of strokes."""
+
+
 class _Kind:
     """Recordings of one kind, again and again."""
 
@@ -71,9 +79,15 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     raw, unusable = prepare(_Kind(recorded, imported=False))
     robot = with_reached_limits(robot, raw)
     measured = joint(robot, raw, options.nuisance)
-    imported = gather_rates(robot, _Kind(recorded, imported=True), VARIANTS[DEFAULT], options)
-    names = base_parameters(robot).names
-    both = balanced([Kind(measured.solver.regression), *as_kinds(imported)], names)
+    strokes, names = Kind(measured.solver.regression), base_parameters(robot).names
+    imported = gather_rates(
+        robot, _Kind(recorded, imported=True), VARIANTS[DEFAULT], options, measured.solver.solve()
+    )
+    unknown = any(each.scaling.unknown for each in imported)
+    for _ in range(ROUNDS if unknown else 0):
+        fit = balanced([strokes, *as_kinds(imported)], names).regression.fit("white")
+        imported = [each.rescaled(fit) for each in imported]
+    both = balanced([strokes, *as_kinds(imported)], names)
     fit = both.regression.fit(options.covariance, both.cells)
     n = len(names)
     p, covariance = fit.x[:n], fit.covariance[:n, :n]
@@ -88,6 +102,7 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
         estimate,
         drive_train=measured.drive_train,
         load_friction=measured.solver.load_friction,
+        gains=tuple(gain for each in imported for gain in found_gains(robot, each.scaling, fit)),
         n_measurements=len(raw) + sum(each.found.n_recordings for each in imported),
         friction_law=campaign_friction(robot, p, stacks, history(robot, raw)),
     )

@@ -162,8 +162,8 @@ class ModelFit:
                 found[f"axis {axis} lag"] = lag.value, lag.standard_error
             for axis, soft in estimate.free.compliance.items():
                 found[f"axis {axis} compliance"] = soft.value, soft.standard_error
-            for gain in estimate.free.gains:
-                found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
+        for gain in (*estimate.gains, *(estimate.free.gains if estimate.free else ())):
+            found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
         return found
 
     @property

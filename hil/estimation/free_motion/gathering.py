@@ -18,7 +18,15 @@ from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choi
 from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
-from hil.estimation.free_motion.scaling import first_scaling, open_gains, refined
+from hil.estimation.free_motion.scaling import (
+    Scaling,
+    around,
+    first_scaling,
+    gain_name,
+    open_gains,
+    refined,
+    scaling_beside,
+)
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import BLOCKS
 from hil.estimation.free_motion.survey import survey
@@ -35,11 +43,11 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.motion import Motion, Processing
-    from hil.estimation.free_motion.scaling import Scaling
     from hil.estimation.free_motion.settings import Reasons
     from hil.estimation.free_motion.survey import Survey
     from hil.estimation.free_motion.variants import Variant
     from hil.estimation.options import Options
+    from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
@@ -113,6 +121,13 @@ class Gathered:
         """Inner products of torques in SI, with columns of levels that change."""
         return self.drift.applied(self.scaling.applied(self.recorded))
 
+    def rescaled(self, fit: Fit) -> Gathered:
+        """The same with unknown gains as a fit has them, near which they are linearised anew."""
+        gains, unknown = self.scaling.gains.copy(), self.scaling.unknown
+        gains[list(unknown)] *= np.exp([fit.x[fit.layout.at(gain_name(k))] for k in unknown])
+        scaling = around(self.recorded, replace(self.scaling, gains=gains), self.choice)
+        return replace(self, scaling=scaling)
+
 
 def gather(
     robot: Robot,
@@ -121,6 +136,7 @@ def gather(
     options: Options = DEFAULTS,
     *,
     open_scale: bool = False,
+    p: Array | None = None,
 ) -> Gathered:
     """Condense recordings and choose what the data choose.
 
@@ -130,6 +146,9 @@ def gather(
         Law of friction, and nuisances that are looked for.
     open_scale : bool
         Whether a scale that unknown gains leave open is let stand, one gain of it held at 1.
+    p : ndarray, shape (n_base,), optional
+        Base parameters that recordings of other kinds have found, which fix the scale of unknown
+        gains; by default the free motions must.
 
     Raises
     ------
@@ -148,7 +167,11 @@ def gather(
     processing = nuisances.processing
     stretches = [filtered_motion(each, processing) for each in found.stretches]
     divided = division(processing, found.duration, stretches)
-    first, unknown = _first_estimate(robot, found, stretches, open_scale=open_scale)
+    beside = p if found.unknown_gains else None
+    if beside is None:
+        first, unknown = _first_estimate(robot, found, stretches, open_scale=open_scale)
+    else:
+        first, unknown = beside, found.unknown_gains
     condensed = recorded_products(
         robot,
         (filtered_motion(recording, processing) for _, recording in motions),
@@ -157,15 +180,21 @@ def gather(
         instruments=variant.solver == "instrumental",
         soft=processing.soft,
     )
-    scaling = first_scaling(robot, condensed.pieces[0].total, unknown)
-    products = scaling.applied(condensed)
+    total = condensed.pieces[0].total
+    if beside is None:
+        scaling = first_scaling(robot, total, unknown)
+        products = scaling.applied(condensed)
+    else:
+        scaling = scaling_beside(total, unknown, beside)
+        products = Scaling.known(scaling.gains).applied(condensed)
     laws = TRIED if options.friction == "auto" else (options.friction,)
     choice = (
         choose(products, laws, nuisances.plain)
         if chosen
         else without_choice(products, weighted=variant.weighted)
     )
-    scaling = refined(condensed, scaling, choice)
+    # beside others a scale that these recordings leave open is found with all (`rescaled`)
+    scaling = (refined if beside is None else around)(condensed, scaling, choice)
     drift = Drift.none(robot.n_joints)
     if chosen and not unknown and "drift" in options.nuisance:
         drift = find_drift(products, choice, found.duration)
@@ -190,6 +219,7 @@ def gather_rates(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
     variant: Variant,
     options: Options = DEFAULTS,
+    p: Array | None = None,
 ) -> list[Gathered]:
     """Condense recordings of each sampling rate by themselves, the fastest first.
 
@@ -197,7 +227,7 @@ def gather_rates(
     Parameters and errors are those of `gather`.
     """
     motions = FreeMotions(recorded)
-    return [gather(robot, each, variant, options) for each in _by_rate(motions)]
+    return [gather(robot, each, variant, options, p=p) for each in _by_rate(motions)]
 
 
 def _by_rate(motions: FreeMotions) -> list[Iterable[tuple[RecordedMotion, Recording]]]:

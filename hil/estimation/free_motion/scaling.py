@@ -171,6 +171,53 @@ def _converged(recorded: Blocks, unknown: tuple[int, ...], gains: Array) -> tupl
     return scaling, float(recorded.counts.sum(axis=0) @ misfit)
 
 
+def scaling_beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
+    """Gains of signals beside base parameters that others have found, which fix the scale.
+
+    What the model says of an axis is a column, whose coefficient is the reciprocal of the gain: the
+    noise is that of the signal.
+
+    Parameters
+    ----------
+    recorded : Blocks
+        All samples in one block.
+    p : ndarray, shape (n_base,)
+
+    Raises
+    ------
+    NotIdentifiable
+        A gain for which the parameters say nothing of the signal, or its reverse.
+    """
+    layout, base = recorded.layout, recorded.layout.shared[: len(p)]
+    torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
+    model = np.zeros_like(torque)
+    model[:, recorded.place(*base)] = p
+    model[:, 1 + layout.at(ROTOR)] = 1.0
+    columns = {gain_name(axis): np.zeros_like(torque) for axis in unknown}
+    for axis in unknown:
+        columns[gain_name(axis)][axis] = model[axis]
+    # axes of known gain say nothing of others
+    torque[[axis for axis in range(len(torque)) if axis not in unknown]] = 0.0
+    found = usual(recorded.recast(torque, columns, (*base, ROTOR)))
+    reciprocal = np.array([found.solution[found.layout.at(gain_name(axis))] for axis in unknown])
+    lost = [axis for axis, each in zip(unknown, reciprocal, strict=True) if not each > 0]
+    if lost:
+        raise NotIdentifiable(
+            f"{_gains_of(lost)} cannot be found: the parameters found beside say nothing of the"
+            f" signals, or their reverse; {REMEDY}"
+        )
+    gains = np.ones(recorded.n_channels)
+    gains[list(unknown)] = 1.0 / reciprocal
+    return Scaling(gains, unknown, usual(Scaling.known(gains).applied(recorded)).solution)
+
+
+def around(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
+    """The same gains, linearised about the solution with them by chosen laws of friction."""
+    whole = recorded.pieces[choice.slowest].total
+    known = choice.of(Scaling.known(scaling.gains).applied(whole))
+    return Scaling(scaling.gains, scaling.unknown, known.solution)
+
+
 def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
     """Gains by chosen laws of friction, with the choice's weights.
 

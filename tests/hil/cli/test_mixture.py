@@ -8,9 +8,12 @@ import numpy as np
 from free_run import write_free_run
 from small_run import write_run
 from trajectory_run import recorded, some_trajectory
+from twin_recordings import in_units
 
+from hil import regression
 from hil.planning.free_motion import FreeMotion
 from hil.results.model import Model
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,3 +44,22 @@ def test_strokes_and_an_import_are_one_identification(
     assert status == 0
     page = (first / "report.html").read_text()
     assert f"together with {csv}; as here" in page
+
+
+def test_unknown_gains_of_an_import_are_found_beside_strokes(
+    manutec: Robot, tmp_path: Path
+) -> None:
+    ((trajectory, recording),) = recorded(manutec, some_trajectory(manutec), noise=0.01)
+    duration = float(np.ptp(recording.time))
+    motion = FreeMotion(id="csv", q=trajectory.q, duration=duration, cycles=2, source="made")
+    truth = {axis: 10.0 * axis for axis in range(1, manutec.n_joints + 1)}
+    first, csv = tmp_path / "first", tmp_path / "csv"
+    write_run(first, manutec)
+    run = write_free_run(csv, manutec, in_units([(motion, recording)], truth))
+
+    found = regression(Run.open(first), run).fit()
+    alone = regression(run).fit()
+    for axis, gain in truth.items():
+        name = f"axis {axis} gain"
+        assert abs(found.params[name] - gain) < 4 * found.standard_errors[name]
+        assert found.standard_errors[name] < min(0.01 * gain, alone.standard_errors[name])
