@@ -25,7 +25,6 @@ from hil.estimation.free_motion.scaling import (
     gain_name,
     open_gains,
     refined,
-    scaling_beside,
 )
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import BLOCKS
@@ -168,10 +167,9 @@ def gather(
     stretches = [filtered_motion(each, processing) for each in found.stretches]
     divided = division(processing, found.duration, stretches)
     beside = p if found.unknown_gains else None
-    if beside is None:
+    first, unknown = beside, found.unknown_gains
+    if first is None:
         first, unknown = _first_estimate(robot, found, stretches, open_scale=open_scale)
-    else:
-        first, unknown = beside, found.unknown_gains
     condensed = recorded_products(
         robot,
         (filtered_motion(recording, processing) for _, recording in motions),
@@ -180,13 +178,8 @@ def gather(
         instruments=variant.solver == "instrumental",
         soft=processing.soft,
     )
-    total = condensed.pieces[0].total
-    if beside is None:
-        scaling = first_scaling(robot, total, unknown)
-        products = scaling.applied(condensed)
-    else:
-        scaling = scaling_beside(total, unknown, beside)
-        products = Scaling.known(scaling.gains).applied(condensed)
+    scaling = first_scaling(robot, condensed.pieces[0].total, unknown, beside)
+    products = (scaling if beside is None else Scaling.known(scaling.gains)).applied(condensed)
     laws = TRIED if options.friction == "auto" else (options.friction,)
     choice = (
         choose(products, laws, nuisances.plain)

@@ -135,13 +135,17 @@ def modelled(layout: Layout, x: Array, axis: int) -> Array:
     return np.concatenate([[0.0], whole[layout.place(axis)]])
 
 
-def first_scaling(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> Scaling:
+def first_scaling(
+    robot: Robot, recorded: Blocks, unknown: tuple[int, ...], p: Array | None = None
+) -> Scaling:
     """Gains by Coulomb's and viscous friction at all speeds.
 
     Parameters
     ----------
     recorded : Blocks
         All samples in one block.
+    p : ndarray, shape (n_base,), optional
+        Base parameters found from other recordings, which fix the scale.
 
     Raises
     ------
@@ -150,6 +154,8 @@ def first_scaling(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> S
     """
     if not unknown:
         return Scaling.known(np.ones(robot.n_joints))
+    if p is not None:
+        return _beside(recorded, unknown, p)
     require_scale(robot, recorded, unknown)
     of_usual_size = _of_usual_size(recorded, unknown)
     starts = of_usual_size, _by_linear_problem(recorded, unknown, of_usual_size)
@@ -171,22 +177,11 @@ def _converged(recorded: Blocks, unknown: tuple[int, ...], gains: Array) -> tupl
     return scaling, float(recorded.counts.sum(axis=0) @ misfit)
 
 
-def scaling_beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
+def _beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
     """Gains of signals beside base parameters that others have found, which fix the scale.
 
     What the model says of an axis is a column, whose coefficient is the reciprocal of the gain: the
     noise is that of the signal.
-
-    Parameters
-    ----------
-    recorded : Blocks
-        All samples in one block.
-    p : ndarray, shape (n_base,)
-
-    Raises
-    ------
-    NotIdentifiable
-        A gain for which the parameters say nothing of the signal, or its reverse.
     """
     layout, base = recorded.layout, recorded.layout.shared[: len(p)]
     torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
