@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.condensed import ROTOR
+from hil.estimation.drive_train import MOST_TWIST
 from hil.estimation.free_motion.accumulation import SPEEDS, division, recorded_products
 from hil.estimation.free_motion.choice import dead_zone_of, usual
 from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_gears
@@ -116,7 +117,7 @@ def find_nuisances(
     if "lag" in wanted:
         state, error = _sure(fast, fast.grown(state, axes, fast.with_lag), "late")
     if "compliance" in wanted:
-        state = _with_soft_gears(fast, state, axes)
+        state = _with_soft_gears(robot, fast, state, axes)
     if state.soft.any() and "lag" in wanted:
         in_time = replace(State.of(robot.n_joints), soft=state.soft)
         state, error = _sure(fast, fast.grown(in_time, axes, fast.with_lag), "late")
@@ -135,13 +136,16 @@ def find_nuisances(
     )
 
 
-def _with_soft_gears(search: Search, state: State, axes: Sequence[int]) -> State:
+def _with_soft_gears(robot: Robot, search: Search, state: State, axes: Sequence[int]) -> State:
     """State with the gears that certainly give way, if one does."""
     if not search.grown(state, axes, search.with_soft).soft.any():
         return state
     every = np.isin(np.arange(len(state.soft)), axes)
     found, _ = _sure(search, replace(state, soft=every), "soft")
-    return found if found.soft.any() else state
+    compliance, _ = search.values("soft", found, "jackknife", FOLDS)
+    # what twists further is no gear, but makes up for something else, and so may the others
+    possible = compliance * robot.torque_limit < MOST_TWIST
+    return found if found.soft.any() and possible[found.soft].all() else state
 
 
 def _sure(search: Search, state: State, what: str) -> tuple[State, Array]:
