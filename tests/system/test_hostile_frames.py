@@ -55,10 +55,11 @@ def test_a_storm_at_the_plant_moves_nothing_without_a_command(
 def test_a_storm_at_the_driver_puts_nothing_into_samples_unflagged(
     session: list[can.Message], seed: int
 ) -> None:
-    figures = DriverStorm(seed, session).run(N)
-    assert figures.frames >= N
+    # twice as many as at the plant: half of them come while a session begins or is left
+    figures = DriverStorm(seed, session).run(2 * N)
+    assert figures.frames >= 2 * N
     assert figures.flagged == figures.forged > 0
-    assert figures.samples > 400  # 429 to 1468 by the seed: when frames forged end a session
+    assert figures.samples > 500
 
 
 def test_the_same_seed_gives_the_same_frames(session: list[can.Message]) -> None:
