@@ -33,7 +33,7 @@ from flawed_plants import CASES, ON_EVERY_AXIS
 
 from hil.errors import HilError
 from hil.estimation.excluded.causes import CAUSES
-from hil.estimation.excluded.finding import proved
+from hil.estimation.excluded.proof import proved
 from hil.estimation.excluded.result import located
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison

@@ -13,7 +13,7 @@ from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
-from hil.estimation.excluded.finding import proved
+from hil.estimation.excluded.proof import proved
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.columns import Columns
     from hil.estimation.excluded.evidence import Evidence
 
+LEVEL = 0.05
+"""Probability that anything is found where nothing is wrong."""
 SPAN = 1e-4
 """Share of a column's square beside what is estimated below which it is within its span: columns
 are of the smoothed motion, those of the base parameters are smoothed themselves, and the two differ
@@ -130,8 +132,8 @@ class Battery:
         regression = Regression.weighed(blocks)
         least = np.maximum(e.finest, np.finfo(float).tiny) ** 2
         self.weights = np.minimum(regression.weights, 1.0 / least)
-        regression = Regression(blocks, self.weights, regression.kept)
         """Of the channels, shape (n_channels,)."""
+        regression = Regression(blocks, self.weights, regression.kept)
         self.solution = regression.solution[: self._X.shape[1]]
         """Base parameters, shape (n_base,)."""
         Z = np.zeros((len(self._y), blocks.layout.size))

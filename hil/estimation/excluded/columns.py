@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
 
+Key = tuple[str, int]
+"""A cause and its axis, from 0; -1 where it concerns none. Torques that repeat bear their order."""
 STEP = 1e-4
 """Of central differences, in units of the column: rounding and third derivatives cost 1e-8 each."""
 ORDERS = range(1, 13)
@@ -73,9 +75,9 @@ class Columns:
     values: Array
 
     @property
-    def tests(self) -> dict[tuple[str, int], list[int]]:
+    def tests(self) -> dict[Key, list[int]]:
         """Columns of each cause and axis, which are tested together."""
-        found: dict[tuple[str, int], list[int]] = {}
+        found: dict[Key, list[int]] = {}
         for k, name in enumerate(self.names):
             found.setdefault((name.cause, name.axis), []).append(k)
         return found

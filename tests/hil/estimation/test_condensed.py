@@ -11,7 +11,7 @@ from free_run import TRUTH, arm, recorded
 from stroke_run import campaign, curved
 
 from hil.estimation.condensed import groups, stack
-from hil.estimation.excluded.finding import proved
+from hil.estimation.excluded.proof import proved
 from hil.estimation.identify import estimate
 from hil.estimation.signals import signals
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from free_run import arm, recorded
 
-from hil.estimation.excluded.finding import proved
+from hil.estimation.excluded.proof import proved
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot, parse_robot
 

@@ -1,0 +1,96 @@
+"""What is excluded: the smallest size of each cause that would be found, and the torque it makes.
+
+It is what is found with a probability of 80 %, from the noncentral F of the cause's own test. A
+cause within the span of what is estimated never shows.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import special, stats
+
+from hil.estimation.excluded.battery import LEVEL
+from hil.estimation.excluded.causes import CAUSES, FITTED
+from hil.estimation.excluded.result import Limit
+from hil.estimation.excluded.words import name_of, rank_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.arrays import Array
+    from hil.estimation.excluded.battery import Battery
+    from hil.estimation.excluded.columns import Columns, Key
+    from hil.model.robot import Robot
+
+POWER = 0.8
+"""Probability with which a cause of the stated size is found (Cohen, Statistical Power Analysis
+for the Behavioral Sciences, 1988, p. 56)."""
+SI = {"I": "kg m²", "s": "kg m", "m": "kg"}
+"""Units of a link's parameters by their first letters."""
+
+
+def limits(robot: Robot, battery: Battery, every: Columns, n_tests: int) -> tuple[Limit, ...]:
+    """Smallest sizes that are found."""
+    torque = _torque(battery)
+    found = [
+        Limit(
+            cause=name_of(key),
+            axis=key[1] + 1,
+            part=part,
+            unit=SI[part[0]] if part else CAUSES[name_of(key)].unit_of(robot, key[1]),
+            size=size if np.isfinite(size) else None,
+            torque=each,
+        )
+        for key, at in every.tests.items()
+        if key[0] not in FITTED
+        for part, size, each in _sizes(battery, key, at, torque, n_tests)
+    ]
+    hardest: dict[tuple[str, int, str], Limit] = {}  # of a torque that repeats, of all orders
+    for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
+        at = each.cause, each.axis, each.part
+        if at not in hardest or _hard(each) > _hard(hardest[at]):
+            hardest[at] = each
+    return tuple(hardest.values())
+
+
+def _hard(limit: Limit) -> float:
+    return np.inf if limit.size is None else limit.size
+
+
+def _sizes(
+    battery: Battery, key: Key, at: Sequence[int], torque: Array, n_tests: int
+) -> Iterator[tuple[str, float, float]]:
+    """Parts of a cause: each one's smallest size that is found, and the torque of a unit."""
+    test, size = battery.test(at), dict.fromkeys(at, np.inf)
+    if test is not None:
+        need = noncentrality(test.rank, round(test.degrees), LEVEL / n_tests)
+        each = np.sqrt(need * test.dispersion / battery.information[test.columns])
+        size.update(zip(test.columns.tolist(), each.tolist(), strict=True))
+    if key[0] == "load":
+        for k in at:
+            yield battery.columns.names[k].part, size[k], float(torque[k])
+    else:  # of several columns that which hardly shows
+        worst = max(at, key=size.__getitem__)
+        yield "", size[worst], float(torque[worst])
+
+
+@cache
+def noncentrality(rank: int, degrees: int, level: float) -> float:
+    """Of F at which a test of a level has the power that is wanted."""
+    limit = stats.f.isf(level, rank, degrees)
+    return float(special.ncfdtrinc(rank, degrees, 1.0 - POWER, limit))
+
+
+def _torque(battery: Battery) -> Array:
+    """Share of the recorded torque that one unit of each column makes, where that is most."""
+    e, found = battery.evidence, np.zeros(len(battery.columns.names))
+    for axis in np.unique(e.axis):
+        rows = e.axis == axis
+        square = float(e.recorded[rows] @ e.recorded[rows])
+        if square > 0:
+            values = battery.columns.values[rows]
+            found = np.maximum(found, np.sqrt(np.einsum("ij,ij->j", values, values) / square))
+    return found

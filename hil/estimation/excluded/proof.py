@@ -1,0 +1,82 @@
+"""What recordings prove: rows made of them, all causes tested, torques at their limits beside."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from hil.errors import NotEnoughData, NotIdentifiable
+from hil.estimation.excluded.evidence import measured
+from hil.estimation.excluded.finding import excluded
+from hil.estimation.excluded.result import Found
+from hil.estimation.excluded.saturation import saturated
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.planning.free_motion import FreeMotion
+from hil.planning.measurement import shows_parameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from hil.arrays import Array
+    from hil.estimation.drive_train import DriveTrain
+    from hil.estimation.excluded.result import Excluded
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMotion, RecordedMotion
+    from hil.runs.recording import Recording
+
+LEAVES = 0.5
+"""Share of the mean square of an axis that a cause leaves at most, where somebody else recorded:
+friction that is eliminated here contradicts every model a little where samples are slow or motion
+turns often (public recordings of five machines: 0.75 and more)."""
+
+
+def proved(
+    robot: Robot,
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    p: Array | None = None,
+    drive_train: DriveTrain | None = None,
+) -> Excluded | None:
+    """What recordings prove; None where too little was recorded to contradict itself.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n_base,), optional
+        Base parameters, if they were estimated.
+    drive_train : DriveTrain, optional
+        What lies between currents and arm, if that is known.
+    """
+    prepared = list(_prepared(recorded))
+    imported = any(isinstance(motion, FreeMotion) for motion, _ in prepared)
+    if drive_train is not None:
+        prepared = [(motion, drive_train.applied(robot, s)) for motion, s in prepared]
+    try:
+        solver = SimultaneousFit(robot, prepared)
+    except NotIdentifiable:
+        return None
+    evidence = measured(robot, solver, prepared)
+    found = excluded(robot, solver.solve() if p is None else p, evidence)
+    limit = saturated(prepared, robot.n_joints) if found.found else None
+    if limit is None:
+        large = [each for each in found.found if each.left <= LEAVES or not imported]
+        return found.model_copy(update={"found": tuple(large)})
+    axis, share, top = limit
+    words = f"{share:.0%} of its samples have one and the same greatest torque, {top:.3g}"
+    first = Found(
+        cause="torque at its limit",
+        axes=(axis + 1,),
+        detail=f"{words} {robot.torque_unit(axis)}",
+        size=100.0 * share,
+    )
+    return found.model_copy(update={"found": (first,)})
+
+
+def _prepared(
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+) -> Iterator[tuple[ParameterMotion, Signals]]:
+    for measurement, recording in recorded:
+        unknown = isinstance(measurement, FreeMotion) and measurement.unknown_gains
+        if shows_parameters(measurement) and not unknown:
+            with suppress(NotEnoughData):
+                yield measurement, signals(recording)

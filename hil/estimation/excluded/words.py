@@ -1,0 +1,61 @@
+"""Causes in words: their names, axes and sizes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.estimation.excluded.causes import CAUSES
+
+if TYPE_CHECKING:
+    from hil.estimation.excluded.alternatives import Alternative
+    from hil.estimation.excluded.battery import Test
+    from hil.estimation.excluded.columns import Columns, Key
+    from hil.model.robot import Robot
+
+
+def rank_of(cause: str, *axes: int) -> tuple[int, ...]:
+    """Place of a cause in the table, then its axes: several are named in this order."""
+    return list(CAUSES).index(name_of((cause, 0))), *axes
+
+
+def name_of(key: Key) -> str:
+    """Name of a cause in the table."""
+    return key[0].rstrip(" 0123456789")
+
+
+def axes_of(robot: Robot, key: Key) -> tuple[int, ...]:
+    """Axes that a cause concerns, from 1."""
+    if key[0] == "load":
+        return (robot.n_joints,)
+    return (key[1] + 1,) if key[1] >= 0 else ()
+
+
+def with_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
+    """A cause and its size."""
+    cause, unit = CAUSES[name_of(key)], CAUSES[name_of(key)].unit_of(robot, key[1])
+    if key[0] == "load":
+        return cause.words
+    if name_of(key) in ("repeats", "gravity"):
+        size, error = float(np.hypot.reduce(test.size)), float(test.error.max())
+        times = key[0].rsplit(maxsplit=1)[-1]
+        often = "" if key[0] == "gravity" else " once" if times == "1" else f" {times} times"
+        turn = f",{often} a turn" if often else ""
+        return f"{cause.words} {size:.3g} ± {error:.1g} {unit}{turn}"
+    at = int(np.argmax(np.abs(test.size / test.error)))
+    after = ""
+    if key[0] == "slip":
+        instant = float(every.names[test.columns[at]].part)
+        after = f" after some {instant / 60:.0f} min"
+    return f"{cause.words} {test.size[at]:.3g} ± {test.error[at]:.1g} {unit}{after}"
+
+
+def of_reading(robot: Robot, each: Alternative) -> str:
+    """Another reading and its size."""
+    cause = CAUSES[each.cause]
+    if np.isnan(each.size):
+        return cause.words
+    unit = cause.unit_of(robot, each.axes[0] if each.axes else -1)
+    after = f" after some {each.instant / 60:.0f} min" if each.cause == "slip" else ""
+    return f"{cause.words} {each.size:.3g} ± {each.error:.1g} {unit}{after}"
