@@ -107,8 +107,8 @@ def measured(plan: Path, twin: Path, seed: int, folder: Path) -> Run:
     return Run.open(run)
 
 
-def exported(run: Run, folder: Path) -> Run:
-    """The same recordings as an import of CSV files has them."""
+def exported(run: Run, folder: Path, *, strokes: bool = True) -> Run:
+    """The same recordings, of one axis's strokes or of any motion, as an import of CSV has them."""
     if (folder / "run").exists():
         return Run.open(folder / "run")
     folder.mkdir(parents=True)
@@ -129,9 +129,10 @@ def exported(run: Run, folder: Path) -> Run:
         ]
         content = {
             "robot": "robot.yaml", "files": [f"r{number}.csv"], "joints": joints,
-            "time": {"column": "t", "unit": "s"}, "kind": {"back_and_forth": axis + 1},
-            "accept": ["still", "friction"],
+            "time": {"column": "t", "unit": "s"},
         }  # fmt: skip
+        if strokes:
+            content |= {"kind": {"back_and_forth": axis + 1}, "accept": ["still", "friction"]}
         maps.append(folder / f"{measurement.id}.yaml")
         maps[-1].write_text(yaml.safe_dump(content))
     return import_recordings(maps, folder / "run")

@@ -18,46 +18,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yaml
+from back_and_forth import exported
 from covariances import KINDS, measured
 
 from hil.estimation.identify import JOINT, estimate
 from hil.ground_truth.true_parameters import true_parameters
-from hil.imports.importing import import_recordings
 from hil.results.prediction import FreeTorques
 from hil.runs.pooling import Pooled
-from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from hil.arrays import Array
-
-
-def imported(run: Run, folder: Path) -> Run:
-    """What a run recorded, as a table that was imported."""
-    if (folder / "run").exists():
-        return Run.open(folder / "run")
-    folder.mkdir(parents=True)
-    (folder / "robot.yaml").write_text(run.robot.text)
-    maps = []
-    for number, each in enumerate(run):
-        recording = each.recording
-        names = [f"{kind}{axis + 1}" for kind in "qm" for axis in range(recording.n_joints)]
-        table = np.column_stack([recording.time, recording.q, recording.tau])
-        path = folder / f"{number}.csv"
-        np.savetxt(path, table, "%.10g", ",", header=",".join(["t", *names]), comments="")
-        joints = [
-            {"position": {"column": q, "unit": "rad"}, "torque": {"column": m, "unit": "N m"}}
-            for q, m in zip(names[: recording.n_joints], names[recording.n_joints :], strict=True)
-        ]
-        content = {
-            "robot": "robot.yaml",
-            "files": [path.name],
-            "joints": joints,
-            "time": {"column": "t", "unit": "s"},
-        }
-        maps.append(path.with_suffix(".yaml"))
-        maps[-1].write_text(yaml.safe_dump(content))
-    return import_recordings(maps, folder / "run")
+    from hil.runs.run import Run
 
 
 def judged(strokes: Run, trajectory: Run, truth: Array) -> list[float]:
@@ -91,7 +62,9 @@ def main() -> None:
     print("seed   strokes: % holds   import: % holds   both: % holds")
     for seed in range(given.first, given.first + given.seeds):
         strokes, plant = measured(folder, "strokes", seed)
-        trajectory = imported(measured(folder, "trajectories", seed)[0], folder / f"csv-{seed}")
+        trajectory = exported(
+            measured(folder, "trajectories", seed)[0], folder / f"csv-{seed}", strokes=False
+        )
         rows.append(judged(strokes, trajectory, true_parameters(strokes.robot, plant)))
         print(seed, *(f"{x:.3f}" if k % 2 == 0 else x for k, x in enumerate(rows[-1])), flush=True)
     mean, n = np.mean(rows, axis=0), len(true_parameters(strokes.robot, plant))

@@ -170,7 +170,7 @@ class SimultaneousFit:
         """Change of p by what encoders' steps add to the equations, and its covariance.
 
         Where a loop follows its encoder, the axis moves as its steps say, and nothing is to be
-        taken off; beyond the bandwidth of the loop all of it. Nothing tells the share of an axis,
+        taken off; beyond the bandwidth of the loop all of it. Nothing shows the share of an axis,
         so it is any from 0 to 1: half is taken off, with the variance 1/12 of the share.
         """
         sides = np.zeros((len(self.information), self._n_joints))

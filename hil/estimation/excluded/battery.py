@@ -9,7 +9,7 @@ Let Q be an orthonormal basis of Z, r = y - QQ'y and D~ = D - QQ'D. Then, of the
 
     score s_kj = D~_kj' r_k,   information I_kj = D~_kj'D~_kj,   theta_j = sum s_kj / sum I_kj.
 
-Noise is not white: friction wanders, laws of it are never exact. What scatters between groups tells
+Noise is not white: friction wanders, laws of it are never exact. What scatters between groups shows
 by how much the variance 1 / I_j is to be multiplied, the *dispersion* of the cause,
 
     phi_j = sum_k (s_kj - I_kj theta_j)^2 / (1 - I_kj / I_j) / I_j,

@@ -162,8 +162,8 @@ CAUSES = {
         " altered in between",
     ),
 }  # fmt: skip
-"""All causes by name, those of which the larger harm is likelier first: of several that data cannot
-tell apart the first is named first. A load comes before a zero: to home an axis that only carries
+"""All causes by name, those of which the larger harm is likelier first: of several that data do not
+distinguish the first is named first. A load comes before a zero: to home an axis that only carries
 one would spoil what was right."""
 FITTED = ("late torque",)
 """Causes that every estimate looks for and takes into account: they stay free beside the others."""

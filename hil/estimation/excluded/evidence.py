@@ -44,7 +44,7 @@ FINEST = 1e-4
 """Share of the torque limit that no model is truer than: differences of positions and means over
 the window leave as much of torques that are without noise."""
 _SAME = 1e-6
-"""As `rank` of `orthonormal`: columns of friction that one speed cannot tell apart."""
+"""As `rank` of `orthonormal`: columns of friction that are one and the same at one speed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

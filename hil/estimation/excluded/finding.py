@@ -4,7 +4,7 @@ Causes are tested beside what is estimated (`battery`), all of them at a familyw
 (Holm, Scand. J. Statist. 6 (1979) 65-70). The one that explains most is found if it is significant
 beside itself: with the dispersion of what is left once it is taken into account. Then the others
 are tested beside it, again and again, until none is. What explains as much as the one found, as far
-as the data can tell, is named with it.
+as the data distinguish them, is named with it.
 
 Columns are of the first order. Where what is found is large, or friction would drive an axis, other
 readings of the recordings are tried too (`alternatives`), and one of them that explains as much as
@@ -51,7 +51,7 @@ TOGETHER = 4.0
 """Difference of chi squares below which two causes explain as much: their likelihoods differ by a
 factor of e^2, which by chance happens in 5 %."""
 SAME = 0.98
-"""Correlation of two causes beyond which data do not tell them apart: a column of the first order
+"""Correlation of two causes beyond which data do not distinguish them: a column of the first order
 is not exact to 2 % where a cause is of any size."""
 
 
@@ -106,7 +106,7 @@ def chance(rank: int, n_tests: int) -> float:
 
 
 def alike(gain: float, best: float) -> bool:
-    """Whether two causes explain as much as far as the data can tell."""
+    """Whether two causes explain as much as far as the data distinguish them."""
     return gain > min(best - TOGETHER, SAME**2 * best)
 
 
