@@ -2,8 +2,10 @@
 
 While axes may be powered, each of the three raises `KeyboardInterrupt` in the main thread, so that
 all contexts are left in order: axes stopped and switched off, files whole, the terminal as it was.
-What nohup ignores stays ignored. A terminal that has gone refuses every output with an error; it is
-exchanged for the null device, so that no message stands in the way of switching off.
+While a module or compiled code is being loaded it waits for that: libraries make an import error of
+it, or a crash, where their callbacks may not raise. What nohup ignores stays ignored. A terminal
+that has gone refuses every output with an error; it is exchanged for the null device, so that no
+message stands in the way of switching off.
 """
 
 from __future__ import annotations
@@ -29,6 +31,8 @@ _NUMBERS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 _OUTPUTS = (1, 2)
+_LOADERS = frozenset({"importlib", "llvmlite", "numba"})
+"""Packages in whose middle nothing may be raised."""
 
 
 @contextmanager
@@ -80,11 +84,15 @@ def interrupt_main() -> None:
 def _interrupts() -> Iterator[Callable[[], None]]:
     """Have the three signals, and output to a terminal that has gone, raise KeyboardInterrupt."""
     terminals = [descriptor for descriptor in _OUTPUTS if os.isatty(descriptor)]
-    interrupted = False
+    interrupted, again = False, threading.Timer(0.0, interrupt_main)
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal interrupted
-        del number, frame
+        nonlocal interrupted, again
+        del number
+        if _loads(frame):
+            again = threading.Timer(0.01, interrupt_main)  # a module takes some milliseconds
+            again.start()
+            return
         interrupted = True
         _exchange_gone(terminals)
         raise KeyboardInterrupt
@@ -104,8 +112,18 @@ def _interrupts() -> Iterator[Callable[[], None]]:
             raise
         raise KeyboardInterrupt from error
     finally:
+        again.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _loads(frame: FrameType | None) -> bool:
+    """Whether something is being loaded where a signal came."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").partition(".")[0] in _LOADERS:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _exchange_gone(terminals: Sequence[int]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import pty
 import select
@@ -277,6 +278,26 @@ def test_an_interrupt_that_python_drops_ends_the_block_all_the_same(
     assert passed == ["the exception was dropped"]
     assert left.value.exit_code == 130
     assert capsys.readouterr().err.endswith("stopped\n")
+
+
+def test_an_interrupt_waits_for_a_module_that_is_being_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is compiled crashed, or failed to import, where it came in the middle."""
+    source = "import signal\nsignal.raise_signal(signal.SIGINT)\nloaded = True\n"
+    (tmp_path / "interrupted_module.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    loaded = []
+
+    def work() -> None:
+        with interruptible(lambda: ""):
+            loaded.append(importlib.import_module("interrupted_module").loaded)
+            time.sleep(60.0)
+
+    with pytest.raises(typer.Exit) as left:
+        work()
+    assert loaded == [True]
+    assert left.value.exit_code == 130
 
 
 def test_handlers_are_as_before_afterwards() -> None:
