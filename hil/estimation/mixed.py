@@ -12,7 +12,7 @@ drifts is found in each kind by itself.
 
 Errors are those of groups that are left out: measurements, periods, and pieces of the free motions.
 What laws of friction get wrong repeats with the motion; of the free motions cells of states show
-it. With them 167 of 168 intervals of fresh seeds held (`benchmarks/mixtures.py`).
+it. With them all 168 intervals of fresh seeds held (`benchmarks/mixtures.py`).
 """
 
 from __future__ import annotations

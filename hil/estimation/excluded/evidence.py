@@ -67,7 +67,7 @@ class Evidence:
     period : ndarray, shape (n,)
         From one of these samples to the next [s].
     time : ndarray, shape (n,)
-        Since the bus was entered, or the recording began [s].
+        Since the first row [s].
     parts : tuple of (slice, ndarray)
         Rows that share their friction, and an orthonormal basis of what that can be.
     finest : ndarray, shape (n_channels,)
@@ -217,6 +217,7 @@ def gathered(parts: Sequence[Evidence]) -> Evidence:
         ends += len(each.axis)
     stacked = {name: np.concatenate([getattr(each, name) for each in parts]) for name in COLUMNS}
     stacked["group"] = np.unique(stacked["group"], return_inverse=True)[1]
+    stacked["time"] -= stacked["time"].min()
     return Evidence(
         **stacked,
         motion=np.concatenate([each.motion for each in parts], axis=2),

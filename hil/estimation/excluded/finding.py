@@ -6,9 +6,9 @@ beside itself: with the dispersion of what is left once it is taken into account
 are tested beside it, again and again, until none is. What explains as much as the one found, as far
 as the data distinguish them, is named with it.
 
-Columns are of the first order. Where what is found is large, or friction would drive an axis, other
-readings of the recordings are tried too (`alternatives`), and one of them that explains as much as
-all columns together takes their place.
+Columns are of the first order. Where what is found is large, groups contradict each other whatever
+the reason, or friction would drive an axis, other readings of the recordings are tried too
+(`alternatives`), and one of them that explains as much as all columns together takes their place.
 """
 
 from __future__ import annotations
@@ -47,6 +47,10 @@ MOST = 5
 LARGE = 0.95
 """Share of the sum of squares that is left beside a cause, below which it may be too large for a
 column of the first order, and other readings are tried."""
+CONTRADICTS = 4.0
+"""Dispersion that most causes have from which on groups contradict each other, whatever the reason:
+they scatter twice as much as noise within them explains. Then nothing may be significant, since all
+is uncertain. It is 1.0 to 1.4 where nothing is wrong, with strong drift of friction, too."""
 TOGETHER = 4.0
 """Difference of chi squares below which two causes explain as much: their likelihoods differ by a
 factor of e^2, which by chance happens in 5 %."""
@@ -180,16 +184,21 @@ class _Instead:
     @property
     def found(self) -> tuple[Found, ...]:
         """What is found after all."""
+        scatter = _typical(self.battery, self.battery.common)
         large = any(each.left < LARGE for each in self.causes)
-        if not large and self._stated.possible:
+        if not large and scatter < CONTRADICTS and self._stated.possible:
             return self.causes
         found = self._likeliest()
         if found is not None:
             return (found,)
-        if not self.causes and not self._stated.possible:
+        if self.causes or (scatter < CONTRADICTS and self._stated.possible):
+            return self.causes
+        words = (
+            f"measurements scatter {np.sqrt(scatter):.1f} times as much as noise in them explains"
+        )
+        if not self._stated.possible:
             words = "friction would drive an axis, or some motions would have a negative energy"
-            return (Found(cause="unknown", axes=(), detail=words),)
-        return self.causes
+        return (Found(cause="unknown", axes=(), detail=words),)
 
     @cached_property
     def _thin(self) -> tuple[Evidence, Array]:
