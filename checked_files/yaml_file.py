@@ -58,6 +58,8 @@ VALUES_MAX = 200_000
 _SHOWN_MAX = 60
 _MISSING = "missing; add this key"
 _TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it flat"
+_TOO_DEEP_FOR_LIBYAML = "exceeded maximum nesting depth"
+"""What libyaml says, as of PyYAML 6.0.4, of text so deep that it reads no event of it."""
 _NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
 
 
@@ -162,7 +164,8 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
         return root, loader.construct_document(root)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise FileError(f"{source}:{line}: is no valid YAML: {error.problem}") from error
+        why = _TOO_DEEP if error.problem == _TOO_DEEP_FOR_LIBYAML else error.problem
+        raise FileError(f"{source}:{line}: is no valid YAML: {why}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise FileError(f"{source}:{line}: is no valid YAML: {error.reason}") from error

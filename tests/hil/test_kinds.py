@@ -88,7 +88,7 @@ OTHERWISE = {
     ("friction", "imports/plausibility.py"): "the same",
     **{
         ("gravity", f"estimation/excluded/{name}.py"): "the acceleration of gravity"
-        for name in ("alternatives", "causes", "columns", "finding")
+        for name in ("alternatives", "causes", "columns", "words")
     },
     ("gravity", "ground_truth/true_parameters.py"): "a key of a plant's file",
     ("friction", "export/urdf_file.py"): "an attribute of a URDF",
