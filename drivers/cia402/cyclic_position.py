@@ -14,7 +14,8 @@ before the mode is entered.
 
 Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
 of `drivers.safety.trips` moves along with the stream. Where SYNCs were left out drives come
-to rest at the last set-point, and the path goes on from there (`drivers.cia402.path`).
+to rest at the last set-point, and the path goes on from there (`drivers.cia402.path`); axes overrun
+it, and the corridor is as much wider until they are back.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ import numpy as np
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.feed_forward import FeedForward
-from drivers.cia402.path import Path
+from drivers.cia402.path import MEMORY, STILL, Path
 from drivers.cia402.set_point import ENABLED, Standstill
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.cia402.stop import STOP_MARGIN
@@ -48,8 +49,6 @@ if TYPE_CHECKING:
 DELAY = 6
 """Periods by which a drive may be behind the set-points that were sent: one until they act, five
 by its loops and interpolation."""
-LEFT_OUT = 1.5
-"""Periods between two SYNCs from which on one was left out, by its deadline's tolerance."""
 GRACE = 2.0
 """Time that the axes may take to come to rest after the last set-point [s]."""
 
@@ -110,6 +109,8 @@ class CyclicPosition:
         self._note = note
         self._path: Path | None = None
         self._first, self._halting = 0, False
+        self._overrun, self._overruns_until = [0.0] * len(axes), -math.inf
+        self._stalled = -math.inf
         self._moves: dict[int, tuple[Trapezoid, float]] = {}
         self._points: list[list[int]] = []
         self._feed_forward = FeedForward(process_data, servers, own)
@@ -187,10 +188,10 @@ class CyclicPosition:
             axis.limits.acceleration / abs(scale.position)
             for axis, scale in zip(self._axes, self._scales, strict=True)
         ]
-        self._path = path = Path(exact, accelerations, self._period, offsets)
+        self._path = path = Path(exact, accelerations, windows.tolist(), self._period, offsets)
+        path.caution = MEMORY - (self._process_data.time - self._stalled)
         self._points, self.moving, self.along, self._first = points.tolist(), True, 0.0, 0
-        self._halting = False
-        self._time, self._late = self._process_data.time, 0.0
+        self._halting, self._arrived_late = False, 0.0
         self._rests = [
             Standstill(
                 axis.position_window / abs(scale.position),
@@ -209,24 +210,38 @@ class CyclicPosition:
         calm : bool
             Slow the path down to rest, until that is no longer asked for.
         """
-        path, time, on_arrival = self._path, self._process_data.time, self._process_data.on_arrival
+        path, on_arrival = self._path, self._process_data.on_arrival
         if path is None:
             return None
         if not on_arrival:
             self.along = path.at
         arriving = not path.ended
         if arriving:
-            if time - self._time > LEFT_OUT * self._period:
-                path.late((time - self._time) / self._period - 1)
             path.step(calm=calm or self._halting)
             if self._halting and path.pace == 0.0:
                 self._take(np.tile(path.exact, (2, 1)), None)
-        self._time = time
         self._send()
         if on_arrival:
             self.along = path.at
-            self._late = max(self._late, self._process_data.now() - time)
+            late = self._process_data.now() - self._process_data.time
+            self._arrived_late = max(self._arrived_late, late)
         return self._settle() if self.moving and not arriving else None
+
+    def left_out(self, elapsed: float) -> None:
+        """Take note that no SYNC came for so long [s]: axes overrun their last set-points."""
+        path, now, periods = self._path, self._process_data.time, elapsed / self._period - 1
+        if periods > STILL:
+            self._stalled = now
+        if path is None or path.ended:
+            return
+        overrun, back = path.overrun
+        ways = (STOP_MARGIN * overrun).tolist()
+        if now < self._overruns_until:
+            ways = [max(a, b, key=abs) for a, b in zip(ways, self._overrun, strict=True)]
+        self._overrun = ways
+        self._overruns_until = max(self._overruns_until, now + STOP_MARGIN * back)
+        path.late(periods)
+        self._let_pass()
 
     @property
     def streaming(self) -> bool:
@@ -349,14 +364,22 @@ class CyclicPosition:
             if fed:
                 data.feed_forward(axis, *fed[axis])
             data.lead(axis, target)
+        self._let_pass()
+
+    def _let_pass(self) -> None:
+        """Move the corridor along."""
+        path = self._path
+        assert path is not None  # noqa: S101 - by the callers
         before, after = math.floor(path.at), math.ceil(path.at)
-        if before == after:
-            self._trips.follow(self._lows[after], self._highs[after])
-        else:
-            self._trips.follow(
-                map(min, self._lows[before], self._lows[after]),
-                map(max, self._highs[before], self._highs[after]),
-            )
+        lows, highs = self._lows[after], self._highs[after]
+        if before != after:
+            lows = list(map(min, self._lows[before], lows))
+            highs = list(map(max, self._highs[before], highs))
+        if self._process_data.time < self._overruns_until:
+            overrun = self._overrun
+            lows = [low + min(way, 0) for low, way in zip(lows, overrun, strict=True)]
+            highs = [high + max(way, 0) for high, way in zip(highs, overrun, strict=True)]
+        self._trips.follow(lows, highs)
 
     def _settle(self) -> MoveFailed | None:
         positions, targets = self._process_data.positions, self._points[-1]
@@ -393,6 +416,6 @@ class CyclicPosition:
             self._note(
                 [
                     f"{labels}: set-points acted when they arrived, up to"
-                    f" {1e3 * self._late:.2g} ms after SYNC on this path"
+                    f" {1e3 * self._arrived_late:.2g} ms after SYNC on this path"
                 ]
             )

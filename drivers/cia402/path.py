@@ -10,6 +10,12 @@ so the pace may change by what the acceleration limit a leaves to every axis,
 
     -(a + q'' r^2) <= q' dr/dt <= a - q'' r^2.
 
+A drive whose set-points stay out stops at the last one at once, and its axis overruns it by the
+way v^2 / 2a that it needs for that. Where this has happened it may happen again, so a path is
+passed with caution for a while: no axis overruns by more than its following error window w,
+
+    r |q'| <= sqrt(2 a w).
+
 What is fed forward is passed alike: velocity by r; of the torque, what holds the axes counts as it
 is and the rest, by acceleration and speed, by r^2.
 """
@@ -41,6 +47,11 @@ STILL = 1.5
 """Periods by which set-points may be late before drives have come to rest at the last ones."""
 
 
+MEMORY = 10.0
+"""Time for which a path is passed with caution [s]: what keeps a computer busy comes back within
+seconds, if it comes back at all."""
+
+
 class Path:
     """Set-points of all axes, and where along them the last ones stand that were sent.
 
@@ -50,6 +61,8 @@ class Path:
         A set-point of each axis every period, not rounded; at rest at both ends [increments].
     accelerations : sequence of float, length n_axes
         Limits [increments/s^2].
+    windows : sequence of float, length n_axes
+        Of the following error [increments].
     period : float
         Between two set-points [s].
     offsets : ndarray, shape (n, n_axes, 3), optional
@@ -64,23 +77,28 @@ class Path:
         Set-points passed in a period, 0 to 1.
     slowed : int
         Periods in which it was below 1.
+    caution : float
+        Time for which set-points may be expected to stay out again [s].
     """
 
     def __init__(
         self,
         points: Array,
         accelerations: Sequence[float],
+        windows: Sequence[float],
         period: float,
         offsets: Array | None = None,
     ) -> None:
         self.at = 0.0
         self.pace = self._aim = 1.0
         self.slowed = 0
+        self.caution = 0.0
         self._period = period
         self._exact = np.vstack([points[:1], points, points[-1:], points[-1:]])
         self._offsets = None if offsets is None else np.vstack([offsets, offsets[-1:]])
         self._rounded = _whole(points)
         self._limits = np.asarray(accelerations, dtype=float)
+        self._stops_within = np.sqrt(2 * self._limits * np.asarray(windows))
         self._last = len(points) - 1
 
     @property
@@ -98,9 +116,24 @@ class Path:
         q: Array = b + f / 2 * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
         return q
 
+    @property
+    def velocity(self) -> Array:
+        """How fast each axis is led at `at`, shape (n_axes,) [increments/s]."""
+        k = min(round(self.at), self._last)
+        speed: Array = self.pace * (self._exact[k + 2] - self._exact[k]) / (2 * self._period)
+        return speed
+
+    @property
+    def overrun(self) -> tuple[Array, float]:
+        """How far each axis overruns the last set-point if no other comes, until it is back [s]."""
+        speed = self.velocity
+        way: Array = np.sign(speed) * speed**2 / (2 * self._limits)
+        return way, float((2 * np.abs(speed) / self._limits).max())
+
     def go_on(self, before: Path, at: float) -> None:
         """Go on at a place of this path as one before it was passed."""
         self.at, self.pace, self._aim = at, before.pace, before._aim
+        self.caution = before.caution
 
     @property
     def targets(self) -> list[int]:
@@ -130,17 +163,18 @@ class Path:
             Slow down to rest; otherwise the path's own pace is taken up again.
         """
         before = self.pace
-        if calm or self._aim < 1.0 or before < 1.0:
+        if calm or self.caution > 0.0 or self._aim < 1.0 or before < 1.0:
             self._aim = min(1.0, self._aim + self._period / TRUST)
             self._change(0.0 if calm else self._aim)
-            self.slowed += 1
+            self.caution -= self._period
+            self.slowed += min(before, self.pace) < 1.0
         self.at = min(self.at + (before + self.pace) / 2, self._last)
 
     def late(self, periods: float) -> None:
         """Take note that set-points were late: drives have slowed down or rest at the last ones."""
         self._aim *= CAUTION**periods
         if periods > STILL:
-            self.pace = 0.0
+            self.pace, self.caution = 0.0, MEMORY
 
     def _change(self, aim: float) -> None:
         """Let the pace approach one that is aimed at as fast as all axes can follow."""
@@ -150,6 +184,9 @@ class Path:
         bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2
         with np.errstate(divide="ignore"):
             slower, faster = (SHARE * (self._limits + s * bend) / np.abs(speed) for s in (1, -1))
+            stopping = (self._stops_within / np.abs(speed)).min()
+        if self.caution > 0.0:
+            aim = min(aim, stopping)
         least = self.pace - max(slower.min(), 0.0) * self._period
         most = self.pace + min(max(faster.min(), 0.0), 1 / RECOVERY) * self._period
         self.pace = min(max(aim, least, 0.0), most)

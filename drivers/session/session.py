@@ -15,7 +15,7 @@ import numpy as np
 
 from drivers.axis import AxisScale
 from drivers.canopen.vendor_objects import own_feed_forward
-from drivers.cia402.cyclic_position import LEFT_OUT, CyclicPosition
+from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
     from drivers.session.connection import Connection
 
+LEFT_OUT = 1.5
+"""Periods between two SYNCs from which on one was left out, by its deadline's tolerance."""
 LATE = 0.5
 """Time after a late SYNC in which it is the first cause to look at where the axes must stop [s]."""
 UNSUPERVISED = 0.5
@@ -223,6 +225,7 @@ class Session:
             time = data.sync()
             if time - before > LEFT_OUT * self._period:
                 self._late = time, time - before
+                cyclic.left_out(time - before)
             if time >= self._heartbeats.due:
                 self._heartbeats.service()
             words = data.words
@@ -346,9 +349,9 @@ class Session:
         ago = self._clock.now() - at
         if ago <= LATE:
             trouble = type(trouble)(
-                f"{ago:.2g} s before this a SYNC came {1e3 * gap:.3g} ms after the last one instead"
-                f" of {1e3 * self._period:.3g} ms: this computer was late, so relieve it of other"
-                f" work or use --realtime first; then: {trouble}"
+                f"{1e3 * ago:.2g} ms before this a SYNC came {1e3 * gap:.3g} ms after the last one"
+                f" instead of {1e3 * self._period:.3g} ms: this computer was late, so relieve it of"
+                f" other work or use --realtime first; then: {trouble}"
             )
         self.stopping.fail(trouble)
 

@@ -10,6 +10,8 @@ from drivers.cia402.path import RECOVERY, Path
 PERIOD = 0.004
 LIMITS = (2e5, 1e5)
 """Of acceleration [increments/s^2]."""
+WINDOWS = (300.0, 300.0)
+"""Of the following error [increments]."""
 T = PERIOD * np.arange(1500)
 SIZE = np.array([3e4, -1e4])
 
@@ -22,7 +24,7 @@ def swing(t: np.ndarray) -> np.ndarray:
 
 def passed(calm: set[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Set-points, where they stand and the paces, of a path that is to be slow in some periods."""
-    path = Path(swing(T), LIMITS, PERIOD)
+    path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
     points, at, pace = [path.targets], [path.at], [path.pace]
     for number in range(4000):
         path.step(calm=number in calm)
@@ -66,7 +68,7 @@ def test_it_comes_to_rest_and_goes_on_from_there() -> None:
 
 def test_what_is_fed_forward_goes_with_the_pace_and_what_holds_the_axes_stays() -> None:
     offsets = np.tile([100.0, 70.0, 20.0], (len(T), 2, 1))
-    path = Path(swing(T), LIMITS, PERIOD, offsets)
+    path = Path(swing(T), LIMITS, WINDOWS, PERIOD, offsets)
     assert path.fed == [[100, 70]] * 2
     path.step()
     path.pace = 0.5
@@ -75,10 +77,22 @@ def test_what_is_fed_forward_goes_with_the_pace_and_what_holds_the_axes_stays() 
     assert path.fed == [[0, 20]] * 2
 
 
+def test_as_long_as_set_points_are_late_axes_overrun_by_no_more_than_their_windows() -> None:
+    path, overrun = Path(swing(T), LIMITS, WINDOWS, PERIOD), []
+    for number in range(1, 2000):
+        if number % 20 == 0:
+            path.late(2)
+        overrun.append(np.abs(path.overrun[0]) / WINDOWS)
+        path.step()
+    assert np.max(overrun[:20]) < np.max(overrun[60:]) < 1.1
+    free = Path(swing(T), LIMITS, WINDOWS, PERIOD)
+    assert max((free.step(), np.abs(free.overrun[0] / WINDOWS).max())[1] for _ in T) > 10
+
+
 def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> None:
     paces = []
     for every in (10**6, 250, 20, 5):
-        path = Path(swing(T), LIMITS, PERIOD)
+        path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
         for number in range(1, 1200):
             if number % every == 0:
                 path.late(1)

@@ -1,7 +1,8 @@
-"""Set-points that reach the drives with the jitter of a host: what motors' torques show of it.
+"""Set-points that reach the drives with the jitter of a host, or not at all for a while.
 
-SYNC is exactly periodic, as a kernel sends it. The host sends the set-points of each cycle some
-time after it, so a drive that acts when they arrive is led by the host's jitter.
+Where a kernel sends SYNC it is exactly periodic. The host sends the set-points of each cycle some
+time after it, so a drive that acts when they arrive is led by the host's jitter. Where the host
+sends SYNC, too, a host that stalls leaves drives without both.
 """
 
 from __future__ import annotations
@@ -76,14 +77,47 @@ class JitterBus(can.BusABC):
         return self.recv(timeout), True
 
 
-def path(drives: DrivesFile) -> np.ndarray:
+class StallingBus(JitterBus):
+    """A plant on the wall clock behind a host that stalls now and then, once asked to.
+
+    Time passes while the host waits for a frame, and in a share of its waits up to `longest` [s]
+    more.
+    """
+
+    lock_step = False
+
+    def __init__(self, plant: str, seed: int, share: float, longest: float) -> None:
+        super().__init__(plant, NONE)
+        self.stalling = False
+        self._random, self._share, self._longest = random.Random(seed), share, longest
+
+    def clock(self) -> float:
+        """The plant's time [s]."""
+        return float(self.network.time)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame at once."""
+        self._take(self.network.receive(msg.arbitration_id, bytes(msg.data)))
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """Wait for a frame."""
+        if not self._inbox and timeout:
+            stalls = self.stalling and self._random.random() < self._share
+            stall = self._random.uniform(0.0, self._longest) if stalls else 0.0
+            ends = self.clock() + timeout + stall
+            while (stall or not self._inbox) and self.clock() < ends - 1e-9:
+                self._elapse(min(1e-3, ends - self.clock()))
+        return super().recv()
+
+
+def path(drives: DrivesFile, duration: float = 3.0) -> np.ndarray:
     """Swing all axes between rest and a quarter of their range, at their limits."""
-    t = np.arange(0, 3, PERIOD)
+    t = np.arange(0, duration, PERIOD)
     q = np.zeros((len(t), len(drives.axes)))
     for joint, axis in enumerate(drives.axes):
         reach = 0.27 * axis.limits.q_max
         w = min(1.7 * axis.limits.velocity / reach, (axis.limits.acceleration / reach) ** 0.5)
-        moving = t < int(3 * w / 2 / np.pi) * 2 * np.pi / w
+        moving = t < int(duration * w / 2 / np.pi) * 2 * np.pi / w
         q[moving, joint] = reach * (1 - np.cos(w * t[moving])) / 2
     return q
 
@@ -124,6 +158,19 @@ def test_a_drive_that_takes_set_points_on_arrival_only_is_served_and_the_jitter_
     assert "set-points acted when they arrived, up to 0 ms after SYNC" in notes[-1]
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_host_that_stalls_slows_a_path_down_and_never_ends_it(seed: int) -> None:
+    bus, drives = StallingBus("manutec-r15", seed, share=0.01, longest=0.08), drives_for("plain")
+    with CanopenDriveBus(bus, drives) as axes:
+        bus.stalling = True
+        axes.stream(path(drives, 2.4).tolist())
+        times = [axes.sample().time]
+        while not (sample := axes.sample()).reached:
+            times.append(sample.time)
+        assert np.diff(times).max() > 0.05
+        assert "path slowed down for " in axes.notes[-1]
+
+
 def test_a_trip_soon_after_a_late_sync_says_that_first() -> None:
     bus = JitterBus("manutec-r15", NONE)
     with CanopenDriveBus(bus, drives_for("plain"), pacing="wall-clock") as drives:
@@ -134,6 +181,6 @@ def test_a_trip_soon_after_a_late_sync_says_that_first() -> None:
         drives._session._trips._lows = [10**7] * 6
         with pytest.raises(
             Tripped,
-            match=r"^0.* s before this a SYNC came [0-9.]+ ms after .* 4 ms: this computer",
+            match=r"^[0-9.e-]+ ms before this a SYNC came [0-9.]+ ms after .* 4 ms: this computer",
         ):
             list(iter(drives.sample, None))

@@ -1,0 +1,75 @@
+"""Streamed trajectories on a busy computer: how many are ended, and how much is slowed down.
+
+The plant and `hil run` are processes of their own. The plant stands for drives, which are never
+late, so it has the real-time class; eight others compute without a pause. Every run streams three
+periods of 10 s and is a session from power-on to power-off::
+
+    python benchmarks/streams.py [RUNS] [INTERFACE] [CHANNEL]
+    python tools/can_guest.py .venv/bin/python benchmarks/streams.py 20 socketcan vcan0
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from plant_process import plant
+
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+HIL = (sys.executable, "-m", "hil")
+BUSY = 8
+"""Processes that compute without a pause."""
+
+
+@contextmanager
+def load() -> Iterator[None]:
+    """Keep the computer busy."""
+    with ExitStack() as stack:
+        for _ in range(BUSY):
+            burn = subprocess.Popen((sys.executable, "-c", "while True: pass"))
+            stack.callback(stack.enter_context(burn).kill)
+        yield
+
+
+def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) -> str:
+    """Run the plan once; say what became of it."""
+    command = (*HIL, "run", str(plan), "-o", str(folder), *place, *options)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        return f"ENDED ({done.returncode}): {done.stderr.strip().splitlines()[-1]}"
+    recordings = [measured.recording for measured in Run.open(folder)]
+    slowed = np.concatenate([each.slowed for each in recordings])
+    flagged = np.concatenate([each.flags for each in recordings]) != 0
+    return f"{slowed.mean():.2%} slowed down, {flagged.any(axis=-1).mean():.2%} flagged"
+
+
+def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> None:
+    """Print a line for each run."""
+    place = ("--interface", interface, "--channel", channel)
+    with tempfile.TemporaryDirectory() as scratch:
+        plan = Path(scratch) / "trajectory.yaml"
+        command = (*HIL, "trajectory", "plan", "manutec-r15", "--minutes", "0.5", "-o", str(plan))
+        subprocess.run(command, check=True, capture_output=True)
+        for name, options in (("normal", ()), ("real time", ("--realtime",))):
+            ended = 0
+            for number in range(runs):
+                folder = Path(scratch) / f"{name}-{number}"
+                with plant(interface, channel), load():
+                    line = streamed(plan, folder, place, *options)
+                ended += line.startswith("ENDED")
+                print(f"{name:10s} {number + 1:3d}: {line}", flush=True)
+            print(f"{name}: {ended} of {runs} ended", flush=True)
+
+
+if __name__ == "__main__":
+    runs, *place = sys.argv[1:] or ["20"]
+    main(int(runs), *place)
