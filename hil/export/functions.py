@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hil.export import drives
 from hil.export.expressions import Expression, Graph
-from hil.export.rigid_bodies import joints, rigid_bodies
+from hil.export.rigid_bodies import joints
 from hil.model.base_parameters import base_parameters
+from hil.model.newton_euler import rigid_bodies
 from hil.results.samples import known_warmth
 
 if TYPE_CHECKING:

@@ -178,10 +178,10 @@ def _carry_motion(
         wx, wy, wz = motion[i], motion[LANES + i], motion[L2 + i]
         ux, uy, uz = motion[L3 + i], motion[L4 + i], motion[L5 + i]
         px, py, pz = d, -sa * shift, ca * shift
-        vx, vy, vz = wy * pz - wz * py, wz * px - wx * pz, wx * py - wy * px
-        ax = motion[L6 + i] + uy * pz - uz * py + wy * vz - wz * vy
-        ay = motion[L7 + i] + uz * px - ux * pz + wz * vx - wx * vz
-        az = motion[L8 + i] + ux * py - uy * px + wx * vy - wy * vx
+        xx, yy, zz, xy, xz, yz = wx * wx, wy * wy, wz * wz, wx * wy, wx * wz, wy * wz
+        ax = motion[L6 + i] + (-(yy + zz) * px + (xy - uz) * py + (xz + uy) * pz)
+        ay = motion[L7 + i] + ((xy + uz) * px - (xx + zz) * py + (yz - ux) * pz)
+        az = motion[L8 + i] + ((xz - uy) * px + (yz + ux) * py - (xx + yy) * pz)
         wx, wy, wz = _turn(ca, sa, c, s, wx, wy, wz)
         ux, uy, uz = _turn(ca, sa, c, s, ux, uy, uz)
         ax, ay, az = _turn(ca, sa, c, s, ax, ay, az)
@@ -199,9 +199,9 @@ def _carry_axis(ca: float, sa: float, d: float, now: Array, axis: Array) -> None
         c, s, shift = now[i], now[LANES + i], now[L2 + i]
         px, py, pz = d, -sa * shift, ca * shift
         x, y, z = axis[i], axis[LANES + i], axis[L2 + i]
-        vx = axis[L3 + i] + y * pz - z * py
-        vy = axis[L4 + i] + z * px - x * pz
-        vz = axis[L5 + i] + x * py - y * px
+        vx = axis[L3 + i] + (y * pz - z * py)
+        vy = axis[L4 + i] + (z * px - x * pz)
+        vz = axis[L5 + i] + (x * py - y * px)
         axis[i], axis[LANES + i], axis[L2 + i] = _turn(ca, sa, c, s, x, y, z)
         axis[L3 + i], axis[L4 + i], axis[L5 + i] = _turn(ca, sa, c, s, vx, vy, vz)
 
