@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from typer.core import TyperCommand
 
 if TYPE_CHECKING:
+    from typer.models import OptionInfo
+
     from hil.live.listener import Listener
 
 PORTS = {"--live": 8420, "--foxglove": 8765}
@@ -31,47 +33,28 @@ def _address(value: str | None) -> str | None:
     return value
 
 
-Live = Annotated[
-    int | None,
-    typer.Option(
-        "--live",
-        metavar="PORT",
-        min=0,
-        max=65535,
-        help="Show the run on a page that this computer serves to itself; port 8420 unless one is"
-        " given, 0 for a free one.",
-    ),
-]
-LiveAddress = Annotated[
-    str | None,
-    typer.Option(
-        "--live-address",
-        metavar="ADDRESS",
-        callback=_address,
-        help="Serve the live page to other computers at this IP address; its URL holds a secret.",
-    ),
-]
-Foxglove = Annotated[
-    int | None,
-    typer.Option(
-        "--foxglove",
-        metavar="PORT",
-        min=0,
-        max=65535,
-        help="Stream the run to Foxglove on this computer; port 8765 unless one is given, 0 for a"
-        " free one.",
-    ),
-]
-FoxgloveAddress = Annotated[
-    str | None,
-    typer.Option(
-        "--foxglove-address",
-        metavar="ADDRESS",
-        callback=_address,
-        help="Stream to Foxglove on other computers at this IP address; whoever reaches it can"
-        " look.",
-    ),
-]
+def _served(option: str, what: str, elsewhere: str) -> tuple[OptionInfo, OptionInfo]:
+    """Return the option that shows a run, with its port, and that of the address to do so at."""
+    port = typer.Option(
+        option, metavar="PORT", min=0, max=65535,
+        help=f"{what}; port {PORTS[option]} unless one is given, 0 for a free one.",
+    )  # fmt: skip
+    address = typer.Option(
+        f"{option}-address", metavar="ADDRESS", callback=_address, help=elsewhere
+    )
+    return cast("OptionInfo", port), cast("OptionInfo", address)
+
+
+_LIVE, _LIVE_ADDRESS = _served(
+    "--live",
+    "Show the run on a page that this computer serves to itself",
+    "Serve the live page to other computers at this IP address; its URL holds a secret.",
+)
+_FOXGLOVE, _FOXGLOVE_ADDRESS = _served(
+    "--foxglove",
+    "Stream the run to Foxglove on this computer",
+    "Stream to Foxglove on other computers at this IP address; whoever reaches it can look.",
+)
 
 
 class PortsOptional(TyperCommand):
@@ -97,10 +80,10 @@ def with_ports(arguments: list[str]) -> list[str]:
 class Shown:
     """Options: where a run is shown while it goes on."""
 
-    live: Live = None
-    live_address: LiveAddress = None
-    foxglove: Foxglove = None
-    foxglove_address: FoxgloveAddress = None
+    live: Annotated[int | None, _LIVE] = None
+    live_address: Annotated[str | None, _LIVE_ADDRESS] = None
+    foxglove: Annotated[int | None, _FOXGLOVE] = None
+    foxglove_address: Annotated[str | None, _FOXGLOVE_ADDRESS] = None
 
 
 def listeners(shown: Shown) -> list[Listener]:

@@ -18,7 +18,7 @@ import os
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -55,33 +55,11 @@ class RealTimeMeasure:
         return f"{self.name}: {self.found}{f'; {self.remedy}' if self.remedy else ''}"
 
 
-class System(Protocol):
-    """What is asked of the operating system; each raises `OSError` where it is refused.
-
-    The first four return what undoes them.
-    """
-
-    def schedule(self, priority: int) -> Callable[[], None]:
-        """Give the calling thread SCHED_FIFO."""
-
-    def lock_memory(self) -> Callable[[], None]:
-        """Keep this process's memory from being paged out."""
-
-    def pin(self, core: int) -> Callable[[], None]:
-        """Keep the calling thread on a core."""
-
-    def stay_awake(self) -> Callable[[], None]:
-        """Keep the processors out of idle states that take long to leave."""
-
-    def cores(self) -> set[int]:
-        """Cores on which the calling thread may run."""
-
-    def isolated(self) -> set[int]:
-        """Cores on which the kernel runs only threads that are pinned to them."""
-
-
 class Linux:
-    """Linux's own calls; other systems refuse all of them."""
+    """Linux's own calls; other systems refuse all of them.
+
+    Each raises `OSError` where it is refused; the first four return what undoes them.
+    """
 
     def schedule(self, priority: int) -> Callable[[], None]:
         """Give the calling thread SCHED_FIFO, and none that it starts."""
@@ -129,12 +107,12 @@ class Linux:
 
 
 @contextmanager
-def real_time(system: System | None = None) -> Iterator[tuple[RealTimeMeasure, ...]]:
+def real_time(system: Linux | None = None) -> Iterator[tuple[RealTimeMeasure, ...]]:
     """Run the block in real time, as far as it is granted; yields what was.
 
     Parameters
     ----------
-    system : System, optional
+    system : Linux, optional
         This machine's unless given.
 
     Yields
@@ -178,7 +156,7 @@ def _asked(
     return RealTimeMeasure(name, granted=True, found=granted)
 
 
-def _pinned(undo: ExitStack, system: System) -> RealTimeMeasure:
+def _pinned(undo: ExitStack, system: Linux) -> RealTimeMeasure:
     """Keep the thread on an isolated core; on a shared one it could not step aside for others."""
     try:
         isolated = sorted(system.isolated())

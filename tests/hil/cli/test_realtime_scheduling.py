@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-class Machine:
+class Machine(Linux):
     """A system that grants what it is made with, and notes what happens to it."""
 
     def __init__(self, *granted: str, isolated: set[int] | None = None) -> None:
