@@ -12,8 +12,7 @@ import numpy as np
 
 from hil.estimation.intervals import SIGNIFICANT
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
-from hil.report.header import when
-from hil.report.page import write_html
+from hil.report.page import when, write_html
 from hil.report.section import Plot
 from hil.results import history_file as tables
 from hil.results.acceptance import checked

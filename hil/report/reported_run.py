@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,42 +29,56 @@ if TYPE_CHECKING:
     Recordings = tuple[tuple[RecordedMotion, Recording], ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class ReportedRun:
-    """A run, whatever it measures.
+    """A run, whatever it measures; its recordings are read, and it is identified, where asked for.
+
+    What is not kept of the run is identified as `hil identify` does, and kept; a run about friction
+    alone is not identified.
 
     Attributes
     ----------
     source : Run
-    campaign : tuple of Measured
-        All that was recorded, in the plan's order.
-    recordings : tuple of (Measurement, Recording)
-        The same on one time line.
-    friction : FrictionResult or None
-        Where friction was measured.
+
+    Raises
+    ------
+    FileError
+        A damaged recording.
+    NotIdentifiable, NotEnoughData
+        Recordings that do not suffice; no recording of friction in a run about friction alone.
     """
 
-    source: Run
-    campaign: tuple[Measured, ...]
-    recordings: Recordings
-    friction: FrictionResult | None
+    def __init__(self, source: Run) -> None:
+        self.source = source
 
     @property
     def robot(self) -> Robot:
         """The robot as its file states it."""
         return self.source.robot
 
+    @property
+    def is_identified(self) -> bool:
+        """Whether there is more in it than friction."""
+        return not _friction_alone(self.source)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class IdentifiedRun(ReportedRun):
-    """A run that was identified.
+    @cached_property
+    def campaign(self) -> tuple[Measured, ...]:
+        """All that was recorded, in the plan's order."""
+        return tuple(self.source)
 
-    Attributes
-    ----------
-    found : Findings
-    """
+    @cached_property
+    def recordings(self) -> Recordings:
+        """The same on one time line."""
+        return tuple(recorded(self.campaign))
 
-    found: Findings
+    @cached_property
+    def friction(self) -> FrictionResult | None:
+        """Where friction was measured."""
+        return friction_of_run(self.source, self.recordings)
+
+    @cached_property
+    def found(self) -> Findings:
+        """What `hil identify` finds, by the method of its model."""
+        return found_in(self.source, *_method(self.source), self.campaign)
 
     @property
     def estimate(self) -> Estimate:
@@ -76,35 +90,9 @@ class IdentifiedRun(ReportedRun):
         """Of that estimate."""
         return self.found.model
 
-    @property
-    def robot_time(self) -> float:
-        """From entering the bus to the end of the last measurement [s]."""
-        return max(float(recording.time[-1]) for _, recording in self.recordings)
-
     def local_values(self, kind: str) -> list[LocalValue]:
         """Measurements of one kind by themselves, in the order of the plan."""
         return [value for value in self.estimate.local if value.kind == kind]
-
-
-def read(source: Run) -> ReportedRun:
-    """Read a run, evaluate its friction if it measured any, and take what was identified of it.
-
-    What is not kept of the run is identified as `hil identify` does, and kept; a run about friction
-    alone is not identified.
-
-    Raises
-    ------
-    FileError
-        A damaged recording.
-    NotIdentifiable, NotEnoughData
-        Recordings that do not suffice; no recording of friction in a run about friction alone.
-    """
-    campaign = tuple(source)
-    recordings = tuple(recorded(campaign))
-    own = source, campaign, recordings, friction_of_run(source, recordings)
-    if _friction_alone(source):
-        return ReportedRun(*own)
-    return IdentifiedRun(*own, found_in(source, *_method(source), campaign))
 
 
 def _method(run: Run) -> tuple[str, tuple[Run, ...]]:

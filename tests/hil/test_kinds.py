@@ -64,7 +64,7 @@ OTHERWISE = {
     ("gravity", "model/dependencies.py"): "a group of base parameters",
     ("gravity", "model/robot.py"): "the acceleration of gravity",
     ("gravity", "model/robot_file.py"): "the same",
-    ("friction", "report/header.py"): "a title",
+    ("friction", "report/page.py"): "a title",
     ("friction", "results/model.py"): "a part of a torque",
     ("friction", "results/findings.py"): "a package of the program",
     ("friction", "report/sections/friction.py"): "a plot of levels in all kinds",

@@ -13,10 +13,10 @@ from hil.report.sections import elements, friction, imported, kept, of_run, para
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.report.reported_run import IdentifiedRun, ReportedRun
+    from hil.report.reported_run import ReportedRun
     from hil.report.section import Section
 
-OF_IDENTIFIED: tuple[Callable[[IdentifiedRun], Section | None], ...] = (
+OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     kept.validation,
     parameters.parameters,
     imported.identified,

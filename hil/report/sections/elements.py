@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind, ElementMeasurement
-    from hil.report.reported_run import IdentifiedRun
+    from hil.report.reported_run import ReportedRun
 
 
-def measured_and_modelled(run: IdentifiedRun) -> Section | None:
+def measured_and_modelled(run: ReportedRun) -> Section | None:
     """One plot a kind that was measured."""
     kinds = {value.kind for value in run.estimate.local}
     plots = tuple(
@@ -40,7 +40,7 @@ def measured_and_modelled(run: IdentifiedRun) -> Section | None:
     return Section("Measured and modelled", "measured_and_modelled.html", plots=plots)
 
 
-def _elements_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
+def _elements_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
     return Plot(
         name,
         partial(measured_elements, run.local_values(name), kind, run.robot),
@@ -50,7 +50,7 @@ def _elements_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
     )
 
 
-def torques(run: IdentifiedRun) -> Section | None:
+def torques(run: ReportedRun) -> Section | None:
     """Residuals of all measurements, over angles too, and predicted torques."""
     if run.found.prediction is None:
         return None
@@ -71,7 +71,7 @@ def torques(run: IdentifiedRun) -> Section | None:
     )
 
 
-def _all(run: IdentifiedRun) -> Plot:
+def _all(run: ReportedRun) -> Plot:
     planned = {each.id: each for each in element_measurements(run.source.plan.measurements)}
     return Plot(
         "residuals",
@@ -84,7 +84,7 @@ def _all(run: IdentifiedRun) -> Plot:
     )
 
 
-def _over_angles_plot(name: str, kind: ElementKind, run: IdentifiedRun) -> Plot:
+def _over_angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
     of_gravity = (
         " (Fig. 7 for all pairs). A pattern over an angle is something that the robot file leaves"
         " out; hil diagnose tests what."

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
-    from hil.report.reported_run import IdentifiedRun, ReportedRun
+    from hil.report.reported_run import ReportedRun
     from hil.results.friction_file import FrictionResult
 
 
-def friction_over_campaign(run: IdentifiedRun) -> Section | None:
+def friction_over_campaign(run: ReportedRun) -> Section | None:
     """The law, levels by measurement, time constants and symmetry where they are identifiable."""
     if run.found.prediction is None:
         return None

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.result import FrictionCurve
     from hil.model.robot import Robot
     from hil.report.charts.chart import Item
-    from hil.report.reported_run import IdentifiedRun
+    from hil.report.reported_run import ReportedRun
     from hil.results.recorded_torque import PredictedTorque
 
 
-def identified(run: IdentifiedRun) -> Section | None:
+def identified(run: ReportedRun) -> Section | None:
     """All that `hil identify` shows of the model, and plots of what it was found from."""
     if run.found.prediction is not None:
         return None
@@ -41,7 +41,7 @@ def identified(run: IdentifiedRun) -> Section | None:
     return Section("Parameters, friction and torques", "identified.html", values, plots, leads=True)
 
 
-def _plots(run: IdentifiedRun) -> Iterator[Plot]:
+def _plots(run: ReportedRun) -> Iterator[Plot]:
     model, robot = run.model, run.robot
     if model.friction is not None:
         longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)

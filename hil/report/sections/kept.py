@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.report.charts.chart import Item
-    from hil.report.reported_run import IdentifiedRun
+    from hil.report.reported_run import ReportedRun
     from hil.results.diagnosis import Diagnosis, DiagnosisFile
     from hil.results.load_file import ElementRecord, LoadFile
     from hil.runs.run import Run
@@ -55,7 +55,7 @@ K = TypeVar("K", bound=_Kept)
 
 
 def current(
-    read: Callable[[Run], K | None], run: IdentifiedRun, name: str, command: str
+    read: Callable[[Run], K | None], run: ReportedRun, name: str, command: str
 ) -> tuple[K | None, str]:
     """Read a result of the run, or why it is not shown.
 
@@ -84,7 +84,7 @@ def current(
     return kept, ""
 
 
-def kept_model(run: IdentifiedRun) -> Model | None:
+def kept_model(run: ReportedRun) -> Model | None:
     """Read the model that is kept in the run's folder; None where it is not that of this report."""
     path = run.source.path / NAME
     if not path.exists():
@@ -96,7 +96,7 @@ def kept_model(run: IdentifiedRun) -> Model | None:
     return None if same_parameters(kept.values.tolist(), run.model.values) else kept
 
 
-def validation(run: IdentifiedRun) -> Section | None:
+def validation(run: ReportedRun) -> Section | None:
     """Judgements of the kept model, if it is the one of this report, and the newest's picture."""
     kept = kept_model(run)
     if kept is None or not kept.validations:
@@ -120,7 +120,7 @@ def validation(run: IdentifiedRun) -> Section | None:
     )
 
 
-def bodies(run: IdentifiedRun) -> Section | None:
+def bodies(run: ReportedRun) -> Section | None:
     """Bodies that the kept model has, as long as it is the one of this report."""
     kept = kept_model(run)
     if kept is None or kept.consistent is None:
@@ -137,7 +137,7 @@ def bodies(run: IdentifiedRun) -> Section | None:
     )
 
 
-def load(run: IdentifiedRun) -> Section | None:
+def load(run: ReportedRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
     found, note = current(read_load, run, load_file.NAME, f"hil payload WITHOUT {run.source.path}")
     if found is None and not note:
@@ -168,7 +168,7 @@ PHASE = (
 )
 
 
-def diagnosis(run: IdentifiedRun) -> Section | None:
+def diagnosis(run: ReportedRun) -> Section | None:
     """What is kept of a diagnosis, or why it is not shown."""
     found, note = current(
         load_diagnosis, run, kept_diagnosis.NAME, f"hil diagnose {run.source.path}"

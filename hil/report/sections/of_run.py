@@ -13,12 +13,12 @@ from hil.results.tables.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
-    from hil.report.reported_run import IdentifiedRun, ReportedRun
+    from hil.report.reported_run import ReportedRun
     from hil.results.judgement import Reservation
     from hil.runs.journal import Session
 
 
-def advice(run: IdentifiedRun) -> Section | None:
+def advice(run: ReportedRun) -> Section | None:
     """What is to be done as a table, notes as a list."""
     if run.source.imported:
         return None
@@ -41,7 +41,7 @@ def _findings(items: list[Reservation]) -> Table:
     return table("", ("where", Column("finding", folds=True)), parts)
 
 
-def drive_trains(run: IdentifiedRun) -> Section | None:
+def drive_trains(run: ReportedRun) -> Section | None:
     """Drive train of each axis; None where nothing of it was estimated."""
     axes = drive_train(run.estimate, run.robot)
     if not axes:
@@ -49,7 +49,7 @@ def drive_trains(run: IdentifiedRun) -> Section | None:
     return Section("Drive trains", "drive_train.html", {"axes": axes})
 
 
-def derivation(run: IdentifiedRun) -> Section | None:
+def derivation(run: ReportedRun) -> Section | None:
     """Text alone, with the constants that the estimation uses; none of trajectories alone."""
     if not run.estimate.local:
         return None

@@ -21,12 +21,12 @@ from hil.results.tables import parameters as tables
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
-    from hil.report.reported_run import IdentifiedRun
+    from hil.report.reported_run import ReportedRun
     from hil.results.prediction import Prediction
     from hil.runs.run import Run
 
 
-def parameters(run: IdentifiedRun) -> Section | None:
+def parameters(run: ReportedRun) -> Section | None:
     """Base parameters by group, and what their intervals mean in torques."""
     if run.found.prediction is None:
         return None
@@ -69,7 +69,7 @@ def _model_note(run: Run) -> str:
     return f"{NAME} holds the parameters of the same method, with their covariance."
 
 
-def methods(run: IdentifiedRun) -> Section | None:
+def methods(run: ReportedRun) -> Section | None:
     """Parameters by both methods."""
     if run.found.check is None:
         return None
@@ -80,7 +80,7 @@ def methods(run: IdentifiedRun) -> Section | None:
     return Section("Improved and published method", "methods.html", values)
 
 
-def correlations(run: IdentifiedRun) -> Section:
+def correlations(run: ReportedRun) -> Section:
     """Correlation matrix."""
     plot = Plot(
         "correlation",
