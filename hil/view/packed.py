@@ -11,7 +11,7 @@ import gzip
 import json
 from dataclasses import dataclass
 from itertools import chain, repeat
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -79,25 +79,10 @@ def shown_kinds(occurring: Iterable[str]) -> list[dict[str, object]]:
     ]
 
 
-class Packed(NamedTuple):
-    """A list of numbers.
-
-    Attributes
-    ----------
-    step : float
-        What a number is a multiple of.
-    differences : list of int
-        Of each multiple to the one before, the first to 0.
-    """
-
-    step: float
-    differences: list[int]
-
-
 def packed(values: ArrayLike, step: float) -> dict[str, object]:
-    """Numbers of any shape in order, rounded to multiples of `step`."""
+    """Numbers of any shape in order, as multiples of `step`: each by its difference to the last."""
     whole = np.rint(np.ravel(np.asarray(values, dtype=float)) / step).astype(np.int64)
-    return Packed(step, np.diff(whole, prepend=0).tolist())._asdict()
+    return {"step": step, "differences": np.diff(whole, prepend=0).tolist()}
 
 
 def deflated(data: object) -> str:

@@ -8,9 +8,8 @@ period of the highest harmonic, between which cubics are off by less than 2e-5 o
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
 from itertools import cycle
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -36,10 +35,16 @@ if TYPE_CHECKING:
 
 
 class Planned(NamedTuple):
-    """A plan in time."""
+    """A plan in time: knots of each joint, which stands still beyond its last one."""
 
-    motion: KnotMotion
+    tracks: tuple[Track, ...]
     segments: tuple[Segment, ...]
+
+    def at(self, time: Array) -> tuple[Array, Array, Array]:
+        """q, qd and qdd at instants (n,), each of shape (n, n_joints)."""
+        found = [_cubic(track, time) for track in self.tracks]
+        q, qd, qdd = (np.column_stack(each) for each in zip(*found, strict=True))
+        return q, qd, qdd
 
 
 def planned(plan: Plan, robot: Robot) -> Planned:
@@ -55,9 +60,15 @@ def planned(plan: Plan, robot: Robot) -> Planned:
     passage = _Passage(plan, robot)
     passage.warm_up()
     for number, measurement in enumerate(plan.measurements):
-        passage.travel(measurement.start, plan.travel, f"travel to {measurement.id}")
-        passage.measure(measurement, problems.get(number))
-    return Planned(passage.builder.finish(), tuple(passage.segments))
+        passage.travel(measurement.start, plan.travel)
+        passage.note("travel", f"travel to {measurement.id}")
+        passage.measure(measurement)
+        passage.note(
+            measurement.kind, described(measurement), measurement.read,
+            recorded=True, problem=problems.get(number),
+        )  # fmt: skip
+    tracks = tuple(Track(*np.array(knots).T) for knots in passage.knots)
+    return Planned(tracks, tuple(passage.segments))
 
 
 def problems_by_number(plan: Plan, robot: Robot) -> dict[int, str]:
@@ -71,50 +82,80 @@ def problems_by_number(plan: Plan, robot: Robot) -> dict[int, str]:
 
 
 class _Passage:
-    """Motion and segments up to now."""
+    """Knots of all joints and segments up to now, in the order of time."""
 
     def __init__(self, plan: Plan, robot: Robot) -> None:
-        self.builder = MotionBuilder([0.0] * robot.n_joints)
+        self.knots: list[Rows] = [[(0.0, 0.0, 0.0)] for _ in range(robot.n_joints)]
         self.segments: list[Segment] = []
-        self._plan = plan
-        self._robot = robot
+        self._plan, self._robot = plan, robot
         self._place: Sequence[float] = [0.0] * robot.n_joints
         self._now = 0.0
+
+    def note(self, kind: str, words: str, axes: tuple[int, ...] = (), **more: Any) -> None:
+        """State what has happened since the last segment."""
+        begin = self.segments[-1].end if self.segments else 0.0
+        self.segments.append(Segment(kind, words, begin, self._now, axes, **more))
 
     def warm_up(self) -> None:
         """Go round the plan's own configurations until time is up, as the sequencer does."""
         warm_up = self._plan.warm_up
         targets = cycle(end for m in self._plan.measurements for end in (m.start, m.end))
         while warm_up and self._now < warm_up.duration:
-            self._go(next(targets), warm_up.fraction)
+            self.travel(next(targets), warm_up.fraction)
         if warm_up:
-            self.segments.append(Segment("warm-up", "warm-up", 0.0, self._now))
+            self.note("warm-up", "warm-up")
 
-    def travel(self, end: Sequence[float], fraction: float, words: str) -> None:
-        """Go to where a measurement begins."""
-        begin = self._now
-        self._go(end, fraction)
-        self.segments.append(Segment("travel", words, begin, self._now))
-
-    def measure(self, measurement: Measurement, problem: str | None) -> None:
-        """Carry out a measurement."""
-        begin, self._now = self._now, self._now + measurement.duration
-        self.builder.measure(measurement, begin)
-        self.segments.append(
-            Segment(
-                measurement.kind, described(measurement), begin, self._now, measurement.read,
-                recorded=True, problem=problem,
-            )
-        )  # fmt: skip
-
-    def _go(self, end: Sequence[float], fraction: float) -> None:
+    def travel(self, end: Sequence[float], fraction: float) -> None:
+        """Let all joints go to `end` at once, each at a share of its own limits."""
         robot = self._robot
         velocity, acceleration = (
             fraction * limit for limit in (robot.velocity_limit, robot.acceleration_limit)
         )
-        self.builder.travel(end, velocity, acceleration, self._now)
+        for joint, (target, v, a) in enumerate(zip(end, velocity, acceleration, strict=True)):
+            start = self.knots[joint][-1][1]
+            self._move(joint, Trapezoid(start, float(target), float(v), float(a)), self._now)
         self._now += travel_time(robot, self._place, end, fraction) + SETTLING
         self._place = end
+
+    def measure(self, measurement: Measurement) -> None:
+        """Carry out a measurement from rest at its start."""
+        begin, self._now = self._now, self._now + measurement.duration
+        if measurement.streamed:
+            n = measurement.cycles * KNOTS * len(measurement.sine[0])
+            time = np.linspace(0.0, measurement.cycles * measurement.period, n + 1)
+            self._follow(begin + REST + time, *measurement.motion(time)[:2])
+            return
+        self._exercise(measurement, begin)
+        begin += measurement.preparation
+        for number, at in enumerate(measurement.beginnings[:-1]):
+            self._move(measurement.index, measurement.profile(number), begin + at)
+        for partner in measurement.partners:
+            for at, profile in partner_strokes(measurement, partner):
+                self._move(partner.index, profile, begin + at)
+
+    def _move(self, joint: int, profile: Trapezoid, begin: float) -> None:
+        """Let a joint follow a profile from `begin` on [s]."""
+        if not profile.duration:
+            return
+        corners = np.unique([0.0, *profile.window, profile.duration])
+        q, qd, _ = profile.motion(corners)
+        self.knots[joint] += zip((begin + corners).tolist(), q.tolist(), qd.tolist(), strict=True)
+
+    def _exercise(self, measurement: Strokes, begin: float) -> None:
+        """Pairs of strokes, as many as end before the recording."""
+        pair = [measurement.profile(number) for number in (0, 1)]
+        took = sum(profile.duration for profile in pair)
+        at = begin + measurement.preparation - measurement.exercised
+        for _ in range(int(measurement.exercised / took)):
+            for profile in pair:
+                self._move(measurement.index, profile, at)
+                at += profile.duration
+
+    def _follow(self, time: Array, q: Array, qd: Array) -> None:
+        """Pass configurations (n, n_joints) at instants (n,)."""
+        rows = np.dstack([np.broadcast_to(time, q.T.shape), q.T, qd.T]).tolist()
+        for knots, more in zip(self.knots, rows, strict=True):
+            knots.extend(map(tuple, more))
 
 
 def _refuse_endless(plan: Plan, most: float = 1e6) -> None:
@@ -142,87 +183,6 @@ def _knots(measurement: Measurement) -> float:
 
 KNOTS = 24
 """Of a trajectory in each period of its highest harmonic."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class KnotMotion:
-    """Knots of all joints; joints stand still beyond their last one."""
-
-    tracks: tuple[Track, ...]
-
-    def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """q, qd and qdd at instants (n,), each of shape (n, n_joints)."""
-        found = [_cubic(track, time) for track in self.tracks]
-        q, qd, qdd = (np.column_stack(each) for each in zip(*found, strict=True))
-        return q, qd, qdd
-
-
-class MotionBuilder:
-    """Collects the knots of a motion in the order of time.
-
-    Parameters
-    ----------
-    start : sequence (n_joints,)
-        Where it begins [rad or m].
-    """
-
-    def __init__(self, start: Sequence[float]) -> None:
-        self._knots: list[Rows] = [[(0.0, float(q), 0.0)] for q in start]
-
-    def place(self, joint: int) -> float:
-        """Where a joint stands at last [rad or m]."""
-        return self._knots[joint][-1][1]
-
-    def move(self, joint: int, profile: Trapezoid, begin: float) -> None:
-        """Let a joint follow a profile from `begin` on [s]."""
-        if not profile.duration:
-            return
-        first, last = profile.window
-        corners = np.unique([0.0, first, last, profile.duration])
-        q, qd, _ = profile.motion(corners)
-        self._knots[joint] += zip((begin + corners).tolist(), q.tolist(), qd.tolist(), strict=True)
-
-    def travel(
-        self, end: Sequence[float], velocity: Array, acceleration: Array, begin: float
-    ) -> None:
-        """Let all joints go to `end` at once, each at its own velocity and acceleration."""
-        for joint, (target, v, a) in enumerate(zip(end, velocity, acceleration, strict=True)):
-            self.move(joint, Trapezoid(self.place(joint), float(target), float(v), float(a)), begin)
-
-    def measure(self, measurement: Measurement, begin: float) -> None:
-        """Carry out a measurement from rest at its start."""
-        if measurement.streamed:
-            n = measurement.cycles * KNOTS * len(measurement.sine[0])
-            time = np.linspace(0.0, measurement.cycles * measurement.period, n + 1)
-            self._follow(begin + REST + time, *measurement.motion(time)[:2])
-            return
-        self._exercise(measurement, begin)
-        begin += measurement.preparation
-        for number, at in enumerate(measurement.beginnings[:-1]):
-            self.move(measurement.index, measurement.profile(number), begin + at)
-        for partner in measurement.partners:
-            for at, profile in partner_strokes(measurement, partner):
-                self.move(partner.index, profile, begin + at)
-
-    def finish(self) -> KnotMotion:
-        """Return the motion."""
-        return KnotMotion(tuple(Track(*np.array(knots).T) for knots in self._knots))
-
-    def _exercise(self, measurement: Strokes, begin: float) -> None:
-        """Pairs of strokes, as many as end before the recording."""
-        pair = [measurement.profile(number) for number in (0, 1)]
-        took = sum(profile.duration for profile in pair)
-        at = begin + measurement.preparation - measurement.exercised
-        for _ in range(int(measurement.exercised / took)):
-            for profile in pair:
-                self.move(measurement.index, profile, at)
-                at += profile.duration
-
-    def _follow(self, time: Array, q: Array, qd: Array) -> None:
-        """Pass configurations (n, n_joints) at instants (n,)."""
-        rows = np.dstack([np.broadcast_to(time, q.T.shape), q.T, qd.T]).tolist()
-        for knots, more in zip(self._knots, rows, strict=True):
-            knots.extend(map(tuple, more))
 
 
 def _cubic(track: Track, time: Array) -> tuple[Array, Array, Array]:

@@ -130,9 +130,9 @@ def of_plan(
     InvalidValue
         More strokes than a page can show.
     """
-    motion, segments = planned(plan, robot)
-    time = _instants(segments[-1].end, most)
-    q, qd, qdd = motion.at(time)
+    passed = planned(plan, robot)
+    time = _instants(passed.segments[-1].end, most)
+    q, qd, qdd = passed.at(time)
     near = distances(robot, plan.workspace, time, q)
     torque = predicted(model, time, q, qd, qdd) if model else None
     return Scene(
@@ -140,8 +140,8 @@ def of_plan(
         robot=robot,
         workspace=plan.workspace,
         visuals=visuals,
-        segments=segments,
-        planned=motion.tracks,
+        segments=passed.segments,
+        planned=passed.tracks,
         predicted=torque,
         distances=near,
         notes=(

@@ -111,7 +111,8 @@ def test_three_instants_of_a_plan_are_drawn_as_planned(
     browser: Chrome, plan_page: Path, manutec: Robot
 ) -> None:
     plan = design(manutec, COUNTS, 0.0, WORKSPACE)
-    motion, segments = planned(plan, manutec)
+    motion = planned(plan, manutec)
+    segments = motion.segments
     show(browser, plan_page)
     for segment in (segments[1], segments[8], segments[-1]):
         t = segment.begin + 0.4 * (segment.end - segment.begin)

@@ -178,9 +178,9 @@ def test_a_trajectory_is_drawn_as_planned(manutec: Robot, small_plan: Plan) -> N
         id="t1", q=(0.0,) * 6, period=4.0, sine=sine, cosine=((0.04, -0.01),) * 6
     )
     plan = small_plan.model_copy(update={"measurements": (trajectory,)})
-    motion, segments = planned(plan, manutec)
+    motion = planned(plan, manutec)
     t = np.linspace(0.0, 4.0, 500)
-    q, qd, _ = motion.at(segments[-1].begin + 0.3 + t)
+    q, qd, _ = motion.at(motion.segments[-1].begin + 0.3 + t)
     wanted = trajectory.motion(t)
     np.testing.assert_allclose(q, wanted[0], atol=1e-5)
     np.testing.assert_allclose(qd, wanted[1], atol=1e-3)
@@ -191,7 +191,7 @@ def test_the_distance_is_that_of_the_safety_check(guarded: Plan, manutec: Robot)
     assert guarded.workspace
     assert scene.distances
     track = scene.distances.track
-    motion, _ = planned(guarded, manutec)
+    motion = planned(guarded, manutec)
     for number in (0, 150, scene.distances.least):
         q = motion.at(track.time[number : number + 1])[0]
         depth = sampled_depth(manutec, guarded.workspace, q)
