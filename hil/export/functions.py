@@ -5,19 +5,28 @@ They are those of `hil.results.model.Model`, one sample at a time, and give the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import re
+from typing import TYPE_CHECKING, NamedTuple, cast
 
-from hil.export import drives
+import numpy as np
+
 from hil.export.expressions import Expression, Graph
 from hil.export.rigid_bodies import joints
+from hil.friction.direction import STILL
+from hil.friction.terms import BEND, DIRECTED
+from hil.friction.warmth import REFERENCE
+from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.newton_euler import rigid_bodies
+from hil.results.identified_robot import known_friction
 from hil.results.samples import known_warmth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.export.rigid_bodies import Scalar
+    from hil.friction.law import AxisLaw
+    from hil.model.robot import Robot
     from hil.results.model import Model
 
 Vector = list[Expression]
@@ -77,7 +86,7 @@ def functions(model: Model) -> tuple[Function, ...]:
         purpose = "Change of the warmth in time [1/s]; 0 where it is not identified. Begin at 0,"
         found.append(_made(model, "warmth_rate", f"{purpose} cold.", "qd", "warmth"))
     found.append(_made(model, "torque", f"Torques of the drives: {parts}.", "q", "qd", "qdd"))
-    if drives.shares_of_current(model.robot) is not None:
+    if shares_of_current(model.robot) is not None:
         found.append(
             _made(model, "current", "Motor currents [A] for torques of the drives.", "tau")
         )
@@ -100,15 +109,20 @@ def _made(model: Model, name: str, purpose: str, *arguments: str) -> Function:
 
 
 class _Equations:
-    """The equations of each function, by its name; arguments as in `ARGUMENTS`."""
+    """The equations of each function, by its name; arguments as in `ARGUMENTS`.
+
+    The same as in `hil.model.motors`, `hil.model.added_parameters` and `hil.friction.law`, for one
+    sample.
+    """
 
     def __init__(self, graph: Graph, model: Model) -> None:
-        n = model.robot.n_joints
-        standard = base_parameters(model.robot).placement @ model.values
-        self._graph, self._model, self._robot = graph, model, model.robot
-        # ten parameters of each link that act as the base parameters do
+        robot, n = model.robot, model.robot.n_joints
+        standard = base_parameters(robot).placement @ model.values
+        self._graph, self._model, self._robot = graph, model, robot
+        # ten parameters of each link that act as the base parameters do, then those of no link
         self._bodies: list[list[float]] = standard[: 10 * n].reshape(n, 10).tolist()
-        self._constant = drives.identified_inertia(model).tolist()
+        self._added: list[float] = standard[10 * n :].tolist()
+        self._constant = np.tensordot(standard[10 * n :], added_inertias(robot), 1).tolist()
 
     def gravity(self, q: Vector) -> list[Scalar]:
         still = [0.0] * len(q)
@@ -118,10 +132,9 @@ class _Equations:
         """With what was identified beside them."""
         chain = joints(self._graph, self._robot, q)
         found = rigid_bodies(chain, self._bodies, qd, qdd, self._robot.gravity.tolist())
-        bent = drives.springs(self._graph, self._model, q)
         return [
             tau + spring + sum((H * dv for H, dv in zip(row, qdd, strict=True)), start=0.0)
-            for tau, spring, row in zip(found, bent, self._constant, strict=True)
+            for tau, spring, row in zip(found, self._springs(q), self._constant, strict=True)
         ]
 
     def mass_matrix(self, q: Vector) -> list[Scalar]:
@@ -138,16 +151,39 @@ class _Equations:
     def friction(
         self, q: Vector, qd: Vector, load: Vector, warmth: Vector | None = None
     ) -> list[Scalar]:
-        law = self._model.friction_law
-        assert law is not None  # noqa: S101 - asked for before
-        return drives.friction(self._graph, self._robot, law, q, qd, load, warmth)
+        """Friction and ripple; `load`: torques of the rigid bodies."""
+        law = known_friction(self._model)
+        found: list[Scalar] = []
+        for axis, own in enumerate(law.axes):
+            if own is None:
+                found.append(0.0)
+                continue
+            level, other = self._axis(own, axis, q[axis], qd[axis], load[axis])
+            if warmth is not None and own.warmth is not None:
+                # no further than was seen
+                seen = self._clipped(warmth[axis], *own.warmth.seen)
+                level = level * (1.0 + own.warmth.slope * (seen - own.warmth.reference))
+            found.append(level + other)
+        for (motor, joint, ratio), each in zip(self._robot.couplings, law.coupled, strict=True):
+            turning = self._graph.function("sign", ratio * qd[joint] + qd[motor])
+            coulomb, viscous = each.coulomb.value * turning, each.viscous.value * ratio
+            found[motor] += coulomb + viscous * qd[joint]
+            found[joint] += ratio * coulomb + viscous * qd[motor]
+        return found
 
     friction_at_warmth = friction
 
     def warmth_rate(self, qd: Vector, warmth: Vector) -> list[Scalar]:
-        law = self._model.friction_law
-        assert law is not None  # noqa: S101 - asked for before
-        return drives.warmth_rate(self._graph, law, qd, warmth)
+        """0 where it is not identified."""
+        found: list[Scalar] = []
+        for each, speed, w in zip(known_friction(self._model).axes, qd, warmth, strict=True):
+            if each is None or each.warmth is None:
+                found.append(0.0)
+                continue
+            own, graph = each.warmth, self._graph
+            heating = graph.function("abs", speed) * (1.0 / (each.speed * REFERENCE * own.warming))
+            found.append((graph.number(1.0) - w) * heating - w * (1.0 / own.cooling))
+        return found
 
     def torque(self, q: Vector, qd: Vector, qdd: Vector) -> list[Scalar]:
         """All parts that the model has."""
@@ -160,5 +196,69 @@ class _Equations:
         return [tau + each for tau, each in zip(found, rub, strict=True)]
 
     def current(self, tau: Vector) -> list[Scalar]:
-        rows = drives.shares_of_current(self._robot) or []
+        rows = shares_of_current(self._robot) or []
         return [sum(k * each for k, each in zip(row, tau, strict=True)) for row in rows]
+
+    def _springs(self, q: Vector) -> list[Scalar]:
+        """Torques of springs and counterbalances, the last of what no link has."""
+        stated = self._robot.file.springs or ()
+        found: list[Scalar] = [0.0] * self._robot.n_joints
+        shapes = {"cosine": "cos", "sine": "sin"}
+        first = len(self._added) - len(stated)
+        for spring, value in zip(stated, self._added[first:], strict=True):
+            at, name = spring.joint - 1, shapes.get(spring.shape)
+            found[at] += value * (q[at] if name is None else self._graph.function(name, q[at]))
+        return found
+
+    def _axis(
+        self, law: AxisLaw, axis: int, q: Expression, qd: Expression, load: Expression
+    ) -> tuple[Expression, Expression]:
+        """Level of an axis's friction, which changes its sign with the direction, and the rest."""
+        graph = self._graph
+        direction = graph.function("direction", qd * (1.0 / (STILL * law.speed)))
+        u, level, other = qd * (1.0 / law.speed), graph.number(0.0), graph.number(0.0)
+        if law.speeds is not None:
+            speed = graph.function("abs", qd)
+            known = self._clipped(speed, *law.speeds)
+            u = direction * known * (1.0 / law.speed)
+            level = direction * (speed - known) * law.slope
+        shapes = {
+            "offset": lambda: graph.number(1.0),
+            "Coulomb": lambda: direction,
+            "viscous": lambda: u,
+            "asymmetric": lambda: graph.function("abs", u),
+            "cube root": lambda: graph.function("cbrt", u),
+            "arc tangent": lambda: graph.function("atan", u * (1.0 / BEND)),
+            "quadratic": lambda: u * graph.function("abs", u),
+            "load": lambda: graph.function("abs", load) * direction,
+        }
+        for term, value in law.terms.items():
+            shape = shapes[term]() if term in shapes else self._ripple(axis, term, q)
+            if term in DIRECTED:
+                level = level + value.value * shape
+            else:
+                other = other + value.value * shape
+        return level, other
+
+    def _clipped(self, x: Expression, low: float, high: float) -> Expression:
+        """Return x within [low, high], of absolute values alone."""
+        above, below = (self._graph.function("abs", x - end) for end in (low, high))
+        return (above - below + (low + high)) * 0.5
+
+    def _ripple(self, axis: int, term: str, q: Expression) -> Expression:
+        """Ripple of one order over the motor's angle; none where that is unknown, as in the law."""
+        ratio = float(np.nan_to_num(self._robot.gear_ratio[axis]))
+        wave, order = re.fullmatch(r"(cosine|sine) (\d+)", term).groups()  # type: ignore[union-attr]
+        if not ratio:
+            return self._graph.number(0.0)
+        name = {"cosine": "cos", "sine": "sin"}[wave]
+        return self._graph.function(name, q * (ratio * int(order)))
+
+
+def shares_of_current(robot: Robot) -> list[list[float]] | None:
+    """What each joint's torque takes of each motor's current [A/(N m)]; None where unknown."""
+    if not np.isfinite([robot.torque_constant, robot.gear_ratio]).all():
+        return None
+    shares = np.linalg.inv(robot.motor_matrix.T) / robot.torque_constant[:, np.newaxis]
+    rounded = np.where(np.abs(shares) < 1e-14 * np.abs(shares).max(), 0.0, shares)
+    return cast("list[list[float]]", rounded.tolist())
