@@ -83,9 +83,9 @@ The help repeats the commands' own docstrings; a test compares them.
 """
 MODULES = {
     "robot": "robots", "plan": "planning", "dry-run": "planning", "view": "viewing",
-    "run": "measuring", "track": "beside_model", "watch": "beside_model", "import": "importing",
+    "run": "measuring", "track": "beside_model", "watch": "beside_model", "import": "exchanging",
     "identify": "results", "validate": "judging", "report": "results", "diagnose": "results",
-    "payload": "payload", "accept": "judging", "history": "history", "export": "exporting",
+    "payload": "payload", "accept": "judging", "history": "judging", "export": "exchanging",
     "doctor": "doctor", "scan": "drives", "drives": "drives", "check": "commissioning",
     "jog": "commissioning", "home": "commissioning", "monitor": "monitoring", "compare": "results",
     "friction": "friction", "trajectory": "trajectory",

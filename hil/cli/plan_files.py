@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from hil.cli import dry_run_view
+from hil.cli import plan_view
 from hil.model.robot import ROBOTS, load_robot, refuse_unknown
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace_check import load_workspace, remarks
@@ -92,7 +92,7 @@ def refuse_problems(result: DryRun, plan_file: Path) -> None:
     """
     if result.problems:
         text = plan_file.read_text(encoding="utf-8")
-        raise FileError(dry_run_view.describe_problems(result, text, str(plan_file)))
+        raise FileError(plan_view.describe_problems(result, text, str(plan_file)))
 
 
 def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:

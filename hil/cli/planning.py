@@ -50,7 +50,7 @@ def dry_run_(
     ] = False,
 ) -> None:
     """State what a plan takes and what it gives; nothing moves."""
-    from hil.cli import dry_run_view
+    from hil.cli import plan_view
     from hil.cli.plan_files import load, refuse_problems
     from hil.cli.robot_drives import bus_cycle, following_of, known_drives
     from hil.planning.dry_run import dry_run
@@ -66,7 +66,7 @@ def dry_run_(
         cycle = bus_cycle(the_plan, the_robot.n_joints, drives, bitrate)
         following = following_of(drives, the_plan.sample_period)
         result = dry_run(the_plan, the_robot, cycle, following)
-    dry_run_view.render(result, out)
+    plan_view.render(result, out)
     if view:
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
@@ -78,7 +78,7 @@ def dry_run_(
         with working("predicting the precision"):
             noise = noise_of(the_robot, noise_from, drives_file)
             found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
-        dry_run_view.render_precision(found, the_robot, out)
+        plan_view.render_precision(found, the_robot, out)
         if ripple := ripple_left_out(the_robot):
             say(ripple, style="yellow")
 
@@ -198,8 +198,8 @@ def plan(
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
     with working("finding what the runs have shown") as now:
         from checked_files.yaml_file import FileError
-        from hil.cli.dry_run_view import render_refinement
         from hil.cli.plan_files import write_plan
+        from hil.cli.plan_view import render_refinement
         from hil.cli.robot_drives import experience_of
         from hil.planning.design.by_minutes import refine
         from hil.planning.prediction.precision import information, precision

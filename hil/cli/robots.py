@@ -36,14 +36,14 @@ commands.add_typer(robot_commands, name="robot")
 def show(name: RobotName) -> None:
     """Show base parameters; `hil robot NAME` does so too."""
     with working("reading the robot") as now:
-        from hil.cli import robot_view
+        from hil.cli import plan_view
         from hil.model.base_parameters import base_parameters
         from hil.model.robot import load_robot
 
         robot = load_robot(name)
         now(f"finding what can be identified of {robot.n_joints} joints")
         base_parameters(robot)
-    robot_view.render(robot, out)
+    plan_view.render_robot(robot, out)
 
 
 @robot_commands.command()

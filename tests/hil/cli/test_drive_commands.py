@@ -12,7 +12,7 @@ from rich.console import Console
 from small_run import write_run
 
 from drivers.commissioning.verdict import Grade, Verdict
-from hil.cli import check_view
+from hil.cli import commissioning
 from hil.results.identification import identify
 from hil.terminal.keys import Keys, TerminalOperator
 
@@ -180,8 +180,8 @@ def test_lines_are_counted_by_grade_and_one_refusal_is_enough() -> None:
     console = Console(file=io.StringIO(), width=120)
     good = Verdict(Grade.OK, "joint 1", "gear", "105")
     bad = Verdict(Grade.REFUSED, "joint 1", "gear", "[100]", "file: 105", "correct it")
-    assert check_view.show([good, good], console)
-    assert not check_view.show([good, bad], console)
+    assert commissioning.show_verdicts([good, good], console)
+    assert not commissioning.show_verdicts([good, bad], console)
     shown = console.file.getvalue()
     assert "1 ok, 0 warning, 1 refused" in shown
     assert "[100]  (file: 105)" in shown

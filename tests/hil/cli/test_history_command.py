@@ -11,7 +11,7 @@ import pytest
 from free_run import TRUTH, arm, recorded, write_free_run
 from stated_model import stated_model
 
-from hil.cli.history import CHANGED
+from hil.cli.judging import CHANGED
 
 if TYPE_CHECKING:
     from pathlib import Path

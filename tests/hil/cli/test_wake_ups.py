@@ -19,7 +19,7 @@ from drivers.operator_tools.wake_ups import (
     wake_ups_on,
 )
 from hil import cli
-from hil.cli import check_view
+from hil.cli import commissioning
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
@@ -125,7 +125,7 @@ def test_on_a_bus_that_waits_it_takes_the_time_that_was_asked_for() -> None:
 def test_quantiles_and_a_histogram_are_shown() -> None:
     console = Console(file=io.StringIO(), width=100)
     late = np.repeat([0.12e-3, 0.3e-3, 0.7e-3, 4.1e-3], [800, 100, 99, 1])
-    check_view.show_wake_ups(WakeUps(0.004, late), 0.85, console)
+    commissioning.show_wake_ups(WakeUps(0.004, late), 0.85, console)
     lines = console.file.getvalue().splitlines()
     assert lines[0] == (
         "late for 1000 deadlines at 250 Hz: 50 % 0.12 ms, 99 % 0.7 ms, 85 % 0.3 ms, longest 4.1 ms"

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from checked_files.yaml_file import FileError
-from hil.cli.robot_view import render
+from hil.cli.plan_view import render
 from hil.errors import UnknownName
 from hil.model.polynomial import parse
 from hil.model.robot import available_robots, load_robot, parse_robot

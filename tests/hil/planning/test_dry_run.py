@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from hil.cli.dry_run_view import describe_problems, render
+from hil.cli.plan_view import describe_problems, render
 from hil.measuring.sequencer import measure
 from hil.model.robot import Robot
 from hil.planning.dry_run import BusCycle, dry_run

@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 from synthetic import Friction, record
 
-from hil.cli.dry_run_view import render
+from hil.cli.plan_view import render
 from hil.errors import NotIdentifiable
 from hil.estimation.two_step_methods import estimates
 from hil.model.base_parameters import base_parameters

@@ -11,7 +11,7 @@ from checked_files.yaml_file import FileError, parse_yaml
 from drivers.drive_bus import LimitExceeded
 from drivers.drives_file import load_drives
 from hil import cli
-from hil.cli.dry_run_view import describe_problems
+from hil.cli.plan_view import describe_problems
 from hil.cli.robot_drives import narrowed_drives
 from hil.measuring.sequencer import measure
 from hil.model.capsules import capsules, reaches, segments
