@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from checked_files.yaml_file import FileError
-from hil.cli.plan_view import render
+from hil.cli.plan_view import render_robot
 from hil.errors import UnknownName
 from hil.model.polynomial import parse
 from hil.model.robot import available_robots, load_robot, parse_robot
@@ -197,7 +197,7 @@ def test_polynomials_multiply_add_and_evaluate():
 
 def test_the_view_shows_table_1_equation_22_by_group_and_table_2(manutec):
     console = Console(file=StringIO(), width=120)
-    render(manutec, console)
+    render_robot(manutec, console)
     shown = console.file.getvalue()
     for piece in (
         "Ixx6, Iyy6 = Ixx6, Izz6, sz6, m6",
