@@ -23,8 +23,8 @@ from hil.cli.arguments import (
 )
 from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.measuring import OnBus
-from hil.cli.outputs import folder_to_write, new_folder, output_option, say_simulated
-from hil.terminal.console import out, say, working
+from hil.cli.outputs import folder_to_write, new_folder, output_option, say_simulated, show
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -107,7 +107,6 @@ def track(
 
 def _show(output: Path, model: str, delay: float) -> None:
     from hil.report.pictures import write_tracking_plot
-    from hil.results.tables.terminal import show
     from hil.results.tracking import PASSES, tracked, tracking, write_tracking
     from hil.runs.run import Run
 
@@ -115,7 +114,7 @@ def _show(output: Path, model: str, delay: float) -> None:
         runs = {name: Run.open(output / name) for name in PASSES}
         found = tracked(runs, model, delay)
     say_simulated(*runs.values())
-    show(tracking(found), out)
+    show(tracking(found))
     file = write_tracking(output, found)
     say(f"following errors in {file}, plot in {write_tracking_plot(output, runs, delay)}")
 
@@ -209,15 +208,13 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
 def _keep(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show what was found, however the watch ended."""
     from hil.report.pictures import write_watch_plot
-    from hil.results.tables.terminal import show
     from hil.results.watch import alarms, watched, write_watched
 
     found = watcher.found(the_plan.digest, model)
     if not found.learned:
         return
     output.mkdir(parents=True, exist_ok=True)
-    show(watched(found), out)
-    show(alarms(found), out)
+    show(watched(found), alarms(found))
     file, units = write_watched(output, found), tuple(axis.unit for axis in found.axes)
     picture = write_watch_plot(output, watcher.trace, units)
     say(f"alarms and thresholds in {file}, picture in {picture}")

@@ -10,7 +10,7 @@ import typer
 
 from hil.cli.arguments import PlanWorkspace, RobotName, RunPath
 from hil.cli.measuring import run
-from hil.cli.outputs import NewPlan, refuse_unwritable, say_simulated
+from hil.cli.outputs import NewPlan, refuse_unwritable, say_simulated, show
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def fit(
         from hil.results.friction import evaluate
         from hil.results.friction_file import NAME, write_friction
         from hil.results.tables import friction as tables
-        from hil.results.tables.terminal import show, show_remark
+        from hil.results.tables.terminal import show_remark
         from hil.runs.pooling import recorded
         from hil.runs.run import Run
 
@@ -98,10 +98,7 @@ def fit(
         found = evaluate(run, list(recorded(run)), model, bound)
     path = write_friction(run, found)
     say_simulated(run)
-    for table in (
-        tables.models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts),
-    ):  # fmt: skip
-        show(table, out)
+    show(tables.models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts))
     for left in found.left_out:
         show_remark(f"left out: {left}", out)
     say(f"friction in {path}")

@@ -23,8 +23,9 @@ from hil.cli.outputs import (
     refuse_unwritable,
     say_judgement,
     say_simulated,
+    show,
 )
-from hil.terminal.console import out, printable, say, working
+from hil.terminal.console import printable, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -80,7 +81,6 @@ def validate(
 def _judge(model: Model, model_path: Path, run: Run) -> None:
     from hil.report.pictures import Drawn, write_validation_plot
     from hil.results.predicted_torques import predicted_torques
-    from hil.results.tables.terminal import show
     from hil.results.validation import of_own_recordings, scores, write_validation
     from hil.results.validation import validate as judge
     from hil.runs.pooling import pooled
@@ -92,7 +92,7 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
         file = write_validation(run, model, model_path, found)
     say_simulated(run)
     if found.axes:
-        show(scores(found, _notes(model, run)), out)
+        show(scores(found, _notes(model, run)))
     say_judgement(found)
     if found.axes:
         say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
@@ -157,7 +157,6 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
     from hil.report.further_pages import write_acceptance_page
     from hil.results.acceptance import Limits, checked, judge, write_junit
     from hil.results.model import Model
-    from hil.results.tables.terminal import show
     from hil.runs.atomic_file import file_errors
     from hil.runs.run import Run
 
@@ -170,7 +169,7 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
         write_acceptance_page(output / PAGE, run, found, stated)
     write_junit(output / JUNIT, run.robot.name, model.provenance.measured, found)
     say_simulated(run)
-    show(checked(found), out)
+    show(checked(found))
     say_judgement(found, f"page in {output / PAGE}")
     return found.word != "failed"
 
@@ -221,7 +220,6 @@ def history(
         from hil.results import history_file as tables
         from hil.results.history import read_history
         from hil.results.history_file import write_history
-        from hil.results.tables.terminal import show
         from hil.runs.journal import NO_REAL_MACHINE
 
         if identify:
@@ -230,9 +228,7 @@ def history(
         found = read_history(folders, reference, wander / 100)
     if any(run.model.provenance.of_virtual_plant for run in found.runs):
         say(NO_REAL_MACHINE, style="yellow")
-    show(tables.runs(found), out)
-    show(tables.condition(found), out)
-    show(tables.changes(found), out)
+    show(tables.runs(found), tables.condition(found), tables.changes(found))
     newest = found.sentences(found.runs[-1])
     for sentence in newest:
         say(sentence, style="bold red")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from hil.terminal.console import say
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from hil.errors import FileError
     from hil.results.judgement import Judgement
+    from hil.results.tables.table import Table
     from hil.runs.run import Run
 
 REFUSED = 3
@@ -85,6 +86,17 @@ def say_simulated(*runs: Run) -> None:
 
     if any(run.journal.simulated for run in runs):
         say(NO_REAL_MACHINE, style="yellow")
+
+
+def show(*found: Table | str) -> None:
+    """Print tables that have rows, and sentences beside them."""
+    from hil.results.tables import terminal
+
+    for each in found:
+        if isinstance(each, str):
+            terminal.show_sentence(each, out)
+        else:
+            terminal.show(each, out)
 
 
 def say_judgement(judgement: Judgement, more: str = "") -> None:

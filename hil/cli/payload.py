@@ -11,13 +11,12 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.arguments import ModelPath, RobotsBus, expand_records
-from hil.cli.outputs import folder_to_write, output_option, refuse_unwritable, say_simulated
-from hil.terminal.console import out, say, working
+from hil.cli.outputs import folder_to_write, output_option, refuse_unwritable, say_simulated, show
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from hil.cli.measuring import OnBus
     from hil.model.robot import Robot
-    from hil.planning.design.load import LoadPlan
     from hil.planning.plan import Plan
     from hil.runs.run import Run
 
@@ -74,7 +73,6 @@ def two_runs(
         from hil.results import load as results
         from hil.results import load_file
         from hil.results import load_tables as tables
-        from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
         path = loaded / load_file.NAME
@@ -84,11 +82,8 @@ def two_runs(
         found = results.find_payload(*runs, mass, gains=gains)
     say_simulated(*runs)
     kept = load_file.write_load(loaded, runs[0], runs[1:], found, tables.verdict(found.load))
-    show(tables.changes(kept), out)
-    show(tables.quantities(kept), out)
-    for sentence in (tables.goodness_of_fit(kept), tables.not_shown(kept)):
-        show_sentence(sentence, out)
-    show(tables.torque_constants(kept), out)
+    show(tables.changes(kept), tables.quantities(kept))
+    show(tables.goodness_of_fit(kept), tables.not_shown(kept), tables.torque_constants(kept))
     say(f"load in {path}; hil report {loaded} shows it")
 
 
@@ -144,10 +139,9 @@ def measure(
     slow = _kept_plan(output / SLOW, bare_run)
     if slow is None:
         with working("choosing slow measurements"):
-            stage = slow_plan(known, minutes, at_most if mass is None else mass, poses)
-            slow = stage.plan
+            slow = slow_plan(known, minutes, at_most if mass is None else mass, poses)
             held = holds(known, slow)
-        _show_stage("slow", stage, bare_run)
+        _show_stage("slow", slow, bare_run)
         say(
             f"all axes hold up to {held:.3g} kg in these poses, its centre up to"
             f" {REACH:g} m from the last frame"
@@ -157,9 +151,8 @@ def measure(
     if fast is None:
         with working("estimating the load, and choosing faster measurements by it"):
             found = estimate_load(bare, [Run.open(output / SLOW)])
-            stage = fast_plan(known, minutes, slow, found, poses)
-            fast = stage.plan
-        _show_stage("fast", stage, bare_run)
+            fast = fast_plan(known, minutes, slow, found, poses)
+        _show_stage("fast", fast, bare_run)
     _carry_out(fast, bare_run, output / FAST, how, resume=resume)
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
     with working("estimating the load"):
@@ -239,10 +232,10 @@ def _carry_out(plan: Plan, bare: Run, folder: Path, how: OnBus, *, resume: bool)
     measured(plan, bare.robot, folder / "plan.yaml", folder, how, again)
 
 
-def _show_stage(name: str, stage: LoadPlan, bare: Run) -> None:
+def _show_stage(name: str, plan: Plan, bare: Run) -> None:
     from hil.planning.timetable import timetable
     from hil.results.rounding import clock
 
-    entries = timetable(stage.plan, bare.robot, stage.plan.measurements)
+    entries = timetable(plan, bare.robot, plan.measurements)
     lasts = clock(sum(each.travel + each.duration for each in entries))
     say(f"{name}: {len(entries)} measurements in {lasts} min of motion")

@@ -15,6 +15,7 @@ from hil.cli.outputs import (
     refuse_unwritable,
     say_judgement,
     say_simulated,
+    show,
 )
 from hil.terminal.console import out, say, working
 
@@ -65,7 +66,6 @@ def identify(
         from hil.results.findings import identify_and_keep
         from hil.results.tables import excluded
         from hil.results.tables.friction import symmetry
-        from hil.results.tables.terminal import show, show_sentence
         from hil.runs.pooling import open_runs, pooled
 
         _refuse_unknown(method)
@@ -91,14 +91,12 @@ def identify(
         say_judgement(found.outcome)
     say_simulated(run, *more)
     out.print(found.summary())
-    show(symmetry(of_local_values(found.local)), out)
+    show(symmetry(of_local_values(found.local)))
     if found.excluded is not None:
-        show(excluded.excluded(found.excluded, found.robot.n_joints), out)
-        for sentence in excluded.sentences(found.excluded):
-            show_sentence(sentence, out)
-    show(budget_table(found.error_budget), out)
-    for term in found.error_budget:
-        show_sentence(f"{term.cause}: {term.found}", out)
+        tested = excluded.excluded(found.excluded, found.robot.n_joints)
+        show(tested, *excluded.sentences(found.excluded))
+    budget = found.error_budget
+    show(budget_table(budget), *(f"{term.cause}: {term.found}" for term in budget))
     show_bodies(found)
     for each in (run, *more):
         _show_shortfall(each)
@@ -166,7 +164,6 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
         from hil.report.sections.kept import write_diagnosis_plots
         from hil.results import diagnosis
         from hil.results.tables.parameters import drive_train
-        from hil.results.tables.terminal import show, show_sentence
         from hil.runs.run import Run
 
         refuse_unwritable(folder / diagnosis.NAME)
@@ -177,10 +174,8 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
         now("drawing")
         plots = write_diagnosis_plots(folder, found)
     say_simulated(run)
-    show(diagnosis.candidates(kept), out)
-    for sentence in diagnosis.sentences(kept):
-        show_sentence(sentence, out)
-    show(drive_train(found.estimate, run.robot), out)
+    show(diagnosis.candidates(kept), *diagnosis.sentences(kept))
+    show(drive_train(found.estimate, run.robot))
     say(f"plots in {plots}")
     say(f"diagnosis in {folder / diagnosis.NAME}; hil report {folder} shows it")
 
@@ -203,10 +198,9 @@ def show_bodies(model: Model) -> None:
     if model.consistent is None:
         return
     from hil.results.consistency import bodies, changed_parameters, torque_costs
-    from hil.results.tables.terminal import show
 
-    for table in (bodies, changed_parameters, torque_costs):
-        show(table(model.robot, model.consistent), out)
+    tables = bodies, changed_parameters, torque_costs
+    show(*(table(model.robot, model.consistent) for table in tables))
 
 
 def _show_shortfall(run: Run) -> None:

@@ -198,24 +198,9 @@ class WithoutLoad:
         return loads
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadPlan:
-    """One stage.
-
-    Attributes
-    ----------
-    plan : Plan
-    deviation : ndarray, shape (n_free,)
-        Predicted standard deviations of the load's free parameters, after it.
-    """
-
-    plan: Plan
-    deviation: Array
-
-
 def slow_plan(
     bare: WithoutLoad, minutes: float, heaviest: float | None = None, poses: Poses = ()
-) -> LoadPlan:
+) -> Plan:
     """Choose strokes at constant velocity, a tenth of the limits.
 
     Parameters
@@ -248,7 +233,7 @@ def slow_plan(
 
 def fast_plan(
     bare: WithoutLoad, minutes: float, slow: Plan, found: FoundLoad, poses: Poses = ()
-) -> LoadPlan:
+) -> Plan:
     """Choose what is still missing, as fast as the axes can move the load found.
 
     Raises
@@ -396,7 +381,7 @@ def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasure
     return measurement.model_copy(update=slow)
 
 
-def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> LoadPlan:
+def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
     """Choose measurements within `seconds`, ways included, one after the other.
 
     Parameters
@@ -431,8 +416,7 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
             f"{seconds:.0f} s are too short for a measurement and the way to it; give more minutes"
         )
     plan = as_plan(robot, numbered(order, set()), 0.0, workspace)
-    plan = plan.model_copy(update={"sample_period": bare.plan.sample_period})
-    return LoadPlan(plan, np.sqrt(np.diag(np.linalg.inv(bare.of_load(known)))))
+    return plan.model_copy(update={"sample_period": bare.plan.sample_period})
 
 
 def _log_det(bare: WithoutLoad, information: Array) -> float:
