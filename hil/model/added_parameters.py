@@ -13,19 +13,16 @@ A spring or counterbalance at joint j is a function of its position alone, ``k<j
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.model.frames import ROUNDED_OFF
-from hil.model.polynomial import Polynomial
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from hil.arrays import Array
-    from hil.model.polynomial import Combination
     from hil.model.robot import Robot
 
 
@@ -77,51 +74,7 @@ def added_unit(robot: Robot, name: str) -> str:
     return ("kg m2", "kg m", "kg")[slides if len(joints) == 2 else 2 * slides]
 
 
-@dataclass(frozen=True)
-class Merged:
-    """How the added parameters enter the base parameters.
-
-    Attributes
-    ----------
-    weights : ndarray, shape (n_base, n_added)
-        Of each in each base parameter: those of the links first, then one headed by each of `own`.
-    own : tuple of int
-        Those, by index, that no other base parameters stand for.
-    first : int
-        Index of the first of them among the standard parameters.
-    """
-
-    weights: Array
-    own: tuple[int, ...]
-    first: int
-
-    @property
-    def heads(self) -> list[int]:
-        """Standard parameters, by index, that head base parameters."""
-        return [self.first + k for k in self.own]
-
-    def matrix(self, links: Array) -> Array:
-        """K of p_base = K p_standard from that of the links alone."""
-        below = np.zeros((len(self.own), links.shape[1]))
-        return np.hstack([np.vstack([links, below]), self.weights])
-
-    def placement(self, links: Array) -> Array:
-        """Standard parameters that act as base parameters do, from those of the links alone."""
-        n_links, n_own = links.shape[1], len(self.own)
-        found = np.zeros((len(links) + self.weights.shape[1], n_links + n_own))
-        found[: len(links), :n_links] = links
-        found[self.heads, n_links + np.arange(n_own)] = 1.0
-        return found
-
-    def rows(self, links: Sequence[Combination]) -> list[Combination]:
-        """Base parameters as combinations of standard parameters."""
-        rows: list[Combination] = [dict(row) for row in links] + [{} for _ in self.own]
-        for i, k in zip(*np.nonzero(self.weights), strict=True):
-            rows[i][self.first + int(k)] = Polynomial.constant(float(self.weights[i, k]))
-        return rows
-
-
-def merge_added(robot: Robot, observed: Array, placement: Array) -> Merged:
+def merge_added(robot: Robot, observed: Array, placement: Array) -> tuple[Array, list[int]]:
     """Find which of them act as base parameters of the links do.
 
     Parameters
@@ -130,6 +83,13 @@ def merge_added(robot: Robot, observed: Array, placement: Array) -> Merged:
         Elements of M and g at many configurations, per unit of each standard parameter.
     placement : ndarray, shape (10 n_joints, n_link_base)
         Of the links' base parameters.
+
+    Returns
+    -------
+    weights : ndarray, shape (n_base, n_added)
+        Of each in each base parameter: those of the links first, then one headed by each of `own`.
+    own : list of int
+        Those, by index, that no other base parameters stand for.
     """
     first = 10 * robot.n_joints
     known = observed[:, :first] @ placement
@@ -145,4 +105,4 @@ def merge_added(robot: Robot, observed: Array, placement: Array) -> Merged:
     weights = np.zeros((known.shape[1], len(columns)))
     for k, w in enumerate(columns):
         weights[: len(w), k] = np.where(np.abs(w) > ROUNDED_OFF, np.round(w, 9), 0.0)
-    return Merged(weights, tuple(own), first)
+    return weights, own

@@ -98,13 +98,19 @@ def base_parameters(robot: Robot) -> BaseParameters:
     placement = np.zeros((10 * robot.n_joints, len(kept)))
     placement[heads] = dependence
     mass, gravity = influences(robot)
-    merged = merge_added(robot, _observed(mass, gravity), placement)
-    matrix, placement = merged.matrix(matrix[kept]), merged.placement(placement)
+    weights, own = merge_added(robot, _observed(mass, gravity), placement)
+    links = np.vstack([matrix[kept], np.zeros((len(own), matrix.shape[1]))])
+    unit = np.eye(weights.shape[1])[:, own]  # what no base parameter of links stands for
+    beside = np.zeros((len(placement), len(own))), np.zeros((len(unit), placement.shape[1]))
+    matrix = np.hstack([links, weights])
+    placement = np.block([[placement, beside[0]], [beside[1], unit]])
     _cross_check(robot, mass, gravity, matrix, placement)
     dependencies = find_dependencies(mass @ placement, gravity @ placement)
-    standard = robot.standard_parameters
-    every = [*(heads[k] for k in kept), *merged.heads]
-    rows = merged.rows([sparse[k] for k in kept])
+    standard, first = robot.standard_parameters, 10 * robot.n_joints
+    every = [*(heads[k] for k in kept), *(first + k for k in own)]
+    rows: list[Combination] = [dict(sparse[k]) for k in kept] + [{} for _ in own]
+    for i, k in zip(*np.nonzero(weights), strict=True):
+        rows[i][first + int(k)] = Polynomial.constant(float(weights[i, k]))
     return BaseParameters(
         names=tuple(f"p{k}" for k in range(1, len(every) + 1)),
         expressions=tuple(text(row, head, standard) for row, head in zip(rows, every, strict=True)),
