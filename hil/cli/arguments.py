@@ -12,9 +12,10 @@ from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ParamSpec, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, get_type_hints
 
 import typer
+from typer.core import TyperGroup
 
 from hil.runs import SIMULATED
 
@@ -165,6 +166,18 @@ def expand_records(command: Callable[P, None]) -> Callable[..., None]:
     vars(expanded)["__signature__"] = signature(command).replace(parameters=options)
     expanded.__annotations__ = {each.name: each.annotation for each in options}
     return expanded
+
+
+def group_of(command: str) -> type[TyperGroup]:
+    """Return groups of commands that take what begins with none for arguments of `command`."""
+
+    class Group(TyperGroup):
+        def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+            if args and args[0] not in {"-h", "--help", *self.commands}:
+                args = [command, *args]
+            return super().parse_args(ctx, args)
+
+    return Group
 
 
 def refuse_no_channel(interface: str, channel: str | None) -> None:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperGroup
 
-from hil.cli.arguments import ModelPath, RobotsBus, expand_records
+from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of
 from hil.cli.outputs import folder_to_write, output_option, refuse_unwritable, say_simulated, show
 from hil.terminal.console import say, working
 
@@ -27,18 +26,8 @@ SLOW, FAST = "slow", "fast"
 """Folders of the two stages, within that of the measurement."""
 
 
-class _TwoRunsByDefault(TyperGroup):
-    """Takes what begins with no command for arguments of `two-runs`."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Return the arguments, the command first."""
-        if args and args[0] not in {"-h", "--help"} and args[0] not in self.commands:
-            args = [TWO_RUNS, *args]
-        return super().parse_args(ctx, args)
-
-
 payload = typer.Typer(
-    cls=_TwoRunsByDefault,
+    cls=group_of(TWO_RUNS),
     help="Find a load from two runs, without and with it, or measure one in minutes.",
     no_args_is_help=True,
 )

@@ -3,29 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperGroup
 
-from hil.cli.arguments import RobotName
+from hil.cli.arguments import RobotName, group_of
 from hil.cli.outputs import new_file, output_option
 from hil.terminal.console import out, say, working
 
-
-class _ShowsByDefault(TyperGroup):
-    """Takes what is no command of its own for the robot that `show` is to show."""
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return name, command and arguments."""
-        if args and args[0] not in self.commands:
-            args = ["show", *args]
-        return super().resolve_command(ctx, args)
-
-
 commands = typer.Typer()
 robot_commands = typer.Typer(
-    cls=_ShowsByDefault,
+    cls=group_of("show"),
     help="Show base parameters, their groups, and where they occur in M and g.",
     no_args_is_help=True,
 )

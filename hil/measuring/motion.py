@@ -53,7 +53,7 @@ def _record(
     last = _rest(bus, recorder)
     for number in range(measurement.n_strokes):
         profile = measurement.profile(number)
-        recorder.stroke(number)
+        recorder.mark("stroke", number)
         bus.move({measurement.index: Move(profile.end, profile.velocity, profile.acceleration)})
         each: Callable[[Sample], None] = recorder.add
         if partner:
@@ -61,8 +61,8 @@ def _record(
             each = partner.add
         what = f"{measurement.id}, stroke {number + 1}"
         last = until_reached(bus, each, last.time, profile.duration, what)
-    recorder.stroke(IDLE)
-    recorder.partner_stroke(IDLE)
+    recorder.mark("stroke", IDLE)
+    recorder.mark("partner_stroke", IDLE)
     _rest(bus, recorder)
     return finished(bus, recorder, measurement.highest_acceleration)
 
@@ -120,7 +120,7 @@ class _PartnerStrokes:
 
     def begin(self, earliest: float, latest: float) -> None:
         """Allow strokes that lie between two instants [s]."""
-        self._recorder.partner_stroke(IDLE)
+        self._recorder.mark("partner_stroke", IDLE)
         self._due = earliest + SETTLED
         self._last = latest - self._partner.profile(self._q, 0).duration - PARTNER_TURN
 
@@ -129,7 +129,7 @@ class _PartnerStrokes:
         self._recorder.add(sample)
         if sample.time >= self._due:
             if sample.time > self._last:
-                self._recorder.partner_stroke(IDLE)
+                self._recorder.mark("partner_stroke", IDLE)
                 self._due = math.inf
             else:
                 self._start(sample.time)
@@ -137,7 +137,7 @@ class _PartnerStrokes:
     def _start(self, now: float) -> None:
         profile = self._partner.profile(self._q, self._number)
         move = Move(profile.end, profile.velocity, profile.acceleration)
-        self._recorder.partner_stroke(self._number)
+        self._recorder.mark("partner_stroke", self._number)
         self._bus.move({self._partner.index: move})
         self._number += 1
         self._due = now + profile.duration + PARTNER_TURN

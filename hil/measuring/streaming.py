@@ -51,7 +51,7 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
         number = math.floor((t + bus.period / 2) / trajectory.period)  # by the nearest sample
         number = number if 0 <= number < trajectory.cycles else IDLE
         if number != period:
-            recorder.group(period := number)
+            recorder.mark("group", period := number)
         recorder.add(sample, t)
     _, _, acceleration = trajectory.motion(np.linspace(0.0, trajectory.period, 1000))
     return finished(bus, recorder, float(np.abs(acceleration).max()))

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import struct
 from array import array
+from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -173,9 +174,7 @@ class Recorder:
         self._rows = bytearray()
         self._size = 1
         self._pack: Callable[..., bytes] = self._pack_first
-        self._strokes: list[tuple[int, int]] = []
-        self._partner_strokes: list[tuple[int, int]] = []
-        self._groups: list[tuple[int, int]] = []
+        self._marks: defaultdict[str, list[tuple[int, int]]] = defaultdict(list)
         self._along = array("d")
 
     def add(self, sample: Sample, along: float | None = None) -> None:
@@ -185,17 +184,9 @@ class Recorder:
         time, q, tau, flags, _ = sample
         self._rows += self._pack(time, *q, *tau, *flags)
 
-    def stroke(self, number: int) -> None:
-        """Count samples from here on to this stroke of the axis (`IDLE`: to none)."""
-        self._strokes.append((self._n_samples, number))
-
-    def partner_stroke(self, number: int) -> None:
-        """Count samples from here on to this stroke of the partner (`IDLE`: to none)."""
-        self._partner_strokes.append((self._n_samples, number))
-
-    def group(self, number: int) -> None:
-        """Count samples from here on to this group (`IDLE`: to none)."""
-        self._groups.append((self._n_samples, number))
+    def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
+        """Count samples from here on to this stroke of axis or partner, or group; `IDLE`: none."""
+        self._marks[what].append((self._n_samples, number))
 
     def finish(self) -> Recording:
         """Turn what was collected into arrays."""
@@ -207,9 +198,9 @@ class Recorder:
             q=np.array(rows["q"], dtype=np.float64, order="C"),
             tau=np.array(rows["tau"], dtype=np.float64, order="C"),
             flags=np.array(rows["flags"], order="C"),
-            stroke=_numbers(self._strokes, len(rows)),
-            partner_stroke=_numbers(self._partner_strokes, len(rows)),
-            group=_numbers(self._groups, len(rows)) if self._groups else None,
+            stroke=_numbers(self._marks["stroke"], len(rows)),
+            partner_stroke=_numbers(self._marks["partner_stroke"], len(rows)),
+            group=_numbers(self._marks["group"], len(rows)) if "group" in self._marks else None,
             along=np.array(self._along) if self._along else None,
         )
 
