@@ -57,9 +57,6 @@ NOTHING = 1e-10
 """Largest root mean square of a column, over that of all of its cause, which is rounding."""
 ALIKE = 1e-6
 """Share of the largest eigenvalue below which columns of one cause are one and the same."""
-TRUSTED = 20.0
-"""Degrees of freedom of the common dispersion at most. On runs 801 to 806 of strokes and of
-trajectories, without any flaw, 1000 found something in 2 of 12, 20 and less in none."""
 LEVERAGE = 1e-3
 """Least share of a group's variance that the fit leaves, below which it shows nothing."""
 
@@ -83,6 +80,8 @@ class Test(NamedTuple):
         Columns that differ.
     dispersion : float
         Moderated.
+    white : float
+        That of white noise, which is the least that it can be.
     """
 
     columns: Indices
@@ -93,6 +92,7 @@ class Test(NamedTuple):
     p: float
     rank: int
     dispersion: float
+    white: float
 
 
 class Common(NamedTuple):
@@ -108,18 +108,19 @@ class Battery:
     def __init__(self, evidence: Evidence, columns: Columns, given: Iterable[int] = ()) -> None:
         self.evidence, self.columns, self.given = evidence, columns, tuple(given)
         e = evidence
-        cut = (e.X.shape[1], e.X.shape[1] + e.own.shape[1])
         rows = e.without_friction(np.hstack([e.torque[:, None], e.X, e.own, columns.values]))
-        self._y, self._D = rows[:, 0], rows[:, 1 + cut[1] :]
-        self._X, self._own = rows[:, 1 : 1 + cut[0]], rows[:, 1 + cut[0] : 1 + cut[1]]
+        order = np.argsort(e.group, kind="stable")
+        cut = np.cumsum([1, e.X.shape[1], e.own.shape[1]])
+        self._y, self._X, self._own, self._D = np.split(rows[order], cut, axis=1)
+        self._channel, group = e.axis[order], e.group[order]
+        self._starts = np.flatnonzero(np.diff(group, prepend=-1))
+        self._axis = np.array([name.axis for name in columns.names])
         self._fit()
 
     def beside(self, more: Sequence[int]) -> Battery:
         """The same tests beside further causes."""
         other = object.__new__(Battery)
-        other.__dict__.update(
-            {k: v for k, v in self.__dict__.items() if k not in ("common", "dispersion")}
-        )
+        other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in CACHED})
         other.given = (*self.given, *more)
         other._fit()
         return other
@@ -127,8 +128,8 @@ class Battery:
     def _fit(self) -> None:
         """Weigh channels, and project out what is estimated."""
         e, shared = self.evidence, np.hstack([self._X, self._D[:, self.given]])
-        rows, n_shared = np.hstack([self._y[:, None], shared, self._own]), shared.shape[1]
-        blocks = e.blocks(rows, n_shared)
+        rows, n_shared = np.hstack([self._y, shared, self._own]), shared.shape[1]
+        blocks = e.blocks(rows, n_shared, self._channel)
         regression = Regression.weighed(blocks)
         least = np.maximum(e.finest, np.finfo(float).tiny) ** 2
         self.weights = np.minimum(regression.weights, 1.0 / least)
@@ -136,33 +137,37 @@ class Battery:
         regression = Regression(blocks, self.weights, regression.kept)
         self.solution = regression.solution[: self._X.shape[1]]
         """Base parameters, shape (n_base,)."""
-        Z = np.zeros((len(self._y), blocks.layout.size))
+        Z = np.zeros((len(rows), blocks.layout.size))
         Z[:, :n_shared] = shared
         for channel in range(e.n_channels):
-            at = np.flatnonzero(e.axis == channel)
+            at = np.flatnonzero(self._channel == channel)
             Z[at[:, None], blocks.layout.place(channel)[n_shared:]] = self._own[at]
-        root = np.sqrt(self.weights)[e.axis]
+        root = np.sqrt(self.weights)[self._channel]
         Q = (Z * root[:, None]) @ inverse_root(regression.normal.information)
-        y, D = self._y * root, self._D * root[:, None]
-        residual = y - Q @ (Q.T @ y)
-        self._left = D - Q @ (Q.T @ D)
-        before, after = (np.einsum("ij,ij->j", x, x) for x in (D, self._left))
-        self.information = after
+        y, D = self._y[:, 0] * root, self._D * root[:, None]
+        self._residual = y - Q @ (Q.T @ y)
+        before = np.einsum("ij,ij->j", D, D)
+        D -= Q @ (Q.T @ D)
+        self._left, self.information = D, np.einsum("ij,ij->j", D, D)
         silent = before <= NOTHING**2 * before.max(initial=0.0)
-        self.visible: Mask = ~silent & (after > SPAN * before)
+        self.visible: Mask = ~silent & (self.information > SPAN * before)
         """Columns that what is estimated does not span, shape (n_columns,)."""
         self.visible[list(self.given)] = False
+        self._counts = blocks.counts[0]
         self.left = np.maximum(blocks.mean_squares(regression.solution), least)
         """Mean square that is left of each channel, shape (n_channels,)."""
-        self.misfit = float(blocks.counts[0] @ np.log(self.left))
+        self.misfit = float(self._counts @ np.log(self.left))
         """Differences of which are chi squares."""
-        order = np.argsort(e.group, kind="stable")
-        groups = np.split(order, np.flatnonzero(np.diff(e.group[order])) + 1)
-        found = [(self._left[k], _enlarged(residual[k], Q[k])) for k in groups]
-        self.scores = np.array([r @ D for D, r in found])
+        pieces = np.split(np.arange(len(y)), self._starts[1:])
+        enlarged = np.concatenate([_enlarged(self._residual[k], Q[k]) for k in pieces])
+        self.scores = self._by_group(D * enlarged[:, None])
         """Shape (n_groups, n_columns)."""
-        self.shares = np.array([np.einsum("ij,ij->j", D, D) for D, _ in found])
+        self.shares = self._by_group(D**2)
         """Of the groups in the information, shape (n_groups, n_columns)."""
+
+    def _by_group(self, rows: Array) -> Array:
+        found: Array = np.add.reduceat(rows, self._starts, axis=0)
+        return found
 
     @cached_property
     def dispersion(self) -> tuple[Array, Array]:
@@ -172,32 +177,46 @@ class Battery:
     @cached_property
     def common(self) -> Common:
         """What the causes of each axis have in common; those of no axis are as all are."""
-        axis = np.array([name.axis for name in self.columns.names])
-        phi, degrees = self.dispersion
-        found = Common(np.ones(len(axis)), np.zeros(len(axis)))
-        for one in np.unique(axis):
-            own = self.visible & ((axis == one) | (one < 0))
-            if own.any():
-                place = axis == one
-                found.dispersion[place], d = moderated(phi[own], degrees[own])
-                rows = (self.evidence.axis == one) | (one < 0)
-                groups = len(np.unique(self.evidence.group[rows]))
-                found.degrees[place] = min(d, max(groups - 1.0, ALMOST_NONE))
+        found = Common(np.ones(len(self._axis)), np.zeros(len(self._axis)))
+        for axis in np.unique(self._axis):
+            own = self._of(axis)
+            if len(own):
+                found.dispersion[self._axis == axis], found.degrees[self._axis == axis] = moderated(
+                    self.dispersion[0][own], self.dispersion[1][own], self._alike[axis]
+                )
         return found
 
-    def test(self, columns: Sequence[int], common: Common | None = None) -> Test | None:
+    def _of(self, axis: int) -> Indices:
+        """Columns that tell of the noise of an axis; of all axes where it is none."""
+        return np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
+
+    @cached_property
+    def _alike(self) -> dict[int, Array]:
+        """Correlations of columns' dispersions, white noise within groups, by axis.
+
+        Dispersions are quadratic forms of the groups' scores, of which those of columns i and j
+        have the covariance I_kij.
+        """
+        found = {}
+        for axis in np.unique(self._axis):
+            own = self._of(axis)
+            unit = self._left[:, own] / np.sqrt(self.information[own])
+            square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
+            length = np.sqrt(np.diag(square)) if len(own) else np.zeros(0)
+            found[int(axis)] = square / np.outer(length, length)
+        return found
+
+    def test(self, columns: Sequence[int], *, itself: bool = False) -> Test | None:
         """Test one cause; None where nothing of it shows.
 
         Parameters
         ----------
-        common : Common, optional
-            By default that of this battery: which is larger than of one beside the cause, if that
-            is there.
+        itself : bool
+            Whether dispersion and noise are those that are left beside the cause.
         """
         at = np.array([k for k in columns if self.visible[k]], dtype=np.intp)
         if not len(at):
             return None
-        common = self.common if common is None else common
         length = np.sqrt(self.information[at])
         R = (self._left[:, at].T @ self._left[:, at]) / np.outer(length, length)
         values, vectors = np.linalg.eigh(R)
@@ -207,8 +226,12 @@ class Battery:
         along, rank = scores.sum(axis=0), scores.shape[1]
         shares = (self.shares[:, at] / self.information[at]).mean(axis=1, keepdims=True)
         each, d = _dispersion(scores, np.repeat(shares, rank, axis=1), np.ones(rank))
-        phi_0, d_0 = common.dispersion[at].mean(), common.degrees[at].mean()
-        phi = max((d_0 * phi_0 + d[0] * each.mean()) / (d_0 + d[0]), 1.0)
+        if itself:
+            phi_0, d_0, least = self._beside_itself(int(self._axis[at[0]]), at, B)
+        else:
+            phi_0, d_0 = float(self.common.dispersion[at[0]]), float(self.common.degrees[at[0]])
+            least = 1.0
+        phi = max((d_0 * phi_0 + d[0] * each.mean()) / (d_0 + d[0]), least)
         drop, degrees = float(along @ along), float(d_0 + d[0])
         return Test(
             columns=at,
@@ -219,17 +242,68 @@ class Battery:
             p=float(special.fdtrc(rank, degrees, drop / rank / phi)),
             rank=rank,
             dispersion=phi,
+            white=least,
         )
 
+    def _beside_itself(self, axis: int, at: Indices, B: Array) -> tuple[float, float, float]:
+        """Common dispersion of an axis beside a cause, its degrees, and that of white noise.
 
-def moderated(phi: Array, degrees: Array) -> tuple[float, float]:
-    """Common dispersion and its degrees of freedom, after Smyth (2004), section 6.2."""
+        Parameters
+        ----------
+        B : ndarray, shape (k, rank)
+            By which the cause's columns `at` are orthonormal.
+        """
+        U, own = self._left[:, at] @ B, np.setdiff1d(self._of(axis), at)
+        along = U.T @ self._residual
+        rest = (self._residual - U @ along) ** 2
+        n = self.evidence.n_channels
+        square = np.bincount(self._channel, rest, n) / np.maximum(self._counts, 1.0)
+        square = np.maximum(square, self.evidence.finest**2 * self.weights)
+        white = square @ np.array([np.bincount(self._channel, u, n) for u in U.T**2]).mean(axis=0)
+        D = self._left[:, own]
+        c = U.T @ D
+        scores, shares = self.scores[:, own].copy(), self.shares[:, own].copy()
+        mine = self.scores[:, at] @ B
+        for k, u in enumerate(U.T):
+            cross = self._by_group(D * u[:, None])
+            scores -= cross * mine[:, k].sum()
+            shares -= 2.0 * cross * c[k]
+            for m, v in enumerate(U.T):
+                both = self._by_group(u * v)[:, None]
+                scores += both * mine[:, m].sum() * c[k]
+                shares += both * c[k] * c[m]
+            scores -= mine[:, [k]] * c[k]
+        information = self.information[own] - (c**2).sum(axis=0)
+        seen = information > SPAN * self.information[own]
+        if not seen.any():
+            return 1.0, 0.0, float(white)
+        phi, d = _dispersion(scores[:, seen], shares[:, seen], information[seen])
+        place = np.searchsorted(self._of(axis), own[seen])
+        return *moderated(phi, d, self._alike[axis][np.ix_(place, place)]), float(white)
+
+
+CACHED = ("common", "dispersion", "_alike")
+"""Of a `Battery`, what belongs to the causes given."""
+
+
+def moderated(phi: Array, degrees: Array, correlation: Array) -> tuple[float, float]:
+    """Common dispersion and its degrees of freedom, after Smyth (2004), section 6.2.
+
+    There, thousands of dispersions scatter independently about the common one. Here some tens are
+    correlated: they scatter less than they are uncertain, and so is the common one.
+
+    Parameters
+    ----------
+    correlation : ndarray, shape (n_columns, n_columns)
+        Of the dispersions.
+    """
     half = degrees / 2
     e = np.log(np.maximum(phi, np.finfo(float).tiny)) - special.digamma(half) + np.log(half)
-    beyond = float(np.var(e) - special.polygamma(1, half).mean()) if len(e) > 1 else 0.0
-    d = TRUSTED
-    if beyond > 0:
-        d = min(TRUSTED, 2.0 * _inverse_trigamma(beyond))
+    error = np.sqrt(special.polygamma(1, half))
+    covariance = np.outer(error, error) * correlation
+    shared = float(covariance.mean())
+    beyond = float(np.var(e)) - (float(np.diag(covariance).mean()) - shared)
+    d = 2.0 * _inverse_trigamma(shared + max(beyond, 0.0))
     return float(np.exp(e.mean() + special.digamma(d / 2) - np.log(d / 2))), d
 
 

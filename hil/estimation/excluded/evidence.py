@@ -93,15 +93,18 @@ class Evidence:
             found[rows] -= Q @ (Q.T @ x[rows])
         return found
 
-    def blocks(self, rows: Array, n_shared: int) -> Blocks:
+    def blocks(self, rows: Array, n_shared: int, axis: Indices | None = None) -> Blocks:
         """All rows added up: of a torque, so many shared columns and channels' own ones.
 
         Parameters
         ----------
         rows : ndarray, shape (n, 1 + n_shared + n_own)
             Without friction.
+        axis : ndarray of int, shape (n,), optional
+            Of the rows, where these are in another order.
         """
-        channels = [np.flatnonzero(self.axis == axis) for axis in range(self.n_channels)]
+        axis = self.axis if axis is None else axis
+        channels = [np.flatnonzero(axis == each) for each in range(self.n_channels)]
         counts = np.array([float(len(at)) for at in channels])
         for at, Q in self.parts:
             counts[self.axis[at.start]] -= Q.shape[1]

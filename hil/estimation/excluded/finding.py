@@ -18,7 +18,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from hil.estimation.excluded.alternatives import ROWS, Reading, alternatives, explained
 from hil.estimation.excluded.battery import LEVEL, Battery
@@ -33,15 +33,13 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.alternatives import Explained
-    from hil.estimation.excluded.battery import Common
+    from hil.estimation.excluded.battery import Test
     from hil.estimation.excluded.columns import Key
     from hil.estimation.excluded.evidence import Evidence
     from hil.model.robot import Robot
 
     Tests = dict[Key, list[int]]
 
-TRIED = 2
-"""Causes that are tried as the next one."""
 MOST = 5
 """Causes that are found at most: beyond, the model is wrong as a whole."""
 LARGE = 0.95
@@ -74,11 +72,15 @@ def excluded(robot: Robot, p: Array, evidence: Evidence) -> Excluded:
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[_Step] = []
     while len(found) < MOST:
-        step = _likeliest(robot, battery, tests, LEVEL / max(len(tests) - len(found), 1))
-        if step is None or (found and step.taken < (1.0 - SAME**2) * found[0].taken):
+        likeliest = _likeliest(battery, tests, LEVEL / max(len(tests) - len(found), 1))
+        if likeliest is None:
+            break
+        beside = battery.beside(likeliest[1].columns.tolist())
+        step = _Step(robot, *likeliest, battery, beside, tests)
+        if found and step.taken < (1.0 - SAME**2) * found[0].taken:
             break  # what a column of the first order leaves of the first
         found.append(step)
-        battery = step.beside
+        battery = beside
     causes = tuple(step.found for step in found)
     causes = _Instead(robot, evidence, battery, tests, causes).found
     return Excluded(
@@ -88,25 +90,30 @@ def excluded(robot: Robot, p: Array, evidence: Evidence) -> Excluded:
     )
 
 
-def gains(battery: Battery, tests: Tests, common: Common) -> dict[Key, float]:
-    """What each cause explains, as chi square beyond what chance lets the best explain."""
-    each = {key: battery.test(at, common) for key, at in tests.items()}
-    one = _typical(battery, common)
+def gains(battery: Battery, tests: Tests, dispersion: float | None = None) -> dict[Key, float]:
+    """What each cause explains, as chi square beyond what chance lets the best explain.
+
+    Parameters
+    ----------
+    dispersion : float, optional
+        By default each cause's own.
+    """
+    each = {key: battery.test(at) for key, at in tests.items()}
     return {
-        key: test.drop / one - chance(test.rank, len(tests))
+        key: test.drop / (dispersion or test.dispersion) - chance(test.rank, len(tests))
         for key, test in each.items()
         if test is not None
     }
 
 
-def _typical(battery: Battery, common: Common) -> float:
-    return max(float(np.median(common.dispersion[battery.visible])), 1.0)
+def _typical(battery: Battery) -> float:
+    return max(float(np.median(battery.common.dispersion[battery.visible])), 1.0)
 
 
 @cache
 def chance(rank: int, n_tests: int) -> float:
     """Chi square that the best of so many tests of a rank has by chance."""
-    return float(stats.chi2.isf(LEVEL / max(n_tests, 1), rank))
+    return float(special.chdtri(rank, LEVEL / max(n_tests, 1)))
 
 
 def alike(gain: float, best: float) -> bool:
@@ -116,10 +123,11 @@ def alike(gain: float, best: float) -> bool:
 
 @dataclass(frozen=True)
 class _Step:
-    """A cause that was found, the battery before it, and that beside it."""
+    """A cause that was found, its test beside itself, the battery before it, and that beside it."""
 
     robot: Robot
     key: Key
+    test: Test
     battery: Battery
     beside: Battery
     tests: Tests
@@ -137,13 +145,12 @@ class _Step:
     @property
     def found(self) -> Found:
         """In words, together with what explains as much."""
-        common = self.beside.common
-        explains = gains(self.battery, self.tests, common)
+        explains = gains(self.battery, self.tests, self.test.dispersion)
         same = [k for k, gain in explains.items() if alike(gain, explains[self.key])]
         named = [
             (key, test, with_size(self.robot, self.battery.columns, key, test))
             for key in sorted(same, key=lambda k: rank_of(*k))
-            if (test := self.battery.test(self.tests[key], common)) is not None
+            if (test := self.battery.test(self.tests[key], itself=True)) is not None
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
@@ -160,15 +167,23 @@ class _Step:
         )
 
 
-def _likeliest(robot: Robot, battery: Battery, tests: Tests, level: float) -> _Step | None:
-    """The cause that explains most, if that is significant."""
-    explains = gains(battery, tests, battery.common)
-    for key in sorted(explains, key=explains.__getitem__, reverse=True)[:TRIED]:
-        beside = battery.beside([k for k in tests[key] if battery.visible[k]])
-        test = battery.test(tests[key], beside.common)
+def _likeliest(battery: Battery, tests: Tests, level: float) -> tuple[Key, Test] | None:
+    """The cause that explains most of those that are significant beside themselves."""
+    best: tuple[Key, Test] | None = None
+    gain, white, n = -np.inf, 1.0, len(tests)
+    each = {key: test for key, at in tests.items() if (test := battery.test(at)) is not None}
+    for key in sorted(each, key=lambda key: each[key].drop, reverse=True):
+        first = each[key]
+        if first.drop / white - chance(first.rank, n) <= gain:
+            continue  # no dispersion that is left beside it could be as low
+        if special.fdtrc(first.rank, first.degrees, first.drop / first.rank / white) >= level:
+            continue
+        test = battery.test(tests[key], itself=True)
         if test is not None and test.p < level:
-            return _Step(robot, key, battery, beside, tests)
-    return None
+            own = test.drop / test.dispersion - chance(test.rank, n)
+            if own > gain:
+                best, gain, white = (key, test), own, test.white
+    return best
 
 
 @dataclass(frozen=True)
@@ -184,7 +199,7 @@ class _Instead:
     @property
     def found(self) -> tuple[Found, ...]:
         """What is found after all."""
-        scatter = _typical(self.battery, self.battery.common)
+        scatter = _typical(self.battery)
         large = any(each.left < LARGE for each in self.causes)
         if not large and scatter < CONTRADICTS and self._stated.possible:
             return self.causes
@@ -227,7 +242,7 @@ class _Instead:
     def _likeliest(self) -> Found | None:
         """The reading that explains most with its like, if columns do not explain more."""
         thin, values = self._thin
-        one = _typical(self.battery, self.battery.common)
+        one = _typical(self.battery)
         fitted = values[:, self._fitted]
         sizes = {
             (each.cause, each.axes[0] - 1): each.size

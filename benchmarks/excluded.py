@@ -1,0 +1,512 @@
+"""How well recordings tell what is wrong: flaws of stated sizes, clean runs, honest words, time.
+
+Flaws of a plant are measured on one that differs from the robot file; what differs in robot file,
+drives file or map alone is changed there, or in what these make of a clean run's recordings, which
+is the same. Sizes are multiples of the smallest that a clean run states (80 % power). Clean runs
+are campaigns of eight minutes and a minute of free motion of other robots' twins, as CSV files::
+
+    python benchmarks/excluded.py [ROW ...] [--seed 900] [--clean 20] [--keep FOLDER]
+
+Rows: ``flaws`` (20 flaws of three sizes each), ``far`` (what no derivative shows), ``clean``,
+``sizes`` (each cause at its stated size, added to a clean run as its column), ``time``, ``axes``
+(on which axes of a clean run a mistake shows at all). Wrong maps are those of `wrong_maps`. Every
+row states how often *good* was off by more than three times its stated error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import yaml
+from accuracy import ROBOT, SIDE_BY_SIDE, hil
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+from twin_recordings import ROBOTS, Load, TwinRecorder
+
+from hil.errors import HilError
+from hil.estimation.excluded.causes import CAUSES
+from hil.estimation.excluded.columns import across_gravity, columns
+from hil.estimation.excluded.evidence import measured
+from hil.estimation.excluded.finding import excluded
+from hil.estimation.excluded.proof import proved
+from hil.estimation.excluded.result import located
+from hil.estimation.identify import estimate
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.ground_truth.comparison import comparison
+from hil.ground_truth.true_parameters import true_parameters
+from hil.imports.importing import import_recordings
+from hil.model.robot import Robot, parse_robot
+from hil.planning.measurement import shows_parameters
+from hil.results.identification import model_of
+from hil.results.prediction import uncertainty
+from hil.runs.pooling import Pooled
+from hil.runs.run import Run
+from sim_plant.plant_file import load_plant_file
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from hil.estimation.excluded.result import Excluded, Found
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
+
+    Array = NDArray[np.float64]
+    Plant = dict[str, Any]
+    Change = Callable[[Array, Array, Array, int, float], None]
+    Recorded = tuple[RecordedMotion, Recording]
+
+PLAN = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
+TWINS = ("ur10e", "panda", "scara", "pan-tilt")
+HONEST = 3.0
+"""Times its stated error that the true one of a good model may be."""
+SIZES = (1 / 3, 1.0, 3.0)
+"""Of the smallest size that is stated."""
+ARM = 0.2
+"""Of a load, across the last axis [m]."""
+
+
+# What a map, a drives file or a machine does to positions and torques of an axis, from 0; sizes are
+# in the units of the table of causes.
+def _zero(q: Array, _tau: Array, _time: Array, k: int, size: float) -> None:
+    q[:, k] -= math.radians(size)
+
+
+def _scale(q: Array, _tau: Array, _time: Array, k: int, size: float) -> None:
+    q[:, k] /= 1 + size / 100
+
+
+def _gear(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
+    q[:, k] *= 1 + size / 100
+    tau[:, k] /= 1 + size / 100
+
+
+def _constant(_q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
+    tau[:, k] /= 1 + size / 100
+
+
+def _drift(_q: Array, tau: Array, time: Array, k: int, size: float) -> None:
+    tau[:, k] /= 1 + size / 100 * time / 3600
+
+
+def _late(q: Array, _tau: Array, time: Array, k: int, size: float) -> None:
+    q[:, k] = np.interp(time - size / 1000, time, q[:, k])
+
+
+def _slip(q: Array, _tau: Array, time: Array, k: int, size: float) -> None:
+    if time[0] > HALF_WAY:
+        q[:, k] -= math.radians(size)
+
+
+def _spring(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
+    tau[:, k] += size * q[:, k]
+
+
+def _mesh(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
+    tau[:, k] += size * np.sin(12 * q[:, k])
+
+
+def _clip(_q: Array, tau: Array, _time: Array, k: int, _size: float) -> None:
+    most = np.quantile(np.abs(tau[:, k]), 0.9)
+    np.clip(tau[:, k], -most, most, out=tau[:, k])
+
+
+def _flip(*which: int) -> Change:
+    def change(*given: Any) -> None:
+        for place in which:
+            given[place][:, given[3]] *= -1
+
+    return change
+
+
+def _swap(q: Array, tau: Array, _time: Array, k: int, _size: float) -> None:
+    for x in (q, tau):
+        x[:, [k, k + 1]] = x[:, [k + 1, k]]
+
+
+def _clean(*_: object) -> None:
+    pass
+
+
+HALF_WAY = 240.0
+"""Of a campaign [s]."""
+RECORDED: dict[str, Change] = {
+    "zero": _zero, "position scale": _scale, "gear ratio": _gear, "torque constant": _constant,
+    "drift of torque constant": _drift, "late position": _late, "slip": _slip, "spring": _spring,
+    "repeats": _mesh, "torque at its limit": _clip, "wrong direction of an axis": _flip(0, 1),
+    "wrong sign of a position": _flip(0), "wrong sign of a torque": _flip(1),
+    "two axes exchanged": _swap,
+}  # fmt: skip
+
+
+# What a robot file states otherwise, the machine being as it was.
+def _turned(robot: Robot, _axis: int, size: float) -> Robot:
+    a, down = math.radians(size), np.array(robot.gravity)
+    other = np.cos(a) * down - np.sin(a) * np.linalg.norm(down) * across_gravity(robot)[0]
+    return _restated(robot, {"gravity": other.tolist()})
+
+
+def _rotor(robot: Robot, axis: int, size: float) -> Robot:
+    joints = yaml.safe_load(robot.text)["joints"]
+    inertia = float(joints[axis]["drive"]["rotor_inertia"]) / (1 + size / 100)
+    joints[axis]["drive"]["rotor_inertia"] = inertia
+    return _restated(robot, {"joints": joints})
+
+
+def _restated(robot: Robot, keys: dict[str, Any]) -> Robot:
+    return parse_robot(yaml.safe_dump(yaml.safe_load(robot.text) | keys), robot.source)
+
+
+STATED = {"gravity": _turned, "rotor inertia": _rotor}
+
+
+# What a plant has otherwise.
+def drive(plant: Plant, axis: int, **factors: float) -> None:
+    """Multiply values of a drive, axes from 1."""
+    own = plant["axes"][axis - 1]["drive"]
+    for key, factor in factors.items():
+        own[key] = type(own[key])(own[key] * factor)
+
+
+def _load(plant: Plant, _axis: int, size: float) -> None:
+    plant["payload"] = {"mass": size / ARM, "centre": [ARM, 0, 0]}
+
+
+def _play(plant: Plant, axis: int, size: float) -> None:
+    own = plant["axes"][axis - 1]["drive"]
+    own["stiffness"] = own["load_inertia"] * (2 * math.pi * 200.0) ** 2  # as good as rigid
+    own["backlash"] = 2 * math.radians(size)
+
+
+def _rub(plant: Plant, axis: int, size: float) -> None:
+    plant["axes"][axis - 1]["friction"]["load"] = size / 100
+
+
+PLANTS: dict[str, Callable[[Plant, int, float], None]] = {
+    "load": _load, "play": _play, "friction of the load": _rub,
+}  # fmt: skip
+FLAWS = (
+    ("", "zero", 2), ("", "zero", 3), ("", "position scale", 3), ("", "gear ratio", 2),
+    ("", "gear ratio", 4), ("", "torque constant", 2), ("", "torque constant", 5),
+    ("", "drift of torque constant", 2), ("", "rotor inertia", 3), ("", "late position", 2),
+    ("", "slip", 3), ("", "gravity", 0), ("", "load", 0), ("", "spring", 5), ("", "repeats", 4),
+    ("", "play", 2), ("", "friction of the load", 3),
+    ("ur10e", "zero", 3), ("ur10e", "torque constant", 2), ("ur10e", "spring", 4),
+)  # fmt: skip
+"""Twin (the campaign's robot without a name), cause and axis, from 1."""
+FAR = (
+    ("wrong direction of an axis", 3, 0.0), ("wrong direction of an axis", 5, 0.0),
+    ("wrong sign of a position", 2, 0.0), ("wrong sign of a position", 5, 0.0),
+    ("wrong sign of a torque", 3, 0.0), ("wrong sign of a torque", 4, 0.0),
+    ("two axes exchanged", 2, 0.0), ("two axes exchanged", 4, 0.0), ("two axes exchanged", 5, 0.0),
+    ("zero", 3, 20.0), ("zero", 5, 90.0), ("gravity", 0, 90.0), ("gear ratio", 2, -50.0),
+    ("torque constant", 2, 30.0), ("torque at its limit", 2, 0.0), ("slip", 3, 5.0),
+)  # fmt: skip
+"""Cause, axis and size."""
+
+
+class Case(NamedTuple):
+    """A flaw of some size in a run; sizes of 0 are clean."""
+
+    twin: str
+    cause: str
+    axis: int
+    times: float
+    size: float
+    seed: int
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """From 1, as a cause names them."""
+        if self.cause == "load":
+            return (6,)
+        more = (self.axis + 1,) if self.cause == "two axes exchanged" else ()
+        return (self.axis, *more) if self.axis else ()
+
+
+@dataclass(frozen=True)
+class Said:
+    """Word, causes, and the true error of the worst axis over the stated one."""
+
+    word: str
+    reason: str
+    found: tuple[Found, ...]
+    proof: Excluded | None
+    times: float
+    seconds: float
+
+    @property
+    def honest(self) -> bool:
+        """Whether the stated error holds where the model is called good."""
+        return self.word != "good" or self.times <= HONEST
+
+    def named(self, case: Case) -> str:
+        """First, same (as others in these data), accounted for, other or nothing."""
+        if not self.found:
+            return "nothing"
+        first = self.found[0]
+        if (first.cause, first.axes) == (case.cause, case.axes):
+            return "same" if first.others else "first"
+        start = located(case.axes, CAUSES[case.cause].words)
+        return "same" if any(each.startswith(start) for each in first.others) else "other"
+
+
+@cache
+def _twin(name: str) -> TwinRecorder:
+    return TwinRecorder(name)
+
+
+def campaign(folder: Path, seed: int, case: Case | None = None) -> Run:
+    """Measure the plan on a plant, unless it was before."""
+    stem = f"{case.cause}-{case.axis}-{case.times:.2f}-{seed}" if case else f"clean-{seed}"
+    run, plant = folder / stem.replace(" ", "-"), folder / f"{stem.replace(' ', '-')}.yaml"
+    if not run.exists():
+        content = load_plant_file(ROBOT).model_dump(mode="json")
+        if case is not None:
+            PLANTS[case.cause](content, case.axis, case.size)
+        plant.write_text(yaml.safe_dump(content, sort_keys=False))
+        hil("run", folder / "plan.yaml", "-o", run, "--channel", plant, "--bus-option",
+            f"seed={seed}")  # fmt: skip
+    return Run.open(run)
+
+
+def changed(recorded: Iterable[Recorded], change: Change, k: int, size: float) -> list[Recorded]:
+    """Recordings with other positions and torques."""
+    found = []
+    for motion, recording in recorded:
+        q, tau = recording.q.copy(), recording.tau.copy()
+        change(q, tau, recording.time, k, size)
+        found.append((motion, replace(recording, q=q, tau=tau)))
+    return found
+
+
+def imported(folder: Path, case: Case) -> Run:
+    """Import a minute of free motion of a twin, three times 20 s, as CSV files."""
+    twin, own = _twin(case.twin), Path(tempfile.mkdtemp(dir=folder))
+    load = Load({"sx": case.size}) if case.cause == "load" and case.size else None
+    n, names = twin.n, []
+    for number, (_, each) in enumerate(twin.recorded(case.seed, load)):
+        q, tau = each.q.copy(), each.tau.copy()
+        RECORDED.get(case.cause, _clean)(q, tau, each.time, case.axis - 1, case.size)
+        head = ",".join(["t", *(f"{x}{k + 1}" for x in ("q", "tau") for k in range(n))])
+        names.append(f"{number}.csv")
+        table = np.column_stack([each.time, q, tau])
+        np.savetxt(own / names[-1], table, "%.10g", ",", header=head, comments="")
+    (own / "robot.yaml").write_text((ROBOTS / f"{case.twin}.yaml").read_text())
+    slides = [not turns for turns in twin.robot.revolute]
+    joints = [
+        {"position": {"column": f"q{k + 1}", "unit": "m" if slides[k] else "rad"},
+         "torque": {"column": f"tau{k + 1}", "unit": "N" if slides[k] else "N m"}}
+        for k in range(n)
+    ]  # fmt: skip
+    content = {"robot": "robot.yaml", "files": names, "time": {"column": "t"}, "joints": joints}
+    (own / "map.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    return import_recordings([own / "map.yaml"], own / "run")
+
+
+def said(folder: Path, case: Case) -> Said:
+    """Measure, import or change a case, identify it, and judge what is said."""
+    if case.twin:
+        run = imported(folder, case)
+        robot, recorded, truth = run.robot, list(Pooled([run])), _twin(case.twin).truth
+    else:
+        run = campaign(folder, case.seed, case if case.size and case.cause in PLANTS else None)
+        robot, recorded = run.robot, list(Pooled([run]))
+        truth = true_parameters(robot, ROBOT)
+        if case.cause in RECORDED:
+            recorded = changed(recorded, RECORDED[case.cause], case.axis - 1, case.size)
+        elif case.cause in STATED and case.size:
+            robot = STATED[case.cause](robot, case.axis - 1, case.size)
+    begin = time.process_time()
+    try:
+        found = estimate(robot, recorded)
+    except HilError as error:
+        proof = proved(robot, recorded)
+        causes = proof.found if proof is not None else ()
+        return Said("failed", str(error), causes, proof, 0.0, time.process_time() - begin)
+    begin = time.process_time()
+    proof = proved(robot, recorded, found.p, found.drive_train)
+    seconds = time.process_time() - begin
+    model = replace(model_of(run, found, proof=proof), robot=robot)
+    assert model.outcome is not None
+    stated = uncertainty(model, 0.0 if found.usual_covariance is None else found.usual_covariance)
+    true = comparison(found, robot, truth).torque_error
+    times = 0.0 if stated is None else float(np.nanmax(true / np.maximum(stated, 1e-12)))
+    causes = proof.found if proof is not None else ()
+    return Said(model.outcome.word, model.outcome.reason, causes, proof, times, seconds)
+
+
+def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
+    """Smallest size that is stated; of a load the first moment across the axis."""
+    own = [each for each in (proof.limits if proof else ())
+           if each.cause == cause and each.axis == axis and each.part in ("", "sx6")]  # fmt: skip
+    return min((each.size for each in own if each.size is not None), default=0.0)
+
+
+def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
+    """Print what is named at each size of each flaw."""
+    clean = {}
+    for twin in dict.fromkeys(twin for twin, *_ in FLAWS):
+        clean[twin] = said(folder, Case(twin, "", 0, 0.0, 0.0, seed)).proof
+    cases = [
+        Case(twin, cause, axis, times, times * smallest(clean[twin], cause, axis), seed + 1 + k)
+        for k, (twin, cause, axis) in enumerate(FLAWS)
+        for times in SIZES
+    ]
+    # changes of a clean run are of the run whose sizes are stated
+    cases = [c if c.cause in PLANTS and not c.twin else c._replace(seed=seed) for c in cases]
+    count: dict[float, list[str]] = {times: [] for times in SIZES}
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
+        list(threads.map(lambda c: campaign(folder, c.seed, c),
+                         [c for c in cases if c.cause in PLANTS and not c.twin and c.size]))  # fmt: skip
+    print("| flaw | times | size | named | first | word |\n|---|---|---|---|---|---|")
+    for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
+        named = each.named(case)
+        count[case.times].append(named)
+        first = str(each.found[0]) if each.found else ""
+        where = f"{case.twin or ROBOT}, axis {case.axis}"
+        print(f"| {case.cause}, {where} | {case.times:.2g} | {case.size:.3g} | {named} |"
+              f" {first[:150]} | {each.word} |", flush=True)  # fmt: skip
+        yield each
+    for times, names in count.items():
+        each = ", ".join(f"{names.count(x)} {x}" for x in ("first", "same", "other", "nothing"))
+        print(f"{times:.2g} times the smallest size: {each}")
+
+
+def show_far(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
+    """Print what is named where no derivative shows it."""
+    cases = [Case("", cause, axis, np.inf, size, seed) for cause, axis, size in FAR]
+    names = []
+    for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
+        names.append(each.named(case))
+        first = str(each.found[0]) if each.found else "nothing"
+        print(f"{case.cause}, axis {case.axis}, {case.size:g}: {names[-1]}: {each.word}:"
+              f" {first[:200]} ({each.seconds:.1f} s)", flush=True)  # fmt: skip
+        yield each
+    print(f"far: {names.count('first')} first, {names.count('same')} same of {len(names)}")
+
+
+def show_clean(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int) -> Iterator[Said]:
+    """Print what is named where nothing is wrong."""
+    seeds = range(seed + 100, seed + 100 + n)
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
+        list(threads.map(partial(campaign, folder), seeds))
+    cases = [Case(twin, "", 0, 0.0, 0.0, each)
+             for k, each in enumerate(seeds) for twin in ("", TWINS[k % len(TWINS)])]  # fmt: skip
+    alarms = 0
+    for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
+        alarms += bool(each.found)
+        if each.found or not each.honest:
+            print(f"{case.twin or ROBOT}, seed {case.seed}: {each.word}, {each.times:.2g} times:"
+                  f" {'; '.join(map(str, each.found))[:300]}", flush=True)  # fmt: skip
+        yield each
+    print(f"causes found in {alarms} of {len(cases)} clean runs")
+
+
+def show_sizes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
+    """Print how often a cause of the stated smallest size is found."""
+    several = range(seed + 100, seed + 104)
+    for seed_, (n, own, least) in zip(several, pool.map(partial(shares, folder), several),
+                                      strict=True):  # fmt: skip
+        print(f"seed {seed_}: of {n} causes at their smallest size {own:.0%} are found,"
+              f" {least:.0%} by themselves or with their like", flush=True)
+
+
+def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
+    """Of a clean run: causes tried, share in which any is found, and in which it is among them."""
+    run = campaign(folder, seed)
+    recorded = list(Pooled([run]))
+    found = estimate(run.robot, recorded)
+    assert found.drive_train is not None
+    prepared = [(motion, found.drive_train.applied(run.robot, signals(recording)))
+                for motion, recording in recorded if shows_parameters(motion)]  # fmt: skip
+    evidence = measured(run.robot, SimultaneousFit(run.robot, prepared), prepared)
+    every, rng = columns(run.robot, found.p, evidence), np.random.default_rng(seed)
+    clean = excluded(run.robot, found.p, evidence)
+    visible = [each for each in clean.limits if each.size is not None and each.cause != "repeats"]
+    some = rng.permutation(len(visible))[:most]
+    any_found, named = [], []
+    for limit in (visible[k] for k in some):
+        at = [k for k, name in enumerate(every.names)
+              if (name.cause, name.axis + 1) == (limit.cause, limit.axis)
+              and limit.part in ("", name.part)]  # fmt: skip
+        column = every.values[:, rng.choice(at)] * limit.size * rng.choice([-1.0, 1.0])
+        other = replace(evidence, torque=evidence.torque + column,
+                        recorded=evidence.recorded + column)  # fmt: skip
+        causes = excluded(run.robot, found.p, other).found
+        any_found.append(bool(causes))
+        start = CAUSES[limit.cause].words
+        named.append(any(each.cause == limit.cause or any(start in x for x in each.others)
+                         for each in causes))  # fmt: skip
+    return len(named), float(np.mean(any_found)), float(np.mean(named))
+
+
+def show_axes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
+    """Print what becomes of a mistake on each axis of a clean run."""
+    for cause, size in (("wrong direction of an axis", 0.0), ("wrong sign of a position", 0.0),
+                        ("wrong sign of a torque", 0.0), ("zero", 20.0), ("gear ratio", 1.0),
+                        ("gear ratio", -50.0), ("torque constant", 30.0)):  # fmt: skip
+        cases = [Case("", cause, axis, np.inf, size, seed) for axis in range(1, 7)]
+        for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
+            first = each.found[0] if each.found else "nothing"
+            print(f"{cause}, {size:g}, axis {case.axis}: {first}", flush=True)
+
+
+def show_time(folder: Path, seed: int) -> None:
+    """Print processor time beside the estimate; the second run has compiled code loaded."""
+    seconds = [said(folder, Case("", "", 0, 0.0, 0.0, seed)).seconds for _ in range(2)]
+    print(f"time beside the estimate: {seconds[0]:.2f} s, again {seconds[1]:.2f} s")
+
+
+def show_honest(every: Sequence[Said]) -> None:
+    """Print how often good was wrong."""
+    good = [each for each in every if each.word == "good"]
+    wrong = [each for each in good if not each.honest]
+    most = max((each.times for each in good), default=0.0)
+    print(f"good and off by more than {HONEST:g} times the stated error: {len(wrong)} of"
+          f" {len(good)} ({len(every)} runs), most {most:.2g} times")  # fmt: skip
+
+
+def main() -> None:
+    """Measure, identify, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    rows = ("flaws", "far", "clean", "sizes", "time", "axes")
+    parser.add_argument("rows", nargs="*", metavar="ROW", default=rows[:-1])
+    parser.add_argument("--seed", type=int, default=900)
+    parser.add_argument("--clean", type=int, default=20, help="clean campaigns, as many twins")
+    parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")
+    given, every = parser.parse_args(), []
+    with tempfile.TemporaryDirectory() as temporary, ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
+        folder = given.keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / "plan.yaml").exists():
+            hil("plan", ROBOT, "-o", folder / "plan.yaml", *PLAN)
+        if "flaws" in given.rows:
+            every += list(show_flaws(folder, pool, given.seed))
+        if "far" in given.rows:
+            every += list(show_far(folder, pool, given.seed))
+        if "clean" in given.rows:
+            every += list(show_clean(folder, pool, given.seed, given.clean))
+        if "sizes" in given.rows:
+            show_sizes(folder, pool, given.seed)
+        if "time" in given.rows:
+            show_time(folder, given.seed)
+        if "axes" in given.rows:
+            show_axes(folder, pool, given.seed)
+        show_honest(every)
+
+
+if __name__ == "__main__":
+    main()
