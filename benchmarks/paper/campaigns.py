@@ -1,0 +1,182 @@
+"""What is measured for the paper: plans by its own rule, plants, and campaigns by `hil run`.
+
+The configurations follow section 6.2: of each element one angle after another that it depends on is
+varied in steps of 25 degrees, at the counts of section 8. Nothing is optimised. A campaign is a
+process of its own over CAN frames; a folder keeps it, so that no other command measures it again.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from benchmarks.drift_study.scenarios import Scenario, write_plant
+from hil.model.base_parameters import base_parameters
+from hil.planning.design.by_counts import design
+from hil.planning.design.friction import operation, stops, sweep
+from hil.planning.design.measurable_elements import ELEMENTS
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.planning.plan import as_plan, dump_plan
+from hil.runs.run import Run
+
+from .article import COUNTS, DISTANCE, MASS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+
+ROBOT, FIRST_SEED = "manutec-r15", 201
+STEP = 25
+"""Of a varied angle, section 6.2 [degrees]."""
+ELSEWHERE = (0, -60, 60, 40, 90, 0)
+"""Angles of joints that are not varied, at which each dependence shows [degrees]."""
+RULE = {
+    "gravity": ((2, 2, 100), (3, 4, 175), (2, 3, 125), (3, 3, 125), (4, 4, 100), (5, 5, 100)),
+    "inertia": (
+        *((1, 2, 100), (1, 3, 125), (1, 4, 100), (1, 5, 100), (2, 3, 125), (2, 4, 100)),
+        *((2, 5, 100), (3, 5, 100), (4, 5, 100), (5, 5, 25), (6, 6, 37.5)),
+    ),
+    "coupling": ((2, 2, 100),),
+}
+"""By kind: axis that is read, joint that is varied, and how far to both sides [degrees]. M44 over
+q5 is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest completes its counts."""
+SHORT = 3
+"""Of the short plan every so many of the measurements are left."""
+
+
+def by_rule(robot: Robot) -> Plan:
+    """Return the plan of section 6.2, 64 + 92 + 9 measurements."""
+    return as_plan(robot, _by_rule(robot))
+
+
+def _by_rule(robot: Robot) -> Iterator[Measurement]:
+    sought = base_parameters(robot).dependencies.sought()
+    for name, rows in RULE.items():
+        kind, number = ELEMENT_KINDS[name], 0
+        elements = {e.axis + 1: e for e in ELEMENTS[name](robot, list(sought[kind.group]))}
+        for axis, over, widest in rows:
+            element = elements.get(axis) or next(iter(elements.values()))
+            for angle in np.arange(-widest, widest + 1, STEP):
+                number += 1
+                q = np.radians(ELSEWHERE)
+                q[over - 1] = math.radians(angle)
+                for i, stroke in element.strokes.items():
+                    room = stroke / 2 + math.tau / float(robot.gear_ratio[i])
+                    q[i] = np.clip(q[i], robot.q_min[i] + room, robot.q_max[i] - room)
+                turned = element.turned(robot, q, number)
+                yield element.measure(f"{kind.letter}{number:02d}", turned, number)
+
+
+def _short(robot: Robot) -> Plan:
+    return as_plan(robot, by_rule(robot).measurements[::SHORT])
+
+
+PLANS: dict[str, Callable[[Robot], Plan]] = {
+    "rule": by_rule,
+    "short": _short,
+    "chosen": lambda robot: design(robot, COUNTS),
+    "sweep": sweep,
+    "stops": lambda robot: stops(robot, 1),
+    "operation": lambda robot: operation(robot, 1),
+}
+"""By the paper's rule, a third of that, by our greedy choice, and of friction."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A plan and what differs of the plant from the one that comes along.
+
+    Attributes
+    ----------
+    plan : str
+    plant, friction : dict
+        Keys of the plant, and of the friction of all axes.
+    asymmetry : float
+        Factor of the axes' asymmetries.
+    gears : float, optional
+        Natural frequency of every gear with its motor held [Hz].
+    offset : float
+        First moment of link 4 across the forearm [kg m].
+    """
+
+    plan: str = "rule"
+    plant: dict[str, Any] = field(default_factory=dict)
+    friction: dict[str, Any] = field(default_factory=dict)
+    asymmetry: float = 1.0
+    gears: float | None = None
+    offset: float = 0.0
+
+
+LOAD = {
+    "payload": {"mass": MASS, "centre": [0, 0, DISTANCE], "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047}
+}  # fmt: skip
+"""A steel disc of the paper's mass, distance and Izz."""
+STILL = {"drift": False, "symmetric": True}
+FIG_7 = 0.1885 * math.tan(math.radians(30))
+"""sy4 that shifts the phase of g3 over q4 by 30 degrees at q5 = 90: p13 tan 30 degrees [kg m]."""
+CASES = {
+    "bare": Case(),
+    "loaded": Case(plant=LOAD),
+    "sweep": Case("sweep"),
+    "stops": Case("stops"),
+    "operation": Case("operation"),
+    "offset": Case(offset=FIG_7),
+    "chosen": Case("chosen"),
+    "default": Case("short"),
+    "still": Case("short", STILL),
+    "threefold": Case("short", {"drift_strength": 3.0, "symmetric": True}),
+    "uneven": Case("short", asymmetry=5.0),
+    "load-friction": Case("short", friction={"load": 0.05}),
+    "gears-80": Case("short", gears=80.0),
+    "gears-45": Case("short", gears=45.0),
+    "gears-20": Case("short", gears=20.0),
+}
+
+
+def write_case(case: Case, path: Path) -> Path:
+    """Write the plant file of a case."""
+    write_plant(Scenario("", case.plant, case.friction), ROBOT, path)
+    content = yaml.safe_load(path.read_text())
+    for axis in content["axes"]:
+        axis["friction"]["asymmetry"] *= case.asymmetry
+        if case.gears:
+            inertia = axis["drive"]["load_inertia"]
+            axis["drive"]["stiffness"] = inertia * (math.tau * case.gears) ** 2
+    if case.gears:
+        content["step"] = 0.0005
+    if case.offset:
+        content["axes"][3]["link"]["sy"] = case.offset
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
+    return path
+
+
+def measure(folder: Path, robot: Robot, name: str, case: Case, seed: int) -> Run:
+    """Return the run of a case and seed, measured over the bus unless it is there."""
+    run, plan = folder / name / f"seed-{seed}", folder / f"{case.plan}.yaml"
+    if not (run / "run.json").exists() or Run.open(run).missing:
+        run.parent.mkdir(parents=True, exist_ok=True)
+        if not plan.exists():
+            plan.write_text(dump_plan(PLANS[case.plan](robot)))
+        plant = run.with_suffix(".yaml")
+        plant.unlink(missing_ok=True)
+        write_case(case, plant)
+        options = ("--channel", plant, "--bus-option", f"seed={seed}")
+        resume = ("--resume",) if run.exists() else ()
+        command = (sys.executable, "-m", "hil", "run", plan, "-o", run, *options, *resume)
+        done = subprocess.run(
+            [str(each) for each in command],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode:
+            raise RuntimeError(f"{run}: {done.stderr.strip()}")
+    return Run.open(run)
