@@ -14,14 +14,14 @@ from scipy import signal
 
 from hil.estimation.friction import symmetry
 from hil.estimation.local_fits import local_fit
-from hil.estimation.signals import CUTOFF, Signals
+from hil.estimation.signals import CUTOFF, Signals, signals
 from hil.estimation.two_step import TwoStep
-from hil.estimation.two_step_methods import estimates, local_fits, prepare
+from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates, local_fits, prepare
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics
-from hil.planning.measurement import ELEMENT_KINDS
+from hil.planning.measurement import ELEMENT_KINDS, shows_element
 from hil.results.diagnosis import PhaseRecord, diagnose
 from hil.results.friction import evaluate
 from hil.runs.pooling import recorded
@@ -43,8 +43,7 @@ def of_strokes(run: Run, plant: Path, *, whole: bool) -> Figures:
     """Errors of a campaign of strokes, and what its claims rest on; `whole`: of all methods."""
     robot, measured = run.robot, list(recorded(run))
     truth = true_parameters(robot, plant)
-    names = ("improved", "published") if whole else ("published",)
-    found = {str(k): v for k, v in estimates(robot, measured, names).items()}
+    found = estimates(robot, measured, TWO_STEP_METHODS if whole else TWO_STEP_METHODS[1:])
     raw, _ = prepare(measured)
     fits, _ = local_fits(robot, raw)
     published = found["published"]
@@ -56,7 +55,7 @@ def of_strokes(run: Run, plant: Path, *, whole: bool) -> Figures:
         "elements": elements(robot, fits, published.p),
         "asymmetry": {
             axis + 1: [each.asymmetry, each.passed]
-            for axis, each in symmetry.of_local_values(found[names[0]].local).items()
+            for axis, each in symmetry.of_local_values(next(iter(found.values())).local).items()
         },
     }
     for name, each in found.items():
@@ -108,6 +107,7 @@ def _coriolis(robot: Robot, raw: Prepared, p: Array, fits: Sequence[LocalFit]) -
     prepared = {m.id: (m, s) for m, s in raw}
     for f in fits:
         m, s = prepared[f.id]
+        assert shows_element(m)
         c = inverse_dynamics(robot, p, s.q, s.qd, 0 * s.qd) - gravity_torque(robot, p, s.q)
         put = float(local_fit(robot, m, replace(s, tau=c)).sides[0])
         share[f.kind].append(abs(put) / largest[f.kind])
@@ -210,3 +210,11 @@ LOW_PASSES = {
     "order 8, forth, on the torque alone": (8, signal.sosfilt, True),
 }
 """What "non-causal, phase-neutral eighth-order" may mean, and what it is not."""
+
+
+def course(run: Run, name: str) -> Figures:
+    """One measurement as it was recorded: time, and velocity and torque of its axis."""
+    m, recording = next(each for each in recorded(run) if each[0].id == name)
+    s, axis = signals(recording), m.moved[0]
+    columns = s.time - s.time[0], s.smoothed(s.qd)[:, axis], s.smoothed(s.tau)[:, axis]
+    return dict(zip("tvQ", (c[::5] for c in columns), strict=True))

@@ -11,6 +11,7 @@ import math
 import subprocess
 import sys
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,20 +26,19 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import as_plan, dump_plan
 from hil.runs.run import Run
 
-from .article import COUNTS, DISTANCE, MASS
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
 
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
 
+ARTICLE: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("article.yaml").read_text())
+"""What the paper says, as printed."""
 ROBOT, FIRST_SEED = "manutec-r15", 201
 STEP = 25
 """Of a varied angle, section 6.2 [degrees]."""
-ELSEWHERE = (0, -60, 60, 40, 90, 0)
+ELSEWHERE = (0, -30, 60, 40, 90, 0)
 """Angles of joints that are not varied, at which each dependence shows [degrees]."""
 RULE = {
     "gravity": ((2, 2, 100), (3, 4, 175), (2, 3, 125), (3, 3, 125), (4, 4, 100), (5, 5, 100)),
@@ -49,7 +49,7 @@ RULE = {
     "coupling": ((2, 2, 100),),
 }
 """By kind: axis that is read, joint that is varied, and how far to both sides [degrees]. M44 over
-q5 is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest completes its counts."""
+q5 is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest fills its counts."""
 SHORT = 3
 """Of the short plan every so many of the measurements are left."""
 
@@ -84,7 +84,7 @@ def _short(robot: Robot) -> Plan:
 PLANS: dict[str, Callable[[Robot], Plan]] = {
     "rule": by_rule,
     "short": _short,
-    "chosen": lambda robot: design(robot, COUNTS),
+    "chosen": lambda robot: design(robot, ARTICLE["counts"]),
     "sweep": sweep,
     "stops": lambda robot: stops(robot, 1),
     "operation": lambda robot: operation(robot, 1),
@@ -118,7 +118,10 @@ class Case:
 
 
 LOAD = {
-    "payload": {"mass": MASS, "centre": [0, 0, DISTANCE], "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047}
+    "payload": {
+        "mass": ARTICLE["mass"], "centre": [0, 0, ARTICLE["distance"]],
+        "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047,
+    }
 }  # fmt: skip
 """A steel disc of the paper's mass, distance and Izz."""
 STILL = {"drift": False, "symmetric": True}
@@ -133,6 +136,7 @@ CASES = {
     "offset": Case(offset=FIG_7),
     "chosen": Case("chosen"),
     "default": Case("short"),
+    "default-loaded": Case("short", LOAD),
     "still": Case("short", STILL),
     "threefold": Case("short", {"drift_strength": 3.0, "symmetric": True}),
     "uneven": Case("short", asymmetry=5.0),

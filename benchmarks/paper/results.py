@@ -10,27 +10,32 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.estimation.signals import signals
-from hil.runs.pooling import recorded
+from benchmarks.drift_study.drift import judged as judged_study
+from benchmarks.drift_study.drift import prepare
+from benchmarks.drift_study.summary import summarise
+from hil.model.dependencies import GROUPS
+from hil.planning.measurement import ELEMENT_KINDS
 
 from . import assessment
-from .campaigns import CASES, FIRST_SEED, measure
+from .campaigns import CASES, FIRST_SEED, ROBOT, measure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from hil.model.robot import Robot
-    from hil.runs.run import Run
 
+Figures = dict[str, Any]
 WHOLE = ("bare", "loaded", "uneven")
 """Cases that both methods judge."""
 FRICTION = ("sweep", "stops", "operation")
 ONCE = (*FRICTION, "offset")
 """Cases of one seed: they are drawn."""
+SCENARIOS, STUDIED = ("off", "strong"), ("trajectory", "compensated")
+"""Of the study of drift, whose campaigns lie beside those of the paper."""
 
 
-def judged(folder: Path, robot: Robot, name: str, seed: int) -> dict[str, Any]:
+def judged(folder: Path, robot: Robot, name: str, seed: int) -> Figures:
     """Return the figures of a campaign, measured and judged unless they are there."""
     path = folder / name / f"seed-{seed}.json"
     if not path.exists():
@@ -43,7 +48,7 @@ def judged(folder: Path, robot: Robot, name: str, seed: int) -> dict[str, Any]:
             figures = assessment.of_strokes(run, plant, whole=name in WHOLE)
         if name == "bare" and seed == FIRST_SEED:
             figures["filters"] = assessment.of_filters(run, plant)
-            figures["trajectories"] = [_course(run, each) for each in ("g01", "i39")]
+            figures["trajectories"] = [assessment.course(run, each) for each in ("g01", "i39")]
         path.write_text(json.dumps(figures, default=plain))
     return dict(json.loads(path.read_text()))
 
@@ -57,15 +62,6 @@ def _identified(folder: Path, robot: Robot) -> Path:
     return run
 
 
-def _course(run: Run, name: str) -> dict[str, Any]:
-    """One measurement as it was recorded: time, and velocity and torque of its axis."""
-    m, recording = next(each for each in recorded(run) if each[0].id == name)
-    s, axis = signals(recording), m.moved[0]
-    every = slice(None, None, 5)
-    columns = s.time - s.time[0], s.smoothed(s.qd)[:, axis], s.smoothed(s.tau)[:, axis]
-    return {"axis": axis + 1, **dict(zip("tvQ", (c[every] for c in columns), strict=True))}
-
-
 def plain(value: Any) -> Any:
     """Arrays and numbers of NumPy as JSON has them, to five digits."""
     if isinstance(value, np.ndarray):
@@ -75,14 +71,78 @@ def plain(value: Any) -> Any:
     return float(f"{value:.5g}") if isinstance(value, np.floating) else value
 
 
-def everything(
-    folder: Path, robot: Robot, cases: Sequence[str], seeds: Sequence[int], workers: int = 2
-) -> dict[str, dict[int, dict[str, Any]]]:
-    """Measure and judge cases at all seeds, those that are drawn at the first one."""
+def gather(folder: Path, robot: Robot, cases: Sequence[str], seeds: Sequence[int]) -> Figures:
+    """Measure and judge cases at all seeds, or what is drawn at the first one, and sum up."""
     jobs = [(n, s) for s in seeds for n in cases if n not in ONCE or s == seeds[0]]
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(2) as pool:
         done = list(pool.map(lambda job: judged(folder, robot, *job), jobs))
-    found: dict[str, dict[int, dict[str, Any]]] = {}
-    for (name, seed), figures in zip(jobs, done, strict=True):
-        found.setdefault(name, {})[seed] = figures
-    return found
+    found: dict[str, list[Figures]] = {}
+    for (name, _), figures in zip(jobs, done, strict=True):
+        found.setdefault(name, []).append(figures)
+    first = {name: each[0] for name, each in found.items()}
+    drawn = {k: f if k in ONCE else f["elements"] for k, f in first.items() if k in DRAWN}
+    drawn |= {k: first["bare"][k] for k in ("filters", "trajectories") if "bare" in first}
+    return {
+        "cases": {name: summed(each) for name, each in found.items() if name not in ONCE},
+        "drawn": drawn,
+        "drift": of_drift(folder / "drift", seeds),
+    }
+
+
+DRAWN = (*ONCE, "bare", "loaded")
+
+
+def summed(every: Sequence[Figures]) -> Figures:
+    """Root mean squares over the seeds of a case, and what else its claims rest on."""
+    methods = [name for name in ("published", "improved") if name in every[0]]
+    errors = {name: [each[name] for each in every] for name in (*methods, "known_gravity")}
+    bound = {group: [each["bound"][group] for each in every] for group in GROUPS}
+    return {
+        "n": len(every),
+        "minutes": np.mean([each["minutes"] for each in every]),
+        **{
+            name: {k: rms([each[k] for each in own]) for k in (*GROUPS, "torque") if k in own[0]}
+            for name, own in errors.items()
+        },
+        "p": {name: [each[name]["p"] for each in every] for name in methods},
+        "inside": {name: np.mean([each[name]["inside"] for each in every]) for name in methods},
+        "coriolis": {
+            **{kind: max(each["coriolis"][kind] for each in every) for kind in ELEMENT_KINDS},
+            "p3": rms([each["coriolis"]["moved"][2] for each in every]),
+        },
+        "bound": {
+            group: {
+                "condition": np.median([each["condition"] for each in own]),
+                "allowed": rms([each["bound"] for each in own]),
+                "used": [f([e["error"] / e[b] for e in own]) for f, b in USED],
+            }
+            for group, own in bound.items()
+        },
+        "asymmetry": {
+            axis: {
+                "mean": np.mean([each["asymmetry"][axis][0] for each in every]),
+                "failed": sum(not each["asymmetry"][axis][1] for each in every),
+            }
+            for axis in every[0]["asymmetry"]
+        },
+    }
+
+
+USED = ((np.median, "bound"), (np.max, "bound"), (np.max, "bound_of_exact"))
+
+
+def rms(values: Sequence[float]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def of_drift(folder: Path, seeds: Sequence[int]) -> Figures:
+    """Torque error, error of the diagonal group and coverage of methods in the study of drift."""
+    cells = prepare(folder, ROBOT, ROBOT, seeds, SCENARIOS, STUDIED, minutes=10)
+    return {
+        f"{row.method}, {row.scenario}": {
+            "n": row.n, "torque": row.torque_error, "diagonal": row.group_error["diagonal"],
+            "inside": row.coverage, "worst": max(row.torque_errors),
+        }
+        for row in summarise(judged_study(cells))
+    }  # fmt: skip
