@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from matplotlib import rc_context
 
@@ -25,46 +26,38 @@ from hil.report.pictures import image, plotting
 
 from .campaigns import ARTICLE, CASES, FIRST_SEED, ROBOT
 from .figures import FIGURES, LOOK
-from .page import rendered
+from .page import HOME, PAGE, RESULTS, rendered
 from .results import gather, plain
 
-HOME = Path(__file__).parents[2]
-RESULTS = HOME / "benchmarks" / "results" / "paper.json"
-PAGE = HOME / "docs" / "explanation" / "paper.md"
-IMAGES = HOME / "docs" / "img" / "paper"
+GIT = ("/usr/bin/env", "git", "-C", str(HOME), "describe", "--always", "--dirty")
 
 
 def main() -> None:
     """Measure, judge, write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
-    parser.add_argument("cases", nargs="*", help=", ".join(CASES))
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=", ".join(CASES))
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--keep", type=Path, help="folder for plans and runs; reused if there")
     parser.add_argument("--page", action="store_true", help="page and figures alone")
     given = parser.parse_args()
     if unknown := set(given.cases) - set(CASES):
         parser.error(f"no such case: {', '.join(unknown)}")
-    robot, results = load_robot(ROBOT), {}
-    if RESULTS.exists():
-        results = json.loads(RESULTS.read_text())
+    robot = load_robot(ROBOT)
+    results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     if not given.page:
         seeds = range(FIRST_SEED, FIRST_SEED + given.seeds)
         with tempfile.TemporaryDirectory() as temporary:
             found = gather(given.keep or Path(temporary), robot, given.cases or list(CASES), seeds)
-        for part in found:
-            results[part] = results.get(part, {}) | found[part]
-        git = ("git", "-C", str(HOME), "describe", "--always", "--dirty")
-        results["commit"] = subprocess.run(git, capture_output=True, text=True).stdout.strip()
-        RESULTS.parent.mkdir(exist_ok=True)
+        results |= {part: results.get(part, {}) | each for part, each in found.items()}
+        results["commit"] = subprocess.check_output(GIT, text=True).strip()
         RESULTS.write_text(json.dumps(results, default=plain, separators=(",", ":")) + "\n")
         results = json.loads(RESULTS.read_text())
     text, failed = rendered(ARTICLE, results, robot)
     PAGE.write_text(text)
-    IMAGES.mkdir(exist_ok=True)
     for name, draw in FIGURES.items():
         with plotting(), rc_context(LOOK):
             drawn = image(draw(results["drawn"], robot), "svg")
-        (IMAGES / f"figure-{name}.svg").write_bytes(drawn)
+        (PAGE.parents[1] / "img" / "paper" / f"figure-{name}.svg").write_bytes(drawn)
     sys.exit("\n".join(failed) or None)
 
 

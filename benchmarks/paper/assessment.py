@@ -22,7 +22,7 @@ from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics
 from hil.planning.measurement import ELEMENT_KINDS, shows_element
-from hil.results.diagnosis import PhaseRecord, diagnose
+from hil.results.diagnosis import diagnose
 from hil.results.friction import evaluate
 from hil.runs.pooling import recorded
 
@@ -39,123 +39,124 @@ if TYPE_CHECKING:
     Figures = dict[str, Any]
 
 
-def of_strokes(run: Run, plant: Path, *, whole: bool) -> Figures:
-    """Errors of a campaign of strokes, and what its claims rest on; `whole`: of all methods."""
+def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
+    """Errors of a campaign of strokes, and what its claims rest on; `both`: improved too."""
     robot, measured = run.robot, list(recorded(run))
     truth = true_parameters(robot, plant)
-    found = estimates(robot, measured, TWO_STEP_METHODS if whole else TWO_STEP_METHODS[1:])
+    found = estimates(robot, measured, TWO_STEP_METHODS if both else TWO_STEP_METHODS[1:])
     raw, _ = prepare(measured)
     fits, _ = local_fits(robot, raw)
-    published = found["published"]
-    figures: Figures = {
+    p = found["published"].p
+    judged = {name: comparison(each, robot, truth) for name, each in found.items()}
+    tests = symmetry.of_local_values(next(iter(found.values())).local)
+    return {
         "minutes": measured[-1][1].time[-1] / 60,
-        "known_gravity": _error(robot, _with_known_gravity(robot, fits, truth), truth),
-        "coriolis": _coriolis(robot, raw, published.p, fits),
-        "bound": _bound(robot, fits, published.p, truth),
-        "elements": elements(robot, fits, published.p),
-        "asymmetry": {
-            axis + 1: [each.asymmetry, each.passed]
-            for axis, each in symmetry.of_local_values(next(iter(found.values())).local).items()
+        "known_gravity": errors(robot, _with_known_gravity(robot, fits, truth), truth),
+        "neglected": _neglected(robot, raw, fits, p, truth),
+        "bound": _bound(robot, fits, p, truth),
+        "elements": _elements(robot, fits, p),
+        "asymmetric": {axis + 1: not each.passed for axis, each in tests.items()},
+        **{
+            name: {"p": each.p, "torque": each.mean_torque_error, **each.group_error}
+            for name, each in judged.items()
         },
     }
-    for name, each in found.items():
-        judged = comparison(each, robot, truth)
-        figures[name] = {
-            "p": each.p, "standard_error": each.standard_error, **judged.group_error,
-            "torque": judged.mean_torque_error, "inside": judged.inside,
-        }  # fmt: skip
-    return figures
 
 
-def _error(robot: Robot, p: Array, truth: Array) -> dict[str, float]:
+def errors(robot: Robot, p: Array, truth: Array) -> dict[str, float]:
     """Relative error of each group in its norm."""
-    groups = base_parameters(robot).groups
-    parts = {group: list(k) for group, k in groups.items()}
-    return {
-        group: float(np.linalg.norm((p - truth)[k]) / np.linalg.norm(truth[k]))
-        for group, k in parts.items()
-    }
+    groups = {name: list(k) for name, k in base_parameters(robot).groups.items()}
+    size = np.linalg.norm
+    return {name: float(size((p - truth)[k]) / size(truth[k])) for name, k in groups.items()}
+
+
+def _gravity_part(robot: Robot, p: Array) -> Array:
+    """Base parameters with all but p_g zero."""
+    return np.where(np.isin(np.arange(len(p)), base_parameters(robot).groups["gravity"]), p, 0.0)
 
 
 def _with_known_gravity(robot: Robot, fits: Sequence[LocalFit], truth: Array) -> Array:
     """Eq. (17) with the true p_g in place of the estimated one."""
-    known = np.zeros_like(truth)
-    known[list(base_parameters(robot).groups["gravity"])] = 1.0
-    changed = []
-    for f in fits:
-        if f.kind != "gravity":
-            sides = f.sides.copy()
-            sides[0] -= (f.row + f.sides[2:]) @ (known * truth)
-            sides[2:] *= 1 - known
-            f = replace(f, sides=sides, row=f.row * (1 - known))  # noqa: PLW2901
-        changed.append(f)
+    known = _gravity_part(robot, truth)
+    values = (f.sides[0] - (f.kind != "gravity") * (f.row + f.sides[2:]) @ known for f in fits)
+    free = 1 - _gravity_part(robot, np.ones(len(truth)))
+    changed = [
+        f if f.kind == "gravity" else
+        replace(f, sides=np.r_[value, f.sides[1], f.sides[2:] * free], row=f.row * free)
+        for f, value in zip(fits, values, strict=True)
+    ]  # fmt: skip
     return TwoStep(robot, changed).solve()
 
 
-def _coriolis(robot: Robot, raw: Prepared, p: Array, fits: Sequence[LocalFit]) -> Figures:
-    """What c(q, qd) of the recorded motion puts onto the elements: shares of the largest of each.
+def _neglected(
+    robot: Robot, raw: Prepared, fits: Sequence[LocalFit], p: Array, truth: Array
+) -> Figures:
+    """What a neglected torque of the recorded motion puts onto the elements and the parameters.
 
-    Each measurement is evaluated with c alone in the torque's place. Of the couplings also what the
-    estimate of p3 moves by.
+    Each measurement is evaluated with that torque alone in place of the measured one: c(q, qd), and
+    what the axes that should stand still, but are only held, contribute by their motion. Shares are
+    of the largest element of each kind; errors and p3 are those with the torque taken off.
     """
-    share: dict[str, list[float]] = {kind: [] for kind in ELEMENT_KINDS}
-    changed = []
-    largest = {
-        kind: max(abs(float(f.at(p).value)) for f in fits if f.kind == kind)
-        for kind in ELEMENT_KINDS
-    }
-    prepared = {m.id: (m, s) for m, s in raw}
+    prepared, found = {m.id: (m, s) for m, s in raw}, {}
+    largest: dict[str, float] = {}
     for f in fits:
-        m, s = prepared[f.id]
-        assert shows_element(m)
-        c = inverse_dynamics(robot, p, s.q, s.qd, 0 * s.qd) - gravity_torque(robot, p, s.q)
-        put = float(local_fit(robot, m, replace(s, tau=c)).sides[0])
-        share[f.kind].append(abs(put) / largest[f.kind])
-        sides = f.sides.copy()
-        sides[0] -= put
-        changed.append(replace(f, sides=sides))
-    moved = TwoStep(robot, changed).solve() - p
-    return {kind: max(each) for kind, each in share.items()} | {"moved": moved}
+        largest[f.kind] = max(largest.get(f.kind, 0.0), abs(f.at(p).value))
+    for name, torque in NEGLECTED.items():
+        share, changed = dict.fromkeys(largest, 0.0), []
+        for f in fits:
+            m, s = prepared[f.id]
+            assert shows_element(m)
+            put = local_fit(robot, m, replace(s, tau=torque(robot, p, s, list(m.moved)))).sides[0]
+            share[f.kind] = max(share[f.kind], float(abs(put)) / largest[f.kind])
+            changed.append(replace(f, sides=np.r_[f.sides[0] - put, f.sides[1:]]))
+        without = TwoStep(robot, changed).solve()
+        found[name] = {"share": share, "p3": without[2] - p[2], **errors(robot, without, truth)}
+    return found
+
+
+def _coriolis(robot: Robot, p: Array, s: Signals, _: list[int]) -> Array:
+    return inverse_dynamics(robot, p, s.q, s.qd, 0 * s.qd) - gravity_torque(robot, p, s.q)
+
+
+def _of_axes_at_rest(robot: Robot, p: Array, s: Signals, moved: list[int]) -> Array:
+    wanted = np.isin(np.arange(robot.n_joints), moved)
+    alone = inverse_dynamics(robot, p, s.q, s.qd * wanted, s.qdd * wanted)
+    return inverse_dynamics(robot, p, s.q, s.qd, s.qdd) - alone
+
+
+NEGLECTED = {"coriolis": _coriolis, "at_rest": _of_axes_at_rest}
 
 
 def _bound(robot: Robot, fits: Sequence[LocalFit], p: Array, truth: Array) -> Figures:
-    """Both sides of eq. (13), group by group: what it allows and what the error was."""
-    found = {}
-    groups = base_parameters(robot).groups
+    """How much of what eq. (13) allows each group's error uses, with Q measured and with W p."""
+    found, size = {}, np.linalg.norm
     for kind in ELEMENT_KINDS.values():
-        own, k = [f for f in fits if f.kind == kind.name], list(groups[kind.group])
+        own, k = [f for f in fits if f.kind == kind.name], base_parameters(robot).groups[kind.group]
         weight = 1 / robot.torque_limit[[f.axis for f in own]]
         rows = np.array([f.row + f.sides[2:] for f in own]) * weight[:, None]
-        others = p.copy()
-        others[k] = 0
+        others = np.where(np.isin(np.arange(len(p)), k), 0.0, p)
         Q = np.array([f.sides[0] - f.sides[1] for f in own]) * weight - rows @ others
-        W = rows[:, k]
-        e = np.linalg.norm(Q - W @ truth[k])
-        error = np.linalg.norm(p[k] - truth[k]) / np.linalg.norm(truth[k])
-        condition = np.linalg.cond(W)
-        found[kind.group] = {
-            "condition": condition, "bound": condition * e / np.linalg.norm(Q), "error": error,
-            "bound_of_exact": condition * e / np.linalg.norm(W @ truth[k]),
-        }  # fmt: skip
+        W, true = rows[:, list(k)], truth[list(k)]
+        error = size(p[list(k)] - true) / size(true) / np.linalg.cond(W)
+        e = size(Q - W @ true)
+        found[kind.group] = {"used": error * size(Q) / e, "exact": error * size(W @ true) / e}
     return found
 
 
-def elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]:
+def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]:
     """Each measured element of g and M, its model, and what p_g gives of it."""
-    gravity = np.zeros(len(p))
-    gravity[list(base_parameters(robot).groups["gravity"])] = 1.0
-    found = []
-    for f in fits:
-        value = f.at(p)
-        found.append(
-            {"kind": f.kind, "axis": f.axis + 1, "q": np.degrees(f.q), "value": value.value,
-             "model": value.model, "of_gravity": f.row @ (gravity * p)}
-        )  # fmt: skip
-    return found
+    of_gravity = _gravity_part(robot, p)
+    return [
+        {
+            "kind": f.kind, "axis": f.axis + 1, "q": np.degrees(f.q), "value": f.at(p).value,
+            "model": f.at(p).model, "of_gravity": f.row @ of_gravity,
+        }
+        for f in fits
+    ]  # fmt: skip
 
 
 def of_friction(run: Run, model: Path) -> Figures:
-    """Points of a friction run, its models (1) to (3), its symmetry."""
+    """Points of a friction run (axis, minutes, speed, both torques) and errors of its models."""
     found = evaluate(run, list(recorded(run)), model)
     return {
         "points": [
@@ -165,28 +166,32 @@ def of_friction(run: Run, model: Path) -> Figures:
             fit.axis + 1: {kind: [m.error, *m.a] for kind, m in fit.models.items()}
             for fit in found.axes
         },
-        "asymmetry": {axis + 1: each.asymmetry for axis, each in found.symmetry.items()},
     }
 
 
 def of_offset(run: Run) -> Figures:
     """Fig. 7: what was ranked first among parameters left out, its value, and the phase."""
-    found, fits = diagnose(run), local_fits(run.robot, prepare(recorded(run))[0])[0]
-    first = found.errors.found[0] if found.errors.found else None
+    found, (fits, _) = diagnose(run), local_fits(run.robot, prepare(recorded(run))[0])
+    first = found.errors.found[0]
     return {
-        "names": first.names if first else (),
-        "value": first.value if first else 0.0,
-        "error": first.standard_error if first else 0.0,
-        "elements": elements(run.robot, fits, found.estimate.p),
-        "phase": PhaseRecord.of(found.phase).model_dump() if found.phase else None,
+        "names": first.names, "value": first.value, "error": first.standard_error,
         "degrees": np.degrees(found.phase.shift) if found.phase else 0.0,
-    }
+        "elements": _elements(run.robot, fits, TwoStep(run.robot, fits).solve()),
+    }  # fmt: skip
+
+
+LOW_PASSES = {
+    "order 4, forth and back": (4, signal.sosfiltfilt, False),
+    "order 8, forth and back": (8, signal.sosfiltfilt, False),
+    "order 8, causal": (8, signal.sosfilt, False),
+    "order 8, causal, torque alone": (8, signal.sosfilt, True),
+}
+"""What "non-causal, phase-neutral eighth-order" may mean, and what it is not."""
 
 
 def of_filters(run: Run, plant: Path) -> Figures:
     """Errors of the published method by the low-pass: its order, its way, what passes it."""
-    truth = true_parameters(run.robot, plant)
-    found = {}
+    truth, found = true_parameters(run.robot, plant), {}
     for name, (order, way, torque_alone) in LOW_PASSES.items():
 
         def passed(s: Signals, x: Array, order: int = order, way: Any = way) -> Array:
@@ -198,18 +203,8 @@ def of_filters(run: Run, plant: Path) -> Figures:
             raw = [(m, replace(s, tau=passed(s, s.tau))) for m, s in raw]
         with patch.object(Signals, "filtered", Signals.filtered if torque_alone else passed):
             fits, _ = local_fits(run.robot, raw)
-        found[name] = _error(run.robot, TwoStep(run.robot, fits).solve(), truth)
+        found[name] = errors(run.robot, TwoStep(run.robot, fits).solve(), truth)
     return found
-
-
-LOW_PASSES = {
-    "order 4, forth and back, on both sides": (4, signal.sosfiltfilt, False),
-    "order 8, forth and back, on both sides": (8, signal.sosfiltfilt, False),
-    "order 8, forth, on both sides": (8, signal.sosfilt, False),
-    "order 8, forth and back, on the torque alone": (8, signal.sosfiltfilt, True),
-    "order 8, forth, on the torque alone": (8, signal.sosfilt, True),
-}
-"""What "non-causal, phase-neutral eighth-order" may mean, and what it is not."""
 
 
 def course(run: Run, name: str) -> Figures:

@@ -1,8 +1,8 @@
 """What is measured for the paper: plans by its own rule, plants, and campaigns by `hil run`.
 
-The configurations follow section 6.2: of each element one angle after another that it depends on is
-varied in steps of 25 degrees, at the counts of section 8. Nothing is optimised. A campaign is a
-process of its own over CAN frames; a folder keeps it, so that no other command measures it again.
+Configurations follow section 6.2: of each element one angle after another that it depends on is
+varied in steps of 25 degrees, at the counts of section 8. Nothing is optimised. A folder keeps
+every campaign, so that it is measured once.
 """
 
 from __future__ import annotations
@@ -46,12 +46,10 @@ RULE = {
         *((1, 2, 100), (1, 3, 125), (1, 4, 100), (1, 5, 100), (2, 3, 125), (2, 4, 100)),
         *((2, 5, 100), (3, 5, 100), (4, 5, 100), (5, 5, 25), (6, 6, 37.5)),
     ),
-    "coupling": ((2, 2, 100),),
+    "coupling": ((1, 2, 100),),
 }
 """By kind: axis that is read, joint that is varied, and how far to both sides [degrees]. M44 over
 q5 is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest fills its counts."""
-SHORT = 3
-"""Of the short plan every so many of the measurements are left."""
 
 
 def by_rule(robot: Robot) -> Plan:
@@ -65,31 +63,27 @@ def _by_rule(robot: Robot) -> Iterator[Measurement]:
         kind, number = ELEMENT_KINDS[name], 0
         elements = {e.axis + 1: e for e in ELEMENTS[name](robot, list(sought[kind.group]))}
         for axis, over, widest in rows:
-            element = elements.get(axis) or next(iter(elements.values()))
             for angle in np.arange(-widest, widest + 1, STEP):
                 number += 1
                 q = np.radians(ELSEWHERE)
                 q[over - 1] = math.radians(angle)
-                for i, stroke in element.strokes.items():
+                for i, stroke in elements[axis].strokes.items():
                     room = stroke / 2 + math.tau / float(robot.gear_ratio[i])
                     q[i] = np.clip(q[i], robot.q_min[i] + room, robot.q_max[i] - room)
-                turned = element.turned(robot, q, number)
-                yield element.measure(f"{kind.letter}{number:02d}", turned, number)
-
-
-def _short(robot: Robot) -> Plan:
-    return as_plan(robot, by_rule(robot).measurements[::SHORT])
+                turned = elements[axis].turned(robot, q, number)
+                yield elements[axis].measure(f"{kind.letter}{number:02d}", turned, number)
 
 
 PLANS: dict[str, Callable[[Robot], Plan]] = {
     "rule": by_rule,
-    "short": _short,
+    "short": lambda robot: as_plan(robot, by_rule(robot).measurements[::3]),
+    "glance": lambda robot: as_plan(robot, by_rule(robot).measurements[:64:8]),
     "chosen": lambda robot: design(robot, ARTICLE["counts"]),
     "sweep": sweep,
     "stops": lambda robot: stops(robot, 1),
     "operation": lambda robot: operation(robot, 1),
 }
-"""By the paper's rule, a third of that, by our greedy choice, and of friction."""
+"""By the paper's rule, parts of that, by our greedy choice, and of friction."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +97,8 @@ class Case:
         Keys of the plant, and of the friction of all axes.
     asymmetry : float
         Factor of the axes' asymmetries.
-    gears : float, optional
-        Natural frequency of every gear with its motor held [Hz].
+    gears : float
+        Natural frequency of every gear with its motor held; 0 for rigid ones [Hz].
     offset : float
         First moment of link 4 across the forearm [kg m].
     """
@@ -113,20 +107,18 @@ class Case:
     plant: dict[str, Any] = field(default_factory=dict)
     friction: dict[str, Any] = field(default_factory=dict)
     asymmetry: float = 1.0
-    gears: float | None = None
+    gears: float = 0.0
     offset: float = 0.0
 
 
-LOAD = {
-    "payload": {
-        "mass": ARTICLE["mass"], "centre": [0, 0, ARTICLE["distance"]],
-        "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047,
-    }
+DISC = {
+    "mass": ARTICLE["mass"], "centre": [0, 0, ARTICLE["distance"]],
+    "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047,
 }  # fmt: skip
-"""A steel disc of the paper's mass, distance and Izz."""
-STILL = {"drift": False, "symmetric": True}
-FIG_7 = 0.1885 * math.tan(math.radians(30))
-"""sy4 that shifts the phase of g3 over q4 by 30 degrees at q5 = 90: p13 tan 30 degrees [kg m]."""
+"""A steel disc of the paper's mass, distance and Izz [kg, m, kg m2]."""
+LOAD = {"payload": DISC}
+FIG_7 = 0.1885 * math.tan(math.radians(ARTICLE["offset"]))
+"""sy4 that shifts the phase of g3 over q4 as Fig. 7 has it: p13 tan 30 degrees [kg m]."""
 CASES = {
     "bare": Case(),
     "loaded": Case(plant=LOAD),
@@ -137,7 +129,7 @@ CASES = {
     "chosen": Case("chosen"),
     "default": Case("short"),
     "default-loaded": Case("short", LOAD),
-    "still": Case("short", STILL),
+    "still": Case("short", {"drift": False, "symmetric": True}),
     "threefold": Case("short", {"drift_strength": 3.0, "symmetric": True}),
     "uneven": Case("short", asymmetry=5.0),
     "load-friction": Case("short", friction={"load": 0.05}),
@@ -147,21 +139,19 @@ CASES = {
 }
 
 
-def write_case(case: Case, path: Path) -> Path:
+def write_case(case: Case, path: Path) -> None:
     """Write the plant file of a case."""
+    path.unlink(missing_ok=True)
     write_plant(Scenario("", case.plant, case.friction), ROBOT, path)
     content = yaml.safe_load(path.read_text())
     for axis in content["axes"]:
         axis["friction"]["asymmetry"] *= case.asymmetry
         if case.gears:
-            inertia = axis["drive"]["load_inertia"]
+            inertia, content["step"] = axis["drive"]["load_inertia"], 0.0005
             axis["drive"]["stiffness"] = inertia * (math.tau * case.gears) ** 2
-    if case.gears:
-        content["step"] = 0.0005
     if case.offset:
         content["axes"][3]["link"]["sy"] = case.offset
     path.write_text(yaml.safe_dump(content, sort_keys=False))
-    return path
 
 
 def measure(folder: Path, robot: Robot, name: str, case: Case, seed: int) -> Run:
@@ -171,16 +161,16 @@ def measure(folder: Path, robot: Robot, name: str, case: Case, seed: int) -> Run
         run.parent.mkdir(parents=True, exist_ok=True)
         if not plan.exists():
             plan.write_text(dump_plan(PLANS[case.plan](robot)))
-        plant = run.with_suffix(".yaml")
-        plant.unlink(missing_ok=True)
-        write_case(case, plant)
-        options = ("--channel", plant, "--bus-option", f"seed={seed}")
-        resume = ("--resume",) if run.exists() else ()
-        command = (sys.executable, "-m", "hil", "run", plan, "-o", run, *options, *resume)
-        done = subprocess.run(
-            [str(each) for each in command],
-            stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if done.returncode:
-            raise RuntimeError(f"{run}: {done.stderr.strip()}")
+        write_case(case, run.with_suffix(".yaml"))
+        options = ("--channel", run.with_suffix(".yaml"), "--bus-option", f"seed={seed}")
+        hil("run", plan, "-o", run, *options, *(("--resume",) if run.exists() else ()))
     return Run.open(run)
+
+
+def hil(*arguments: object) -> None:
+    """Call the command line; its own message says what went wrong."""
+    command = [sys.executable, "-m", "hil", *map(str, arguments)]
+    streams: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True}
+    done = subprocess.run(command, **streams, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip())

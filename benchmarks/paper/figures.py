@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from hil.friction.curves import torque
+from hil.planning.design.friction import OPERATION
 from hil.report.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, in_turn
 
 if TYPE_CHECKING:
@@ -34,14 +36,15 @@ def fig_1(drawn: Drawn, robot: Robot) -> Figure:
     left, right = figure.subplots(1, 2)
     points = np.array(drawn["sweep"]["points"])
     for axis, colour in enumerate(in_turn(robot.n_joints), start=1):
-        _, _, v, forward, _ = np.array(sorted(points[points[:, 0] == axis].tolist(), key=_speed)).T
+        v, forward, _ = by_speed(points, axis)
         x = v / robot.velocity_limit[axis - 1]
         left.plot(x, forward / robot.torque_limit[axis - 1], "o-", color=colour, ms=3, label=axis)
     left.set(title="(a) all axes", xlabel="speed / limit", ylabel="friction / peak torque")
+    left.set_ylim(0, 0.55)
     left.legend(title="axis", ncols=3)
-    own = points[points[:, 0] == 1]
-    right.plot(own[:, 2], (own[:, 3] - own[:, 4]) / 2, "o", color=MEASURED, ms=4, label="measured")
-    v = np.linspace(own[:, 2].min(), own[:, 2].max(), 200)
+    speed, forward, backward = by_speed(points, 1)
+    right.plot(speed, (forward - backward) / 2, "o", color=MEASURED, ms=4, label="measured")
+    v = np.linspace(speed[0], speed[-1], 200)
     for kind, (colour, line, number) in STYLES.items():
         a = drawn["sweep"]["models"]["1"][kind][1:]
         right.plot(v, torque(kind, a, v), line, color=colour, label=f"eq. ({number})")
@@ -60,22 +63,27 @@ def fig_2(drawn: Drawn, _: Robot) -> Figure:
     left.plot(minutes, np.where(apart, np.nan, level), "-", color=MUTED, lw=0.8)
     left.plot(minutes, level, ".", color=MEASURED, ms=3)
     for at, stop in zip(np.flatnonzero(apart), ("5", "1", "2"), strict=True):
-        left.annotate(f"{stop} min", (minutes[at], level[at]), (-34, 2), textcoords="offset points")
+        left.annotate(f"{stop} min", (minutes[at], level[at]), (6, -3), textcoords="offset points")
     left.set(title="(a) stops of 5, 1 and 2 min", xlabel="time [min]", ylabel="friction [N m]")
-    for curve, colour in zip(in_operation(drawn), in_turn(4), strict=True):
-        v, forward, backward = curve[:, 2:].T
-        label = f"{curve[0, 1] - in_operation(drawn)[0][0, 1]:.0f} min"
+    for curve, colour, label in zip(in_operation(drawn), in_turn(4), OPERATION, strict=True):
+        v, forward, backward = curve
         x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
-        right.plot(x, y, "o-", color=colour, ms=2.5, label=label)
+        right.plot(x, y, "o-", color=colour, ms=2.5, label=f"{label / 60:.0f} min")
     right.set(title="(b) axis 2 in operation", xlabel="speed [rad/s]", ylabel="friction [N m]")
     right.legend(title="after")
     return figure
 
 
+def by_speed(points: Array, axis: int) -> Array:
+    """Speeds of an axis, rising, and torques forward and backward."""
+    own = points[points[:, 0] == axis]
+    return np.asarray(own[np.argsort(own[:, 2]), 2:].T)
+
+
 def in_operation(drawn: Drawn) -> list[Array]:
-    """Characteristics one after another, each by rising speed."""
-    parts = np.array_split(np.array(drawn["operation"]["points"]), 4)
-    return [np.array(sorted(part.tolist(), key=_speed)) for part in parts]
+    """The same of the characteristics one after another."""
+    points = np.array(drawn["operation"]["points"])
+    return [by_speed(each, int(points[0, 0])) for each in np.array_split(points, len(OPERATION))]
 
 
 def fig_3(drawn: Drawn, _: Robot) -> Figure:
@@ -92,25 +100,28 @@ def fig_3(drawn: Drawn, _: Robot) -> Figure:
 
 
 def fig_4(_: Drawn, robot: Robot) -> Figure:
-    """Frames of the robot file at q = 0, seen from the side."""
-    figure = Figure(figsize=(WIDE, 3.6))
+    """Frames of the robot file at q = 0, those of one origin beside each other."""
+    figure = Figure(figsize=(WIDE, 3.9))
     panel = figure.add_subplot()
-    pose, size = np.eye(4), 0.13
-    flat = np.array([[1.0, -0.35, 0.0], [0.0, -0.25, 1.0]])
-    # frames with one origin stand beside each other, a little apart
-    apart = np.array([[0, 0, 0], [0, 0.3, 0], [0, 0, 0], [0, 0, 0], [0, 0.35, 0], [0, 0.7, 0]])
-    places = []
-    for k in range(robot.n_joints):
+    pose, flat, size = np.eye(4), np.array([[1.0, -0.4, 0.0], [0.0, -0.3, 1.0]]), 0.15
+    apart = np.array([[0, 0], [-0.3, -0.2], [0, 0], [0, 0], [0.35, 0], [0.7, 0]])
+    chain = [np.zeros(2)]
+    for k, aside in enumerate(apart):
         pose = pose @ robot.zero_pose(k)
-        origin = flat @ (pose[:3, 3] + apart[k] * (1 if k != 1 else -1))
-        places.append(flat @ pose[:3, 3])
-        for name, axis, colour in (("x", 0, MUTED), ("z", 2, MODEL)):
-            tip = origin + size * flat @ pose[:3, axis]
-            panel.annotate("", tip, origin, arrowprops={"arrowstyle": "->", "color": colour})
-            panel.text(*(origin + 1.25 * (tip - origin)), f"${name}_{k + 1}$", color=colour)
-        panel.plot(*origin, "o", color=INK, ms=3)
-    panel.plot(*np.array(places).T, "-", color=MEASURED, lw=3, alpha=0.3, zorder=0)
-    panel.set_aspect("equal")
+        chain.append(flat @ pose[:3, 3])
+        origin = chain[-1] + aside
+        panel.plot(*np.array([chain[-1], origin]).T, ":", color=MUTED, lw=1)
+        panel.plot(*origin, "o", color=INK, ms=4)
+        for name, column, colour in (("x", 0, MEASURED), ("z", 2, MODEL)):
+            arrow = size * flat @ pose[:3, column]
+            panel.quiver(
+                *origin, *arrow, color=colour, angles="xy", scale_units="xy", scale=1, width=0.004
+            )
+            panel.text(*(origin + 1.3 * arrow), f"${name}_{k + 1}$", color=colour, va="bottom")
+    panel.plot(*np.array(chain).T, "-", color=MUTED, lw=5, alpha=0.35, zorder=0)
+    for k, (label, aside) in enumerate((("$l_1$", (0.15, -0.08)), ("$l_2$", (-0.06, 0.3)))):
+        panel.text(*(chain[2 + k] + aside), label)
+    panel.set(xlim=(-0.5, 1.45), ylim=(-0.32, 0.98), aspect="equal")
     panel.axis("off")
     return figure
 
@@ -132,9 +143,12 @@ def _elements(drawn: Drawn, kind: str, axes: Any, label: str, shape: tuple[int, 
     for panel, axis in zip(panels, axes, strict=True):
         for case, (mark, line, name) in marks.items():
             x, value, model = shown(drawn, case, kind, axis).T
-            panel.plot(x, model, line, color=MODEL, lw=0.9, label=f"model, {name}")
+            gaps = np.flatnonzero(np.diff(x) > 1) + 1
+            path = np.insert(x, gaps, np.nan), np.insert(model, gaps, np.nan)
+            panel.plot(*path, line, color=MODEL, lw=0.9, label=f"model, {name}")
             panel.plot(x, value, mark, color=MEASURED, ms=4, mfc="none", label=f"measured, {name}")
         panel.set_ylabel(label.format(axis))
+        panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     figure.supxlabel("configuration number", fontsize=9.5)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
@@ -181,10 +195,6 @@ def sinusoid(degrees: Array, torque: Array) -> tuple[Callable[[Array], Array], f
     a = np.linalg.lstsq(np.column_stack([np.cos(q), np.sin(q), np.ones_like(q)]), torque)[0]
     phase = float(np.degrees(np.arctan2(a[1], a[0])))
     return lambda x: np.asarray(a[0] * np.cos(x) + a[1] * np.sin(x) + a[2]), phase
-
-
-def _speed(point: list[float]) -> float:
-    return point[2]
 
 
 FIGURES: dict[str, Callable[[Drawn, Robot], Figure]] = {
