@@ -2,7 +2,7 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test pythons coverage vcan docs lint bench view-bundle clean
+.PHONY: help demo test pythons coverage vcan docs lint bench paper view-bundle clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -24,6 +24,7 @@ help:
 	@echo 'make docs     the documentation as a site, into build/docs'
 	@echo 'make lint     the checks alone: ruff, mypy, import-linter'
 	@echo 'make bench    the benchmarks'
+	@echo 'make paper    docs/explanation/paper.md: the paper line by line; takes hours'
 	@echo 'make view-bundle   the scripts of the pages of hil view and --live, from web/; takes npm'
 	@echo 'make clean    remove .venv and caches; runs/ stays'
 
@@ -66,6 +67,12 @@ lint: $(DEV)
 
 bench: $(DEV)
 	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file"; done
+
+# recordings stay in runs/paper, so that a second call measures what is missing
+paper: $(DEV)
+	$(BIN)/python -m benchmarks.drift_study -o runs/paper/drift --minutes 10 --seeds 20 --first-seed 201 \
+		--scenario off --scenario strong --kind trajectory --kind compensated
+	$(BIN)/python -m benchmarks.paper --keep runs/paper
 
 # the result is committed, and a test finds it out of date: nobody else needs npm
 view-bundle:

@@ -13,7 +13,7 @@ import numpy as np
 from hil.least_squares.solving import inverse
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import mass_matrix
-from hil.model.load import LINK_PARAMETERS
+from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.plan import as_plan
 from hil.planning.prediction.identifiability import group_observations
 
@@ -211,5 +211,6 @@ def of_elements(drawn: Figures) -> Figures:
         ).T
         varied[axis] = (float(np.ptp(whole)), float(np.ptp(whole - part)))
     q, value, model = of_fig_7(drawn).T
-    shift = sinusoid(q, value)[1] - sinusoid(q, model)[1]
-    return {"left": left, "varied": varied, "shift": abs((shift + 180) % 360 - 180)}
+    turned = [complex(*sinusoid(q, torques)[:2]) for torques in (value, model)]
+    shift = abs(float(np.degrees(np.angle(turned[0] / turned[1]))))
+    return {"left": left, "varied": varied, "shift": shift}

@@ -1,4 +1,4 @@
-"""Base parameters: eq. (22) and Table 2 of the paper, Gautier and Khalil's rules, any chain."""
+"""Base parameters by Gautier and Khalil's rules, of any chain; those of the paper: test_paper."""
 
 from __future__ import annotations
 
@@ -6,44 +6,11 @@ import re
 
 import numpy as np
 import pytest
-import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.model.base_parameters import BaseParameters, base_parameters
 from hil.model.robot import load_robot, parse_robot
-
-EQUATION_22 = """
-Izz1 + Iyy2 + Iyy3 + l1^2 (m3 + m4 + m5 + m6)
-Ixx2 - Iyy2 - l1^2 (m3 + m4 + m5 + m6)
-Ixz2
-Izz2 + l1^2 (m3 + m4 + m5 + m6)
-sx2 + l1 (m3 + m4 + m5 + m6)
-Ixx3 - Iyy3 + Iyy4 + 2 l2 sz4 + l2^2 (m4 + m5 + m6)
-Izz3 + Iyy4 + 2 l2 sz4 + l2^2 (m4 + m5 + m6)
-sy3 - sz4 - l2 (m4 + m5 + m6)
-Ixx4 + Iyy5 - Iyy4
-Izz4 + Iyy5
-Ixx5 + Ixx6 - Iyy5
-Izz5 + Ixx6
-sy5 - sz6
-Izz6
-""".strip().splitlines()
-
-TABLE_2 = """
-1 2 6 8 9 10 11 12 13 14 | 3 9 11 12 13 14 | 9 11 12 13 14 | 10 11 13 14 | 12 13 | 14 |
-| 4 7 8 9 11 12 13 14 | 7 8 9 11 12 13 14 | 11 13 14 | 12 13 | 14 | 5 8 13
-| | 7 9 11 12 13 14 | 11 13 14 | 12 13 | 14 | 8 13
-| | | 10 11 14 | | 14 | 13
-| | | | 12 | | 13
-| | | | | 14 |
-""".strip().splitlines()
-
-
-def algebra(text: str) -> sympy.Expr:
-    """What an expression as the paper prints it means."""
-    products = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text.replace("^", "**"))
-    return sympy.sympify(products, {"l1": sympy.Symbol("l1"), "l2": sympy.Symbol("l2")})
 
 
 def without(text: str, *patterns: str) -> str:
@@ -56,35 +23,6 @@ def without(text: str, *patterns: str) -> str:
 @pytest.fixture(scope="module")
 def manutec_text() -> str:
     return load_robot("manutec-r15").text
-
-
-def test_manutec_gives_equation_22_in_order_and_sign(manutec):
-    base = base_parameters(manutec)
-    assert base.names == tuple(f"p{k}" for k in range(1, 15))
-    for found, printed in zip(base.expressions, EQUATION_22, strict=True):
-        assert sympy.expand(algebra(found) - algebra(printed)) == 0
-
-
-def test_expressions_read_as_the_paper_prints_them_but_for_two_terms_order(manutec):
-    same = [f == e for f, e in zip(base_parameters(manutec).expressions, EQUATION_22, strict=True)]
-    assert [k + 1 for k, equal in enumerate(same) if not equal] == [9, 11]
-
-
-def test_manutec_groups_are_those_of_section_7(manutec):
-    groups = base_parameters(manutec).groups
-    assert groups["gravity"] == (4, 7, 12)
-    assert groups["off_diagonal"] == (2,)
-    assert groups["diagonal"] == (0, 1, 3, 5, 6, 8, 9, 10, 11, 13)
-
-
-@pytest.mark.parametrize("i", range(6))
-def test_manutec_gives_table_2_cell_by_cell(manutec, i):
-    found = base_parameters(manutec).dependencies
-    cells = [[int(k) - 1 for k in cell.split()] for cell in TABLE_2[i].split("|")]
-    assert np.flatnonzero(found.gravity[i]).tolist() == cells[6]
-    for j in range(i, 6):
-        assert np.flatnonzero(found.mass[i, j]).tolist() == cells[j]
-        assert np.array_equal(found.mass[i, j], found.mass[j, i])
 
 
 def test_values_go_into_the_heads(manutec):

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic import TABLE_3_A
 
 import hil
 from hil.model.base_parameters import base_parameters
@@ -133,9 +134,7 @@ def test_mass_matrix_is_symmetric_and_the_derivative_of_torque(manutec, random_p
 
 
 def test_mass_matrix_of_table_3_is_positive_definite(manutec):
-    table_3_a = [32.015, -28.058, -2.187, 19.905, 48.491, 9.602, 13.313]
-    table_3_a += [-15.836, 0.0, 0.0443, 0.2883, 0.1554, -0.1885, 0.3760]
-    M = mass_matrix(manutec, table_3_a, motion(6, 5, 500)[0])
+    M = mass_matrix(manutec, TABLE_3_A, motion(6, 5, 500)[0])
     assert np.linalg.eigvalsh(M).min() > 0
 
 
