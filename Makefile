@@ -70,9 +70,9 @@ bench: $(DEV)
 
 # recordings stay in runs/paper, so that a second call measures what is missing
 paper: $(DEV)
-	$(BIN)/python -m benchmarks.drift_study -o runs/paper/drift --minutes 10 --seeds 20 --first-seed 201 \
+	$(BIN)/python -m benchmarks.drift_study -o runs/paper --minutes 10 --seeds 20 --first-seed 201 \
 		--scenario off --scenario strong --kind trajectory --kind compensated
-	$(BIN)/python -m benchmarks.paper --keep runs/paper
+	$(BIN)/python -m benchmarks.paper runs/paper
 
 # the result is committed, and a test finds it out of date: nobody else needs npm
 view-bundle:

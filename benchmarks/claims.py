@@ -129,7 +129,9 @@ CASES = {
     "sync-12": Case(sync=0.012, targets={"torque": 0.12}, cause=CauseName.SLOW_SYNC),
     "encoder": Case(increments=1024, targets={"torque": 0.12}, cause=CauseName.ENCODERS),
     "ten": Case(plan="ten", targets={"diagonal": 0.015, "torque": 0.05}),
-    "asymmetry": Case(cause=CauseName.ASYMMETRY),
+    "asymmetry": Case(
+        change=Scenario("asymmetric", {"drift": True}, asymmetry=5), cause=CauseName.ASYMMETRY
+    ),
     "ripple": Case(cause=CauseName.RIPPLE),
     "weak": Case(plan="weak", cause=CauseName.WEAK_EXCITATION),
     "payload": Case(
@@ -143,7 +145,7 @@ CASES = {
             },
         )
     ),
-    "offset": Case(),
+    "offset": Case(change=Scenario("an offset", {"drift": True}, offset=OFFSET)),
 }  # fmt: skip
 
 
@@ -174,16 +176,12 @@ def make_plant(name: str, seed: int, path: Path) -> Path:
         if name == "gears":
             wave = math.tau * float(random.uniform(*NATURAL))
             axis["drive"]["stiffness"] = axis["drive"]["load_inertia"] * wave**2
-        if name == "asymmetry":
-            axis["friction"]["asymmetry"] *= 5
         if case.increments is not None:
             axis["drive"]["increments"] = case.increments
     if name == "gears":
         content["step"] = 0.0005
     if name == "ripple":
         content["noise"] = {"other_ripple": {"order": 7, "amplitude": 0.05}}
-    if name == "offset":
-        content["axes"][3]["link"]["sy"] = OFFSET
     path.write_text(yaml.safe_dump(content, sort_keys=False))
     return path
 

@@ -8,6 +8,7 @@ under "load" friction grows with the torque that the gear transmits, which no mo
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -33,11 +34,20 @@ class Scenario:
         Keys of the plant.
     friction : dict
         Keys of every axis's friction.
+    asymmetry : float
+        Factor of every axis's asymmetry.
+    gears : float
+        Natural frequency of every gear, its motor held; 0 for rigid ones [Hz].
+    offset : float
+        First moment of link 4 across the forearm [kg m].
     """
 
     says: str
     plant: dict[str, Any] = field(default_factory=dict)
     friction: dict[str, Any] = field(default_factory=dict)
+    asymmetry: float = 1.0
+    gears: float = 0.0
+    offset: float = 0.0
 
 
 SCENARIOS: dict[str, Scenario] = {
@@ -73,6 +83,13 @@ def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
     content |= scenario.plant
     for axis in content["axes"]:
         axis["friction"] = axis.get("friction", {}) | scenario.friction
+        if scenario.asymmetry != 1.0:
+            axis["friction"]["asymmetry"] *= scenario.asymmetry
+        if scenario.gears:
+            content["step"], wave = 0.0005, math.tau * scenario.gears
+            axis["drive"]["stiffness"] = axis["drive"]["load_inertia"] * wave**2
+    if scenario.offset:
+        content["axes"][3]["link"]["sy"] = scenario.offset
     text = yaml.safe_dump(content, sort_keys=False).encode()
     if not path.exists():
         write_file(path, text)

@@ -70,22 +70,14 @@ def errors(robot: Robot, p: Array, truth: Array) -> dict[str, float]:
     return {name: float(size((p - truth)[k]) / size(truth[k])) for name, k in groups.items()}
 
 
-def _gravity_part(robot: Robot, p: Array) -> Array:
-    """Base parameters with all but p_g zero."""
-    return np.where(np.isin(np.arange(len(p)), base_parameters(robot).groups["gravity"]), p, 0.0)
-
-
 def _with_known_gravity(robot: Robot, fits: Sequence[LocalFit], truth: Array) -> Array:
-    """Eq. (17) with the true p_g in place of the estimated one."""
-    known = _gravity_part(robot, truth)
-    values = (f.sides[0] - (f.kind != "gravity") * (f.row + f.sides[2:]) @ known for f in fits)
-    free = 1 - _gravity_part(robot, np.ones(len(truth)))
-    changed = [
-        f if f.kind == "gravity" else
-        replace(f, sides=np.r_[value, f.sides[1], f.sides[2:] * free], row=f.row * free)
-        for f, value in zip(fits, values, strict=True)
-    ]  # fmt: skip
-    return TwoStep(robot, changed).solve()
+    """Eq. (17) with the true p_g, as gravity measurements without errors would give it."""
+    exact = (
+        replace(f, sides=np.r_[f.row @ truth + f.sides[1], f.sides[1:]])
+        if f.kind == "gravity" else f
+        for f in fits
+    )  # fmt: skip
+    return TwoStep(robot, list(exact)).solve()
 
 
 def _neglected(
@@ -145,11 +137,11 @@ def _bound(robot: Robot, fits: Sequence[LocalFit], p: Array, truth: Array) -> Fi
 
 def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]:
     """Each measured element of g and M, its model, and what p_g gives of it."""
-    of_gravity = _gravity_part(robot, p)
+    gravity = np.isin(np.arange(len(p)), base_parameters(robot).groups["gravity"])
     return [
         {
             "kind": f.kind, "axis": f.axis + 1, "q": np.degrees(f.q), "value": f.at(p).value,
-            "model": f.at(p).model, "of_gravity": f.row @ of_gravity,
+            "model": f.at(p).model, "of_gravity": f.row @ (gravity * p),
         }
         for f in fits
     ]  # fmt: skip

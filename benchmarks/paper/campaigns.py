@@ -8,23 +8,22 @@ every campaign, so that it is measured once.
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
 
+from benchmarks.drift_study.cell import Cell
+from benchmarks.drift_study.cell import measure as measure_cell
 from benchmarks.drift_study.scenarios import Scenario, write_plant
+from hil.cli.robot_drives import packaged_drives
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.by_counts import design
 from hil.planning.design.friction import operation, stops, sweep
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import as_plan, dump_plan
-from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -86,31 +85,6 @@ PLANS: dict[str, Callable[[Robot], Plan]] = {
 """By the paper's rule, parts of that, by our greedy choice, and of friction."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A plan and what differs of the plant from the one that comes along.
-
-    Attributes
-    ----------
-    plan : str
-    plant, friction : dict
-        Keys of the plant, and of the friction of all axes.
-    asymmetry : float
-        Factor of the axes' asymmetries.
-    gears : float
-        Natural frequency of every gear with its motor held; 0 for rigid ones [Hz].
-    offset : float
-        First moment of link 4 across the forearm [kg m].
-    """
-
-    plan: str = "rule"
-    plant: dict[str, Any] = field(default_factory=dict)
-    friction: dict[str, Any] = field(default_factory=dict)
-    asymmetry: float = 1.0
-    gears: float = 0.0
-    offset: float = 0.0
-
-
 DISC = {
     "mass": ARTICLE["mass"], "centre": [0, 0, ARTICLE["distance"]],
     "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047,
@@ -118,59 +92,35 @@ DISC = {
 """A steel disc of the paper's mass, distance and Izz [kg, m, kg m2]."""
 LOAD = {"payload": DISC}
 FIG_7 = 0.1885 * math.tan(math.radians(ARTICLE["offset"]))
-"""sy4 that shifts the phase of g3 over q4 as Fig. 7 has it: p13 tan 30 degrees [kg m]."""
+"""First moment of link 4 that turns the sinusoid of g3 over q4 as Fig. 7 has it: p13 tan 30."""
 CASES = {
-    "bare": Case(),
-    "loaded": Case(plant=LOAD),
-    "sweep": Case("sweep"),
-    "stops": Case("stops"),
-    "operation": Case("operation"),
-    "offset": Case(offset=FIG_7),
-    "chosen": Case("chosen"),
-    "default": Case("short"),
-    "default-loaded": Case("short", LOAD),
-    "still": Case("short", {"drift": False, "symmetric": True}),
-    "threefold": Case("short", {"drift_strength": 3.0, "symmetric": True}),
-    "uneven": Case("short", asymmetry=5.0),
-    "load-friction": Case("short", friction={"load": 0.05}),
-    "gears-80": Case("short", gears=80.0),
-    "gears-45": Case("short", gears=45.0),
-    "gears-20": Case("short", gears=20.0),
+    "bare": ("rule", Scenario("as it comes along")),
+    "loaded": ("rule", Scenario("with the load", LOAD)),
+    "sweep": ("sweep", Scenario("as it comes along")),
+    "stops": ("stops", Scenario("as it comes along")),
+    "operation": ("operation", Scenario("as it comes along")),
+    "offset": ("rule", Scenario("centre of mass off the forearm", offset=FIG_7)),
+    "default": ("short", Scenario("as it comes along")),
+    "default-loaded": ("short", Scenario("with the load", LOAD)),
+    "still": ("short", Scenario("no drift, symmetric", {"drift": False, "symmetric": True})),
+    "threefold": ("short", Scenario("symmetric", {"drift_strength": 3.0, "symmetric": True})),
+    "uneven": ("short", Scenario("asymmetry of 2 to 4 %", asymmetry=5)),
+    "load-friction": ("short", Scenario("friction of the load", {}, {"load": 0.05})),
+    "gears-80": ("short", Scenario("gears of 80 Hz", gears=80)),
+    "gears-45": ("short", Scenario("gears of 45 Hz", gears=45)),
+    "gears-20": ("short", Scenario("gears of 20 Hz", gears=20)),
 }
+"""Plan and plant by name."""
 
 
-def write_case(case: Case, path: Path) -> None:
-    """Write the plant file of a case."""
-    path.unlink(missing_ok=True)
-    write_plant(Scenario("", case.plant, case.friction), ROBOT, path)
-    content = yaml.safe_load(path.read_text())
-    for axis in content["axes"]:
-        axis["friction"]["asymmetry"] *= case.asymmetry
-        if case.gears:
-            inertia, content["step"] = axis["drive"]["load_inertia"], 0.0005
-            axis["drive"]["stiffness"] = inertia * (math.tau * case.gears) ** 2
-    if case.offset:
-        content["axes"][3]["link"]["sy"] = case.offset
-    path.write_text(yaml.safe_dump(content, sort_keys=False))
-
-
-def measure(folder: Path, robot: Robot, name: str, case: Case, seed: int) -> Run:
-    """Return the run of a case and seed, measured over the bus unless it is there."""
-    run, plan = folder / name / f"seed-{seed}", folder / f"{case.plan}.yaml"
-    if not (run / "run.json").exists() or Run.open(run).missing:
-        run.parent.mkdir(parents=True, exist_ok=True)
-        if not plan.exists():
-            plan.write_text(dump_plan(PLANS[case.plan](robot)))
-        write_case(case, run.with_suffix(".yaml"))
-        options = ("--channel", run.with_suffix(".yaml"), "--bus-option", f"seed={seed}")
-        hil("run", plan, "-o", run, *options, *(("--resume",) if run.exists() else ()))
-    return Run.open(run)
-
-
-def hil(*arguments: object) -> None:
-    """Call the command line; its own message says what went wrong."""
-    command = [sys.executable, "-m", "hil", *map(str, arguments)]
-    streams: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True}
-    done = subprocess.run(command, **streams, check=False)
-    if done.returncode:
-        raise RuntimeError(done.stderr.strip())
+def measure(folder: Path, robot: Robot, plan: str, plant: Scenario, name: str, seed: int) -> Cell:
+    """Return a campaign whose run is there, measured over the bus if it was not."""
+    cell = Cell(folder.resolve(), name, plan, seed, seed)
+    cell.plant.parent.mkdir(parents=True, exist_ok=True)
+    write_plant(plant, ROBOT, cell.plant)
+    if not cell.plan.exists():
+        cell.plan.write_text(dump_plan(PLANS[plan](robot)))
+        (folder / "robot.yaml").write_text(robot.text)
+        (folder / "drives.yaml").write_text(packaged_drives(robot).read_text())
+    measure_cell(cell)
+    return cell

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures import ThreadPoolExecutor
+import subprocess
+import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,9 +12,10 @@ import numpy as np
 from benchmarks.drift_study.drift import judged as judged_study
 from benchmarks.drift_study.drift import prepare
 from benchmarks.drift_study.summary import summarise
+from hil.runs.run import Run
 
 from . import assessment
-from .campaigns import CASES, FIRST_SEED, ROBOT, hil, measure
+from .campaigns import CASES, FIRST_SEED, ROBOT, measure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,59 +33,42 @@ ONCE = ("sweep", "stops", "operation", "offset")
 
 def judged(folder: Path, robot: Robot, name: str, seed: int) -> Figures:
     """Return the figures of a campaign, measured and judged unless they are there."""
-    path = folder / name / f"seed-{seed}.json"
-    if not path.exists():
-        run, plant = measure(folder, robot, name, CASES[name], seed), path.with_suffix(".yaml")
+    cell = measure(folder, robot, *CASES[name], name, seed)
+    if not cell.verdict.exists():
+        run = Run.open(cell.run)
         if name == "offset":
             figures = assessment.of_offset(run)
         elif name in ONCE:
-            model = measure(folder, robot, "default", CASES["default"], FIRST_SEED).path
-            if not (model / "model.yaml").exists():
-                hil("identify", model)
+            model = measure(folder, robot, *CASES["default"], "default", FIRST_SEED).run
+            subprocess.run([sys.executable, "-m", "hil", "identify", str(model)], check=True)
             figures = assessment.of_friction(run, model)
         else:
-            figures = assessment.of_strokes(run, plant, both=name in BOTH)
+            figures = assessment.of_strokes(run, cell.plant, both=name in BOTH)
         if (name, seed) == ("bare", FIRST_SEED):
-            figures["filters"] = assessment.of_filters(run, plant)
+            figures["filters"] = assessment.of_filters(run, cell.plant)
             figures["trajectories"] = [assessment.course(run, each) for each in ("g01", "i39")]
-        path.write_text(json.dumps(figures, default=plain))
-    return dict(json.loads(path.read_text()))
+        cell.verdict.write_text(json.dumps(figures, default=plain))
+    return dict(json.loads(cell.verdict.read_text()))
 
 
 def plain(value: Any) -> Any:
     """Arrays and numbers of NumPy as JSON has them, to five digits."""
     if isinstance(value, np.ndarray):
         return [plain(each) for each in value]
-    if isinstance(value, np.bool_):
-        return bool(value)
-    return float(f"{value:.5g}")
+    return bool(value) if isinstance(value, np.bool_) else float(f"{value:.5g}")
 
 
-def gather(folder: Path, robot: Robot, cases: Sequence[str], seeds: Sequence[int]) -> Figures:
-    """Measure and judge cases at all seeds, or what is drawn at the first one."""
-    jobs = [(n, s) for s in seeds for n in cases if n not in ONCE or s == seeds[0]]
-    with ThreadPoolExecutor(2) as pool:
-        done = list(pool.map(lambda job: judged(folder, robot, *job), jobs))
-    drawn: Figures = {}
-    found: dict[str, list[Figures]] = {}
-    for (name, _), figures in zip(jobs, done, strict=True):
-        if name in ONCE:
-            drawn[name] = figures
-        else:
-            elements = figures.pop("elements")
-            found.setdefault(name, []).append(figures)
-            if name in ("bare", "loaded"):
-                drawn.setdefault(name, elements)
-                drawn |= {k: figures.pop(k) for k in ("filters", "trajectories") if k in figures}
-    return {"cases": found, "drawn": drawn, "drift": _of_drift(folder / "drift", seeds)}
-
-
-def _of_drift(folder: Path, seeds: Sequence[int]) -> Figures:
-    """Torque errors of methods in the study of drift, whose campaigns lie beside these."""
+def gather(folder: Path, robot: Robot, seeds: Sequence[int]) -> Figures:
+    """Measure and judge all cases at all seeds, or what is drawn at the first one."""
+    drawn: Figures = {name: judged(folder, robot, name, seeds[0]) for name in ONCE}
+    cases: Figures = {}
+    for name in (name for name in CASES if name not in ONCE):
+        cases[name] = [judged(folder, robot, name, seed) for seed in seeds]
+        elements = [each.pop("elements") for each in cases[name]]
+        drawn |= {name: elements[0]} if name in ("bare", "loaded") else {}
+    drawn |= {key: cases["bare"][0].pop(key) for key in ("filters", "trajectories")}
     scenarios, kinds = ("off", "strong"), ("trajectory", "compensated")
-    rows = summarise(
-        judged_study(prepare(folder, ROBOT, ROBOT, seeds, scenarios, kinds, minutes=10))
-    )
-    return {
-        f"{row.method}, {row.scenario}": {"n": row.n, "torque": row.torque_error} for row in rows
-    }
+    cells = prepare(folder, ROBOT, ROBOT, seeds, scenarios, kinds, minutes=10)
+    rows = {f"{row.method}, {row.scenario}": row for row in summarise(judged_study(cells))}
+    drift = {name: {"n": row.n, "torque": row.torque_error} for name, row in rows.items()}
+    return {"cases": cases, "drawn": drawn, "drift": drift}

@@ -8,11 +8,13 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.drift_study.scenarios import Scenario
 from benchmarks.paper.assessment import local_fits, prepare, recorded
-from benchmarks.paper.campaigns import ARTICLE, LOAD, Case, measure
+from benchmarks.paper.campaigns import ARTICLE, LOAD, measure
 from benchmarks.paper.page import PAGE, RESULTS, rendered
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot
+from hil.runs.run import Run
 
 
 @pytest.fixture(scope="module")
@@ -89,14 +91,15 @@ def measured(manutec, tmp_path_factory):
     columns = list(base_parameters(manutec).groups["gravity"])
 
     def gravity(name, plant):
-        run = measure(tmp_path_factory.mktemp(name), manutec, name, Case("glance", plant), 1)
-        fits, _ = local_fits(manutec, prepare(recorded(run))[0])
+        scenario = Scenario(name, plant | {"symmetric": True})
+        cell = measure(tmp_path_factory.mktemp(name), manutec, "glance", scenario, name, 1)
+        fits, _ = local_fits(manutec, prepare(recorded(Run.open(cell.run)))[0])
         weights = 1 / manutec.torque_limit[[f.axis for f in fits]]
         W = np.array([f.row[columns] for f in fits]) * weights[:, None]
         return np.linalg.lstsq(W, weights * [f.sides[0] for f in fits])[0]
 
-    bare = gravity("bare", {"symmetric": True})
-    return bare, gravity("loaded", LOAD | {"symmetric": True}) - bare
+    bare = gravity("bare", {})
+    return bare, gravity("loaded", LOAD) - bare
 
 
 def agrees(found, expected):
