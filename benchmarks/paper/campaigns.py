@@ -93,6 +93,8 @@ DISC = {
 LOAD = {"payload": DISC}
 FIG_7 = 0.1885 * math.tan(math.radians(ARTICLE["offset"]))
 """First moment of link 4 that turns the sinusoid of g3 over q4 as Fig. 7 has it: p13 tan 30."""
+STIFF = {"position": 50.0, "velocity": 240.0, "integral": 40.0}
+"""Bandwidths of the drives' loops, twice those of the plant that comes along [1/s]."""
 CASES = {
     "bare": ("rule", Scenario("as it comes along")),
     "loaded": ("rule", Scenario("with the load", LOAD)),
@@ -106,6 +108,7 @@ CASES = {
     "threefold": ("short", Scenario("symmetric", {"drift_strength": 3.0, "symmetric": True})),
     "uneven": ("short", Scenario("asymmetry of 2 to 4 %", asymmetry=5)),
     "load-friction": ("short", Scenario("friction of the load", {}, {"load": 0.05})),
+    "stiff": ("short", Scenario("loops of twice the bandwidth", {"loops": STIFF})),
     "gears-80": ("short", Scenario("gears of 80 Hz", gears=80)),
     "gears-45": ("short", Scenario("gears of 45 Hz", gears=45)),
     "gears-20": ("short", Scenario("gears of 20 Hz", gears=20)),
