@@ -24,7 +24,7 @@ from hil.report.pictures import image, plotting
 from .campaigns import ARTICLE, FIRST_SEED, ROBOT
 from .figures import FIGURES, LOOK
 from .page import HOME, PAGE, RESULTS, rendered
-from .results import gather, plain
+from .results import gather
 
 GIT = ("/usr/bin/env", "git", "-C", str(HOME), "describe", "--always", "--dirty")
 
@@ -39,7 +39,8 @@ def main() -> None:
     if given.folder:
         found = gather(given.folder, robot, range(FIRST_SEED, FIRST_SEED + given.seeds))
         found["commit"] = subprocess.check_output(GIT, text=True).strip()
-        RESULTS.write_text(json.dumps(found, default=plain, separators=(",", ":")) + "\n")
+        short = json.loads(json.dumps(found), parse_float=lambda x: float(f"{float(x):.5g}"))
+        RESULTS.write_text(json.dumps(short, separators=(",", ":")) + "\n")
     results = json.loads(RESULTS.read_text())
     text, failed = rendered(ARTICLE, results, robot)
     PAGE.write_text(text)

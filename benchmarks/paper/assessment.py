@@ -5,7 +5,7 @@ The method is the published one, section 6 as it stands. The plant's truth is us
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
@@ -55,7 +55,7 @@ def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
         "neglected": _neglected(robot, raw, fits, p, truth),
         "bound": _bound(robot, fits, p, truth),
         "elements": _elements(robot, fits, p),
-        "asymmetric": {axis + 1: not each.passed for axis, each in tests.items()},
+        "asymmetric": {axis + 1: int(not each.passed) for axis, each in tests.items()},
         **{
             name: {"p": each.p, "torque": each.mean_torque_error, **each.group_error}
             for name, each in judged.items()
@@ -162,13 +162,18 @@ def of_friction(run: Run, model: Path) -> Figures:
 
 
 def of_offset(run: Run) -> Figures:
-    """Fig. 7: what was ranked first among parameters left out, its value, and the phase."""
-    found, (fits, _) = diagnose(run), local_fits(run.robot, prepare(recorded(run))[0])
-    first = found.errors.found[0]
+    """Fig. 7: what was ranked first among parameters left out, its value, and the phase.
+
+    Configurations 10 to 24, brought to one another by the model: each begins at an angle of its own
+    of the motor.
+    """
+    found = diagnose(run)
+    first, phase = found.errors.found[0], found.phase
+    assert phase
     return {
         "names": first.names, "value": first.value, "error": first.standard_error,
-        "degrees": np.degrees(found.phase.shift) if found.phase else 0.0,
-        "elements": _elements(run.robot, fits, TwoStep(run.robot, fits).solve()),
+        "degrees": np.degrees(phase.shift), "stated": astuple(phase.stated),
+        "q": np.degrees(phase.angle[:15]), "torque": phase.torque[:15],
     }  # fmt: skip
 
 

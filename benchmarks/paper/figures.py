@@ -13,7 +13,7 @@ from hil.planning.design.friction import OPERATION
 from hil.report.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, in_turn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from hil.arrays import Array
     from hil.model.robot import Robot
@@ -127,11 +127,11 @@ def fig_5(drawn: Drawn, _: Robot) -> Figure:
 
 def fig_6(drawn: Drawn, _: Robot) -> Figure:
     """Moments of inertia over it, less what p_g gives of them."""
-    return _elements(drawn, "inertia", range(1, 7), "$M_{{{0}{0}}}$ [kg m²]")
+    return _elements(drawn, "inertia", (1, 2, 3, 4, 5, 6), "$M_{{{0}{0}}}$ [kg m²]")
 
 
-def _elements(drawn: Drawn, kind: str, axes: Iterable[int], label: str) -> Figure:
-    rows = len(list(axes)) // 2
+def _elements(drawn: Drawn, kind: str, axes: Sequence[int], label: str) -> Figure:
+    rows = len(axes) // 2
     figure, panels = _panels(2.1 * rows + 0.4, rows, 2)
     for panel, axis in zip(panels, axes, strict=True):
         for case, mark, line, name in LINES:
@@ -162,30 +162,25 @@ def shown(drawn: Drawn, case: str, kind: str, axis: int) -> Array:
 def fig_7(drawn: Drawn, _: Robot) -> Figure:
     """The gravity torque g3 over q4: measured, and by the robot file."""
     figure, (panel,) = _panels(3.1, 1, 1)
-    q, value, model = of_fig_7(drawn).T
-    fine = np.linspace(-175, 175, 200)
-    panel.plot(fine, sinusoid(q, model) @ _waves(fine), color=MODEL, label="model by robot file")
-    panel.plot(q, value, "o", color=MEASURED, label="measured")
-    panel.plot(fine, sinusoid(q, value) @ _waves(fine), ":", color=MEASURED, label="its sinusoid")
-    panel.set(xlabel="$q_4$ [degrees]", ylabel="$g_3$ [N m]")
-    panel.legend(ncols=3)
+    found, fine = drawn["offset"], np.linspace(-180, 180, 200)
+    stated, seen = found["stated"] @ _waves(fine), sinusoid(drawn) @ _waves(fine)
+    panel.plot(fine, stated, color=MODEL, label="model by the robot file")
+    panel.plot(found["q"], found["torque"], "o", color=MEASURED, label="measured")
+    panel.plot(fine, seen, ":", color=MEASURED, label="sinusoid of what was measured")
+    panel.set(xlabel="$q_4$ [degrees]", ylabel="$g_3$ [N m]", ylim=(3.8, 9.4))
+    panel.legend(ncols=3, loc="upper center")
     return figure
 
 
-def of_fig_7(drawn: Drawn) -> Array:
-    """Joint angle q4 [degrees], g3 measured and by the model: configurations 10 to 24."""
-    own = [each for each in drawn["offset"]["elements"] if each["kind"] == "gravity"][9:24]
-    return np.array([(each["q"][3], each["value"], each["model"]) for each in own])
-
-
-def sinusoid(degrees: Array, torques: Array) -> Array:
-    """Cosine, sine and mean of the sinusoid that is nearest to torques over an angle."""
-    return np.asarray(np.linalg.lstsq(_waves(degrees).T, torques)[0])
+def sinusoid(drawn: Drawn) -> Array:
+    """Mean, cosine and sine of the sinusoid that is nearest to what was measured of Fig. 7."""
+    waves, torques = _waves(np.array(drawn["offset"]["q"])), np.array(drawn["offset"]["torque"])
+    return np.asarray(np.linalg.lstsq(waves.T, torques)[0])
 
 
 def _waves(degrees: Array) -> Array:
     q = np.radians(degrees)
-    return np.array([np.cos(q), np.sin(q), np.ones_like(q)])
+    return np.array([np.ones_like(q), np.cos(q), np.sin(q)])
 
 
 def _panels(height: float, rows: int, columns: int, **options: Any) -> tuple[Figure, list[Any]]:

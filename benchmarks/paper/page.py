@@ -18,7 +18,7 @@ from hil.planning.plan import as_plan
 from hil.planning.prediction.identifiability import group_observations
 
 from .campaigns import DISC, PLANS, by_rule
-from .figures import by_speed, in_operation, of_fig_7, shown, sinusoid
+from .figures import by_speed, in_operation, shown, sinusoid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -210,7 +210,6 @@ def of_elements(drawn: Figures) -> Figures:
             [(e["model"], e["of_gravity"]) for e in inertia if e["axis"] == axis]
         ).T
         varied[axis] = (float(np.ptp(whole)), float(np.ptp(whole - part)))
-    q, value, model = of_fig_7(drawn).T
-    turned = [complex(*sinusoid(q, torques)[:2]) for torques in (value, model)]
+    turned = [complex(*each[1:]) for each in (sinusoid(drawn), drawn["offset"]["stated"])]
     shift = abs(float(np.degrees(np.angle(turned[0] / turned[1]))))
     return {"left": left, "varied": varied, "shift": shift}

@@ -47,15 +47,8 @@ def judged(folder: Path, robot: Robot, name: str, seed: int) -> Figures:
         if (name, seed) == ("bare", FIRST_SEED):
             figures["filters"] = assessment.of_filters(run, cell.plant)
             figures["trajectories"] = [assessment.course(run, each) for each in ("g01", "i39")]
-        cell.verdict.write_text(json.dumps(figures, default=plain))
+        cell.verdict.write_text(json.dumps(figures, default=np.ndarray.tolist))
     return dict(json.loads(cell.verdict.read_text()))
-
-
-def plain(value: Any) -> Any:
-    """Arrays and numbers of NumPy as JSON has them, to five digits."""
-    if isinstance(value, np.ndarray):
-        return [plain(each) for each in value]
-    return bool(value) if isinstance(value, np.bool_) else float(f"{value:.5g}")
 
 
 def gather(folder: Path, robot: Robot, seeds: Sequence[int]) -> Figures:
