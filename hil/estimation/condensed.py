@@ -32,7 +32,7 @@ from hil.least_squares.solving import eliminated
 from hil.least_squares.thinned import window_means
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import regressor
+from hil.model.dynamics import regressors
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
@@ -200,31 +200,46 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
     return stack_axes(robot, s, measurement.moved, part)
 
 
-def of_steps(robot: Robot, s: Signals, stacked: Stacked) -> Array:
-    """What the step of each encoder adds to inner products of torques and X, on average.
+def of_steps(
+    robot: Robot, axis: int, p: Array, stacked: Sequence[tuple[Signals, Stacked]]
+) -> Array:
+    """What the step of each encoder adds to X'y of an axis less X'X p, on average.
 
     A position that is read in steps d errs by d^2 / 12 (variance), from sample to sample anew, and
     differences and window make an error of the acceleration of it. All that an acceleration is
     multiplied by errs with it, and inertias come out too small, unless what that adds is taken off
     (W. A. Fuller, Measurement Error Models, 1987, section 2.2).
 
+    Parameters
+    ----------
+    stacked : sequence of (Signals, Stacked)
+        Measurements of the axis.
+
     Returns
     -------
-    ndarray, shape (n_joints, m, m)
+    ndarray, shape (n_base, n_joints)
     """
-    at, axis = stacked.index[::SPARSE], stacked.axis
-    variance = np.broadcast_to(s.resolution, robot.n_joints) ** 2 / 12
-    variance = variance * np.sum(rounding_window(s.period) ** 2) * len(stacked.index) / len(at)
-    q, zero = s.q[at], np.zeros((len(at), robot.n_joints))
-    m, own = 2 + stacked.X.shape[1], slice(2 + stacked.n_base)
-    found, weight = np.zeros((robot.n_joints, m, m)), regressor(robot, q, zero, zero, [axis])[:, 0]
-    for joint in np.flatnonzero(variance):
-        unit = zero + np.eye(robot.n_joints)[joint]
-        motor = motor_torque(robot, q, zero, unit)[:, axis]
-        rows = regressor(robot, q, zero, unit, [axis])[:, 0] - weight
-        change = np.column_stack([-motor, motor, rows])
-        found[joint, own, own] = variance[joint] * change.T @ change
+    found = np.zeros((len(p), robot.n_joints))
+    if not stacked:
+        return found
+    q = np.concatenate([s.q[each.index[::SPARSE]] for s, each in stacked])
+    variance = np.concatenate([_variance_of_steps(robot, s, each) for s, each in stacked])
+    still = np.zeros(robot.n_joints)
+    rates = [(still, still), *((still, unit) for unit in np.eye(robot.n_joints))]
+    weight, *moved = (A[:, 0] for A in regressors(robot, q, rates, [axis]))
+    for joint, A in enumerate(moved):
+        inertia = A - weight
+        torque = inertia @ p + robot.reflected_inertia[axis] * (joint == axis)
+        found[:, joint] = -inertia.T @ (variance[:, joint] * torque)
     return found
+
+
+def _variance_of_steps(robot: Robot, s: Signals, stacked: Stacked) -> Array:
+    """Variance of accelerations, of every n-th sample for all that it stands for, (n, n_joints)."""
+    n = len(stacked.index[::SPARSE])
+    variance = np.broadcast_to(s.resolution, robot.n_joints) ** 2 / 12
+    variance = variance * np.sum(rounding_window(s.period) ** 2)
+    return np.tile(stacked.each * len(stacked.index) / n * variance, (n, 1))
 
 
 def stack_axes(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain, LoadFriction
     from hil.estimation.free_motion.result import FreeMotionFit, GainValue
     from hil.estimation.local_values import LocalValue
+    from hil.estimation.simultaneous import Joint
     from hil.friction.law import FrictionLaw
 
 
@@ -88,6 +89,8 @@ class Estimate:
     usual_covariance : ndarray, shape (n_base, n_base), optional
         What usual tolerances of torque constants and rotor inertias add where the robot file states
         no uncertainty (`Robot.usual_uncertainty`); None where the method does not know.
+    joint : Joint, optional
+        Regression of all samples behind the improved method, for what else is asked of them.
     """
 
     method: str
@@ -113,6 +116,7 @@ class Estimate:
     torque_effect: Array | None = None
     usual_covariance: Array | None = None
     gains: tuple[GainValue, ...] = ()
+    joint: Joint | None = None
 
     @property
     def standard_error(self) -> Array:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,10 +33,13 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.condensed import Condensed
+    from hil.estimation.drive_train import DriveTrain
     from hil.estimation.signals import Signals
     from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
+
+    Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 
 SIGNIFICANT = 2.0
@@ -52,7 +55,7 @@ class SimultaneousFit:
         None of them can be used.
     """
 
-    def __init__(self, robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -> None:
+    def __init__(self, robot: Robot, prepared: Prepared) -> None:
         self._robot, self._n_joints = robot, robot.n_joints
         self._n_base = len(base_parameters(robot))
         self.stacked = [(s, axes) for m, s in prepared for axes in stack(robot, m, s)]
@@ -174,12 +177,9 @@ class SimultaneousFit:
         so it is any from 0 to 1: half is taken off, with the variance 1/12 of the share.
         """
         sides = np.zeros((len(self.information), self._n_joints))
-        for s, axes in self.stacked:
-            for each in axes:
-                at = place(self._robot, each.axis)
-                around = np.concatenate([[1.0, 0.0], -self.solution[at]])
-                weight = self.weight[each.axis] * each.each
-                sides[at] -= weight * (of_steps(self._robot, s, each) @ around)[:, 2:].T
+        for axis, weight in enumerate(self.weight):
+            own = [(s, each) for s, axes in self.stacked for each in axes if each.axis == axis]
+            sides[: self._n_base] -= weight * of_steps(self._robot, axis, self.solve(), own)
         effect = self._moved_by(sides)
         return effect.sum(axis=1) / 2, effect @ effect.T / 12
 
@@ -208,3 +208,22 @@ class SimultaneousFit:
             sides[at, axis] = weight * (total[axis][columns, 0] + motor)
             sides[at, n + axis] = -weight * motor
         return self._moved_by(sides)
+
+
+class Joint(NamedTuple):
+    """Measurements of strokes and trajectories as one regression, drive trains compensated.
+
+    Attributes
+    ----------
+    solver : SimultaneousFit
+    drive_train : DriveTrain
+    prepared : sequence of (ParameterMotion, Signals)
+        With the drive trains taken into account.
+    rigid : ndarray, shape (n_base,)
+        Base parameters before anything was known of friction of the load.
+    """
+
+    solver: SimultaneousFit
+    drive_train: DriveTrain
+    prepared: Prepared
+    rigid: Array

@@ -23,7 +23,7 @@ the rotor inertias. Where the robot file states their uncertainty it is carried 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
@@ -38,7 +38,7 @@ from hil.estimation.identifiability import conditions, require_all_groups, requi
 from hil.estimation.local_fits import ELSEWHERE, local_fit
 from hil.estimation.options import DEFAULTS, NUISANCES, Options
 from hil.estimation.signals import signals
-from hil.estimation.simultaneous import SimultaneousFit
+from hil.estimation.simultaneous import Joint, SimultaneousFit
 from hil.estimation.two_step import TwoStep
 from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.planning.free_motion import FreeMotion
@@ -113,25 +113,6 @@ def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Esti
     )  # fmt: skip
 
 
-class Joint(NamedTuple):
-    """Measurements of strokes and trajectories as one regression, drive trains compensated.
-
-    Attributes
-    ----------
-    solver : SimultaneousFit
-    drive_train : DriveTrain
-    prepared : sequence of (ParameterMotion, Signals)
-        With the drive trains taken into account.
-    rigid : ndarray, shape (n_base,)
-        Base parameters before anything was known of friction of the load.
-    """
-
-    solver: SimultaneousFit
-    drive_train: DriveTrain
-    prepared: Prepared
-    rigid: Array
-
-
 def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) -> Joint:
     """Condense measurements to one regression, and find what lies between current and arm.
 
@@ -195,6 +176,7 @@ def _improved(
             robot, raw, drive_train, solver, found.rigid, estimate.local, covariance
         ),
         noise_covariance=solver.noise_covariance[:n, :n],
+        joint=found,
         friction_law=campaign_friction(
             robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
         ),

@@ -39,10 +39,12 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
     from hil.results.identification import Identified
     from hil.results.judgement import Reservation
     from hil.results.model import Model
     from hil.results.prediction import Prediction
+    from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
 
@@ -121,15 +123,20 @@ def identify_and_keep(
     alone = run.imported and not others  # nothing follows but the model, and it may be large
     if campaign is None:
         campaign = () if alone else tuple(run)
-    again = alone or others
-    made = identified(run, method, others, None if again else tuple(recorded(campaign)))
-    found = follow_from(run, made, campaign)
+    recordings = tuple(recorded(campaign))
+    made = identified(run, method, others, None if alone or others else recordings)
+    found = follow_from(run, made, campaign, recordings)
     with suppress(FileError):  # a folder that takes no files: what was found counts all the same
         keep(run, found, others)
     return found
 
 
-def follow_from(run: Run, found: Identified, campaign: Sequence[Measured]) -> Findings:
+def follow_from(
+    run: Run,
+    found: Identified,
+    campaign: Sequence[Measured],
+    recordings: Sequence[tuple[RecordedMotion, Recording]],
+) -> Findings:
     """Return what was identified in a run with all that follows from it."""
     from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
     from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
@@ -141,7 +148,6 @@ def follow_from(run: Run, found: Identified, campaign: Sequence[Measured]) -> Fi
     robot, estimate, model, check = run.robot, found.estimate, found.model, None
     if model.friction is not None or model.back_and_forth is not None:
         return Findings(estimate, model)
-    recordings = tuple(recorded(campaign))
     if model.method == "improved":
         with suppress(NotIdentifiable, NotEnoughData):
             check = model_of(run, estimates(robot, recordings, ("published",))["published"])

@@ -104,7 +104,8 @@ def identified(
         past = history(run.robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
-    proof = proved(run.robot, campaign, found.p, found.drive_train)
+    proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
+    found = replace(found, joint=None)  # all samples: nothing else is asked of them
     return Identified(found, model_of(run, found, others, proof))
 
 

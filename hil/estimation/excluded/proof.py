@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.excluded.result import Excluded
     from hil.estimation.signals import Signals
+    from hil.estimation.simultaneous import Joint
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
@@ -37,6 +38,7 @@ def proved(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
     p: Array | None = None,
     drive_train: DriveTrain | None = None,
+    joint: Joint | None = None,
 ) -> Excluded | None:
     """What recordings prove; None where too little was recorded to contradict itself.
 
@@ -46,15 +48,20 @@ def proved(
         Base parameters, if they were estimated.
     drive_train : DriveTrain, optional
         What lies between currents and arm, if that is known.
+    joint : Joint, optional
+        Regression of the recordings, where there is one.
     """
-    prepared = list(_prepared(recorded))
+    if joint is None:
+        prepared = list(_prepared(recorded))
+        if drive_train is not None:
+            prepared = [(motion, drive_train.applied(robot, s)) for motion, s in prepared]
+        try:
+            solver = SimultaneousFit(robot, prepared)
+        except NotIdentifiable:
+            return None
+    else:
+        solver, prepared = joint.solver, joint.prepared
     imported = any(isinstance(motion, FreeMotion) for motion, _ in prepared)
-    if drive_train is not None:
-        prepared = [(motion, drive_train.applied(robot, s)) for motion, s in prepared]
-    try:
-        solver = SimultaneousFit(robot, prepared)
-    except NotIdentifiable:
-        return None
     evidence = measured(robot, solver, prepared)
     found = excluded(robot, solver.solve() if p is None else p, evidence)
     limit = saturated(prepared, robot.n_joints) if found.found else None

@@ -17,6 +17,7 @@ from hil.report.page import report
 from hil.results import findings
 from hil.results.findings import NAME, follow_from, keep, kept
 from hil.results.identification import identified
+from hil.runs.pooling import recorded
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 @pytest.fixture(scope="module")
 def found(run: Run) -> Findings:
     campaign = tuple(run)
-    made = follow_from(run, identified(run), campaign)
+    made = follow_from(run, identified(run), campaign, tuple(recorded(campaign)))
     keep(run, made)
     return made
 
