@@ -51,7 +51,7 @@ from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.diagnosis import diagnose
-from hil.results.load import find_payload
+from hil.results.problem import regression
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 from sim_plant.plant_file import load_plant_file
@@ -280,7 +280,7 @@ def print_payload(folder: Path, seeds: Sequence[int]) -> None:
     for k, seed in enumerate(seeds):
         loaded = folder / "payload" / f"seed-{seed}"
         bare_run = Run.open(folder / "default" / f"seed-{seeds[k - 1]}")
-        whole = find_payload(bare_run, Run.open(loaded))
+        whole = regression(bare_run, loaded=[Run.open(loaded)]).fit()
         assert whole.before is not None
         assert whole.after is not None
         found, changed = whole.load, whole.after.p - whole.before.p

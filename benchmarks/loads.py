@@ -97,7 +97,7 @@ def fitted(twin: TwinRecorder, runs: list, mass: float | None = None, *, gains: 
     """The load between two runs."""
     gathered = [gather(twin.robot, run, VARIANTS[DEFAULT]) for run in runs]
     bare, loaded = of_free_motions(twin.robot, gathered)
-    return fit_load(twin.robot, bare, lambda _: loaded, mass, gains=gains)
+    return fit_load(twin.robot, [bare], lambda _: [loaded], mass, gains=gains)
 
 
 def write(folder: Path) -> None:

@@ -59,19 +59,20 @@ def two_runs(
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     with working("reading the runs") as now:
-        from hil.results import load as results
         from hil.results import load_file
         from hil.results import load_tables as tables
+        from hil.results.problem import regression
+        from hil.results.tables.load import quantities
         from hil.runs.run import Run
 
         path = loaded / load_file.NAME
         refuse_unwritable(path)
         runs = Run.open(without), Run.open(loaded)
         now("estimating both runs and the load between them")
-        found = results.find_payload(*runs, mass, gains=gains)
+        found = regression(runs[0], loaded=runs[1:], mass=mass, gains=gains).fit()
     say_simulated(*runs)
     kept = load_file.write_load(loaded, runs[0], runs[1:], found, tables.verdict(found.load))
-    show(tables.changes(kept), tables.quantities(kept))
+    show(tables.changes(kept), quantities(kept.load))
     show(tables.goodness_of_fit(kept), tables.not_shown(kept), tables.torque_constants(kept))
     say(f"load in {path}; hil report {loaded} shows it")
 
@@ -111,7 +112,7 @@ def measure(
     """Measure a load beside a run without it, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
     from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
-    from hil.results.load import BareRun, LoadResult, estimate_load, find_load
+    from hil.results.load import BareRun, LoadFit, estimate_load, find_load
     from hil.results.load_file import NAME, write_load
     from hil.results.load_tables import advised, verdict
     from hil.runs.run import Run
@@ -147,7 +148,7 @@ def measure(
     with working("estimating the load"):
         load = find_load(bare, runs, mass)
         said = verdict(load, advised(known, [run.planned for run in runs], load))
-        write_load(output, bare_run, runs, LoadResult(load), said)
+        write_load(output, bare_run, runs, LoadFit(bare_run.robot, load), said)
     say_simulated(*runs)
     for line in said:
         say(line)

@@ -234,9 +234,46 @@ class Regression:
         )
 
 
+class ByName:
+    """Unknowns by name: values, standard errors and intervals, in SI."""
+
+    @property
+    def _found(self) -> dict[str, tuple[float, float]]:
+        """Value and standard error by name."""
+        raise NotImplementedError
+
+    def _half_widths(self, level: float) -> dict[str, float]:
+        """Half-widths by name, of those that have degrees of freedom; others are normal."""
+        raise NotImplementedError
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all that was found."""
+        return tuple(self._found)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Values by name."""
+        return {name: value for name, (value, _) in self._found.items()}
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors by name."""
+        return {name: error for name, (_, error) in self._found.items()}
+
+    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Confidence intervals by name, after Student where degrees of freedom are few."""
+        normal, half = float(special.ndtri(0.5 + level / 2)), self._half_widths(level)
+        found = {}
+        for name, (value, error) in self._found.items():
+            width = half.get(name, normal * error)
+            found[name] = value - width, value + width
+        return found
+
+
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """Unknowns by name, with their uncertainty.
+class Fit(ByName):
+    """Unknowns by name, with their uncertainty; those that were not kept have no name.
 
     Attributes
     ----------
@@ -263,27 +300,14 @@ class Fit:
     condition: float
     n_groups: int
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the kept unknowns."""
-        names = self.layout.names
-        return tuple(names[k] for k in self.kept)
+    @cached_property
+    def _found(self) -> dict[str, tuple[float, float]]:
+        names = [self.layout.names[k] for k in self.kept]
+        errors = np.sqrt(np.diag(self.covariance)[self.kept].clip(0.0)).tolist()
+        pairs = zip(self.x[self.kept].tolist(), errors, strict=True)
+        return dict(zip(names, pairs, strict=True))
 
-    @property
-    def params(self) -> dict[str, float]:
-        """Values of the kept unknowns by name, in SI."""
-        return dict(zip(self.names, self.x[self.kept].tolist(), strict=True))
-
-    @property
-    def standard_errors(self) -> dict[str, float]:
-        """Standard errors of the kept unknowns by name."""
-        errors = np.sqrt(np.diag(self.covariance)[self.kept].clip(0.0))
-        return dict(zip(self.names, errors.tolist(), strict=True))
-
-    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Confidence intervals of the kept unknowns by name, after Student."""
-        t = special.stdtrit(self.degrees_of_freedom[self.kept], 0.5 + level / 2)
-        half = t * np.sqrt(np.diag(self.covariance)[self.kept].clip(0.0))
-        values = self.x[self.kept]
-        rows = zip(self.names, (values - half).tolist(), (values + half).tolist(), strict=True)
-        return {name: (low, high) for name, low, high in rows}
+    def _half_widths(self, level: float) -> dict[str, float]:
+        t = special.stdtrit(self.degrees_of_freedom[self.kept], 0.5 + level / 2).tolist()
+        errors = self.standard_errors.items()
+        return {name: each * error for each, (name, error) in zip(t, errors, strict=True)}

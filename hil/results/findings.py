@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-import hil
 from checked_files.yaml_file import FileModel
 from hil.errors import FileError, NotEnoughData, NotIdentifiable
 from hil.estimation.identify import JOINT
@@ -198,7 +197,7 @@ def _state(run: Run, others: Sequence[Run]) -> str:
 def _program() -> str:
     """Digest of the program and of what it calculates with."""
     digest = hashlib.sha256()
-    place = Path(hil.__file__).parent
+    place = Path(__file__).parents[1]
     for package in FOLLOWS_FROM:
         for path in sorted((place / package).rglob("*.py")):
             digest.update(path.read_bytes())

@@ -1,4 +1,4 @@
-"""A load from a run without it and one or several with it, of whatever kind they are."""
+"""A load from runs without it and with it, of whatever kinds they are and in any mixture."""
 
 from __future__ import annotations
 
@@ -19,17 +19,23 @@ from hil.estimation.identify import default_method
 from hil.estimation.loads.evidence import condensed_like, of_free_motions, of_strokes
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
+from hil.estimation.options import DEFAULTS
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step_methods import prepare, prepared_for
 from hil.friction.law import friction_torque
+from hil.least_squares.regression import ByName
+from hil.model.base_parameters import base_parameters
 from hil.model.load import FIRST_MOMENTS, load_columns, with_whole_last_link
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.candidates import weighed
 from hil.planning.design.load import WithoutLoad
 from hil.planning.measurement import shows_element
 from hil.results.findings import found_in
+from hil.results.identification import identified
 from hil.results.provenance import named, same_recordings
-from hil.runs.pooling import Pooled, pooled, recorded
+from hil.results.tables.load import quantities
+from hil.results.tables.terminal import Summary
+from hil.runs.pooling import Pooled, pooled, recorded, refuse_mixed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,6 +45,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.loads.evidence import Evidence
     from hil.estimation.loads.figures import Load
+    from hil.estimation.options import Options
     from hil.model.robot import Robot
     from hil.runs.run import Run
 
@@ -50,20 +57,23 @@ SURE = 4.0
 
 
 class BareRun:
-    """A run without a load: what a run with one is compared with, found when it is asked for.
+    """Runs without a load: what runs with one are compared with, found when it is asked for.
 
     Attributes
     ----------
     run : Run
+        The first of them.
+    runs : tuple of Run
+    options : Options
     """
 
-    def __init__(self, run: Run) -> None:
-        self.run = run
+    def __init__(self, *runs: Run, options: Options = DEFAULTS) -> None:
+        self.run, self.runs, self.options = runs[0], runs, options
 
     @cached_property
     def estimate(self) -> Estimate:
-        """What is identified of it."""
-        return estimated(self.run)
+        """What is identified of them together."""
+        return estimated(*self.runs, options=self.options)
 
     @cached_property
     def known(self) -> WithoutLoad:
@@ -109,18 +119,22 @@ class BareRun:
         return np.where(highest > 0, highest, unknown)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadResult:
-    """What runs give of a load.
+@dataclass(frozen=True, eq=False)
+class LoadFit(ByName):
+    """What runs give of a load, by name.
+
+    Base parameters are those without the load; the load's own are named as in ``load.yaml``, such
+    as ``mass``, ``sx``, ``centre x``, ``Ixx``, in SI; gains that were found ``axis 2 gain``.
 
     Attributes
     ----------
+    robot : Robot
     load : Load
     before, after : Estimate or None
-        Of the run without and of the one with it, each by itself with the gains that were found;
-        None of a run that does not identify the robot, and of a load that was measured in minutes.
+        Of the runs without and of those with it, by themselves with the gains that were found; None
+        of runs that do not identify the robot, and of a load that was measured in minutes.
     own : Estimate or None
-        Of the loaded run by itself as its map states it; None where its scale is open.
+        Of the loaded runs by themselves as their maps state it; None where their scale is open.
     by_mass : Load or None
         With the gains of all axes, found by a mass that was stated.
     assumed : ndarray, shape (n_joints,)
@@ -128,6 +142,7 @@ class LoadResult:
         map leaves the gain unknown.
     """
 
+    robot: Robot
     load: Load
     before: Estimate | None = None
     after: Estimate | None = None
@@ -135,52 +150,89 @@ class LoadResult:
     by_mass: Load | None = None
     assumed: Array = field(default_factory=lambda: np.zeros(0))
 
+    @cached_property
+    def _found(self) -> dict[str, tuple[float, float]]:
+        load, by_mass = self.load, self.by_mass or self.load
+        rows = zip(base_parameters(self.robot).names, load.p, self._base_errors, strict=True)
+        found = {name: (float(value), float(error)) for name, value, error in rows}
+        found |= {each.name: (each.value, each.standard_error) for each in load.quantities()}
+        gains = zip(by_mass.gains.tolist(), by_mass.gain_errors.tolist(), strict=True)
+        for axis, (gain, error) in enumerate(gains, start=1):
+            if 0.0 < error < np.inf:
+                found[f"axis {axis} gain"] = gain, gain * error
+        return found
 
-def find_payload(
-    without: Run, loaded: Run, mass: float | None = None, *, gains: bool = False
-) -> LoadResult:
-    """Find the load between two runs, and estimate each by itself.
+    @property
+    def _base_errors(self) -> Array:
+        return np.sqrt(np.diag(self.load.p_covariance))
 
-    Parameters
+    def _half_widths(self, level: float) -> dict[str, float]:
+        t = special.stdtrit(self.load.p_degrees, 0.5 + level / 2)
+        base = zip(base_parameters(self.robot).names, t * self._base_errors, strict=True)
+        of_load = {each.name: each.half_width for each in self.load.quantities(level)}
+        return {name: float(half) for name, half in base} | of_load
+
+    def summary(self) -> Summary:
+        """The load as a table, for a terminal or a notebook."""
+        return Summary((quantities(self.load.quantities()),), ())
+
+
+@dataclass(frozen=True, eq=False)
+class LoadProblem:
+    """Runs without and with a load, and what is asked of them.
+
+    Attributes
     ----------
+    bare : BareRun
+    loaded : tuple of Run
     mass : float, optional
         Of the load, if it is known [kg]: it is held. Of runs measured by strokes the torque
         constants are found by it too.
     gains : bool
         Whether the gains of imported runs are found by the mass too.
-
-    Raises
-    ------
-    FileError
-        A damaged recording.
-    Mismatch
-        Runs of different robots, the same run twice, gains of runs of two kinds, different unknown
-        gains, or a mass that contradicts the runs.
-    InvalidValue
-        Gains without a mass.
-    NotIdentifiable, NotEnoughData, NoLoad
-        Measurements that do not suffice, no load that stands out of its error, or a robot file
-        without anything that a load changes.
     """
-    bare, robot, strokes = (
-        BareRun(without),
-        without.robot,
-        not (without.imported or loaded.imported),
-    )
-    runs = _Runs(bare, [loaded], gains=gains)
-    found, fit = _found(runs, mass, gains=gains)
-    by_mass = found if gains else fit(mass, gains=True) if strokes and mass is not None else None
-    assumed = np.array(robot.torque_constant)
-    if loaded.imported:
-        assumed = np.ones(robot.n_joints)
-        assumed[list(runs.unknown)] = np.nan
-    before, after = (runs.estimated(s, found if gains or runs.is_open else None) for s in (0, 1))
-    own = None if runs.is_open else runs.estimated(1, None) if gains else after
-    return LoadResult(found, before, after, own, by_mass, assumed)
+
+    bare: BareRun
+    loaded: tuple[Run, ...]
+    mass: float | None = None
+    gains: bool = False
+
+    def fit(self) -> LoadFit:
+        """Find the load, and estimate each side by itself.
+
+        Raises
+        ------
+        FileError
+            A damaged recording.
+        Mismatch
+            Runs of different robots, the same run twice, gains of runs of two kinds, different
+            unknown gains, or a mass that contradicts the runs.
+        InvalidValue
+            Gains without a mass.
+        NotIdentifiable, NotEnoughData, NoLoad
+            Measurements that do not suffice, no load that stands out of its error, or a robot file
+            without anything that a load changes.
+        """
+        robot, mass, gains = self.bare.run.robot, self.mass, self.gains
+        runs = _Runs(self.bare, self.loaded, gains=gains)
+        strokes = not any(run.imported for run in (*self.bare.runs, *self.loaded))
+        found, fit = _found(runs, mass, gains=gains)
+        by_mass = found if gains else fit(mass, gains=True) if strokes and mass else None
+        assumed = np.array(robot.torque_constant)
+        if self.loaded[-1].imported:
+            assumed = np.ones(robot.n_joints)
+            assumed[list(runs.unknown)] = np.nan
+        given = found if gains or runs.is_open else None
+        before, after = (runs.estimated(s, given) for s in (0, 1))
+        own = None if runs.is_open else runs.estimated(1, None) if gains else after
+        return LoadFit(robot, found, before, after, own, by_mass, assumed)
 
 
 def find_load(bare: BareRun, loaded: Sequence[Run], mass: float | None = None) -> Load:
-    """Find the load that `loaded` carry, with gains as they are stated; see `find_payload`."""
+    """Find the load that `loaded` carry, with gains as they are stated.
+
+    Errors are those of `LoadProblem.fit`.
+    """
     return _found(_Runs(bare, loaded), mass)[0]
 
 
@@ -190,9 +242,12 @@ def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Load:
         return _Runs(bare, loaded).fit()()
 
 
-def estimated(run: Run) -> Estimate:
-    """Estimate of a run by itself, as it is kept or as `hil identify` finds it."""
-    return found_in(run, default_method(run.motions)[0]).estimate
+def estimated(*runs: Run, options: Options = DEFAULTS) -> Estimate:
+    """Estimate of runs by themselves, as it is kept or as `hil identify` finds it."""
+    first, *others = runs
+    if others or options != DEFAULTS:
+        return identified(first, None, others, options=options).estimate
+    return found_in(first, default_method(first.motions)[0]).estimate
 
 
 def require_load(found: Load, absent: float = 0.01) -> None:
@@ -284,14 +339,15 @@ def _refuse_contradiction(
 
 
 class _Runs:
-    """Evidence of a run without a load and of those with it."""
+    """Evidence of runs without a load and of those with it."""
 
     def __init__(self, bare: BareRun, loaded: Sequence[Run], *, gains: bool = False) -> None:
         self.bare, self.loaded, self.robot = bare, loaded, bare.run.robot
         self._open_scale = gains
         for run in loaded:
-            _refuse_unfit(bare.run, run)
-        self.alike = len({run.imported for run in (bare.run, *loaded)}) == 1
+            _refuse_unfit(bare.runs, run)
+        refuse_mixed((*bare.runs, *loaded))
+        self.alike = len({run.imported for run in (*bare.runs, *loaded)}) == 1
         if gains and not self.alike:
             raise Mismatch(
                 f"{loaded[-1].path}: gains of a run that was measured and of one that was imported"
@@ -310,19 +366,20 @@ class _Runs:
     def fit(self, robot: Robot | None = None) -> Fit:
         """Fit of the load for a robot with more parameters of the last link, or the same."""
         gathered = self._gathered if robot is None else self._gather(robot)
-        robot = robot or self.robot
-        free, strokes = of_free_motions(robot, [run for run in gathered if run]), None
-        if gathered[0] is None:
-            prepared = prepared_for(self.robot, self.bare.estimate, recorded(self.bare.run))
+        robot, strokes = robot or self.robot, None
+        free = iter(of_free_motions(robot, [run for run in gathered if run]))
+        bare, loaded = [[next(free)] if run else [] for run in gathered]
+        if measured := _measured(self.bare.runs):
+            prepared = prepared_for(self.robot, self.bare.estimate, pooled(measured))
             strokes = SimultaneousFit(robot, prepared)
-            free.insert(0, of_strokes(robot, strokes.items, strokes.loaded))
-        bare, *loaded = free
-        with_load = (lambda _: loaded[0]) if loaded else self._strokes(robot, strokes)
-        return partial(fit_load, robot, bare, with_load)
+            bare.insert(0, of_strokes(robot, strokes.items, strokes.loaded))
+        of = self._strokes(robot, strokes) if _measured(self.loaded) else None
+        with_load = (lambda change: [of(change), *loaded]) if of else (lambda _: loaded)
+        return partial(fit_load, robot, bare, with_load, covariance=self.bare.options.covariance)
 
     def _strokes(self, robot: Robot, bare: SimultaneousFit | None) -> Callable[[Array], Evidence]:
-        """Evidence of measurements with the load; gears are as the run without it has them."""
-        raw, _ = prepare(pooled(self.loaded))
+        """Evidence of measurements with the load; gears are as the runs without it have them."""
+        raw, _ = prepare(pooled(_measured(self.loaded)))
         train = find_drive_train(robot, raw) if bare is None else self.bare.estimate.drive_train
         applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
         if bare is None:
@@ -337,20 +394,22 @@ class _Runs:
     def _gather(self, robot: Robot) -> list[Gathered | None]:
         """Free motions without and with the load, where they were imported."""
         found: list[Gathered | None] = []
-        for runs in ([self.bare.run], self.loaded):
+        for runs in (self.bare.runs, self.loaded):
+            imported, how = [run for run in runs if run.imported], self.bare.options
             with named(runs[-1]):
                 found.append(
-                    gather(robot, Pooled(runs), VARIANTS[DEFAULT], open_scale=self._open_scale)
-                    if runs[-1].imported else None
+                    gather(robot, Pooled(imported), VARIANTS[DEFAULT], how,
+                           open_scale=self._open_scale)
+                    if imported else None
                 )  # fmt: skip
         return found
 
     def estimated(self, s: int, found: Load | None) -> Estimate | None:
-        """Estimate of one run by itself, with gains as stated or found; None if it has none."""
-        gathered = self._gathered[s]
+        """Estimate of one side by itself, with gains as stated or found; None if it has none."""
+        gathered, options = self._gathered[s], self.bare.options
         try:
-            if gathered is None:
-                return self.bare.estimate if s == 0 else estimated(self.loaded[-1])
+            if gathered is None or _measured((self.bare.runs, self.loaded)[s]):
+                return self.bare.estimate if s == 0 else estimated(*self.loaded, options=options)
             if found is not None:
                 gathered = replace(gathered, scaling=Scaling.known(found.gains))
             return estimate_from(self.robot, DEFAULT, VARIANTS[DEFAULT].solver, gathered)
@@ -358,14 +417,19 @@ class _Runs:
             return None
 
 
-def _refuse_unfit(bare: Run, loaded: Run) -> None:
-    if bare.robot != loaded.robot:
-        raise Mismatch(
-            f"{loaded.path}: was measured with another robot file than {bare.path}; name the run"
-            " without the load of this robot"
-        )
-    if same_recordings(bare, loaded):
-        raise Mismatch(
-            f"{loaded.path}: has the same recordings as {bare.path}; name the run without the load,"
-            " then the one with it, measured into a folder of its own"
-        )
+def _measured(runs: Sequence[Run]) -> list[Run]:
+    return [run for run in runs if not run.imported]
+
+
+def _refuse_unfit(without: Sequence[Run], loaded: Run) -> None:
+    for bare in without:
+        if bare.robot != loaded.robot:
+            raise Mismatch(
+                f"{loaded.path}: was measured with another robot file than {bare.path}; name the"
+                " run without the load of this robot"
+            )
+        if same_recordings(bare, loaded):
+            raise Mismatch(
+                f"{loaded.path}: has the same recordings as {bare.path}; name the run without the"
+                " load, then the one with it, measured into a folder of its own"
+            )

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.estimation.loads.figures import Load
     from hil.model.robot import Robot
-    from hil.results.load import LoadResult
+    from hil.results.load import LoadFit
     from hil.runs.run import Run
 
 
@@ -161,7 +161,7 @@ def write_load(
     path: Path,
     without: Run,
     loaded: Sequence[Run],
-    found: LoadResult,
+    found: LoadFit,
     verdict: Sequence[str],
 ) -> LoadFile:
     """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""

@@ -161,22 +161,6 @@ def _change(each: ParameterChange) -> Row:
     return (each.name, *(rounded(value, s) for value in values), z, each.share)
 
 
-def quantities(load: LoadFile) -> Table:
-    """Mass, first moments, centre of mass and inertia of the load."""
-    return table(
-        "The load, in the last link's frame",
-        ("", *figures("value", "std. error", "95 %, ±"), "unit"),
-        map(_figure_row, load.load),
-    )
-
-
-def _figure_row(q: Figure) -> Row:
-    value, error = uncertain(q.value, q.standard_error)
-    half = uncertain(q.half_width, q.standard_error)[0] if q.half_width else ""
-    stated = not q.standard_error
-    return q.name, value, "stated" if stated else error, "" if stated else half, unit(q.unit)
-
-
 def torque_constants(load: LoadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
     stated = "" if load.mass is None else f"The mass was stated as {load.mass:g} kg."

@@ -7,6 +7,9 @@
     fit.params["p3"], fit.conf_int()["p3"]
     fit.torque_parts(recording)["friction"]
 
+    fit = hil.regression(bare, loaded=[with_load], mass=None).fit()
+    fit.params["mass"], fit.conf_int()["centre x"]
+
 Runs may be of any kind, measured here or imported, in any mixture; which recipe they call for is
 `RegressionProblem.method`.
 """
@@ -15,15 +18,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, overload
 
 from hil.errors import Mismatch, NotEnoughData, UnknownName
-from hil.estimation.intervals import half_width
 from hil.estimation.options import DEFAULTS, Options
 from hil.friction.terms import LAWS
+from hil.least_squares.regression import ByName
 from hil.results.identification import Identified, identified, method_for
+from hil.results.load import BareRun, LoadProblem
 from hil.results.recorded_torque import torque_parts
 from hil.runs.pooling import refuse_mixed
 
@@ -72,13 +74,29 @@ class RegressionProblem:
         return ModelFit(identified(first, self.method, others, options=self.options))
 
 
+@overload
+def regression(
+    *runs: Run,
+    friction: str = ...,
+    nuisance: Sequence[str] = ...,
+    covariance: Covariance = ...,
+    method: str | None = None,
+) -> RegressionProblem: ...
+@overload
+def regression(
+    *runs: Run, friction: str = ..., nuisance: Sequence[str] = ..., covariance: Covariance = ...,
+    loaded: Sequence[Run], mass: float | None = None, gains: bool = False,
+) -> LoadProblem: ...  # fmt: skip
 def regression(
     *runs: Run,
     friction: str = DEFAULTS.friction,
     nuisance: Sequence[str] = DEFAULTS.nuisance,
     covariance: Covariance = DEFAULTS.covariance,
     method: str | None = None,
-) -> RegressionProblem:
+    loaded: Sequence[Run] = (),
+    mass: float | None = None,
+    gains: bool = False,
+) -> RegressionProblem | LoadProblem:
     """State what is asked of runs of one robot.
 
     Parameters
@@ -94,6 +112,12 @@ def regression(
         cells of states, whatever is stated here.
     method : str, optional
         Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
+    loaded : sequence of Run
+        Of any kind, with a load at the last link that is found beside the robot.
+    mass : float, optional
+        Of the load, if it is known [kg]: it is held.
+    gains : bool
+        Whether the gains of all axes are found by the mass.
 
     Raises
     ------
@@ -115,11 +139,14 @@ def regression(
             f"friction {friction!r}: 0 of {len(runs)} runs were imported, and friction of what was"
             " measured here is found anew in each measurement; leave it at 'auto'"
         )
-    return RegressionProblem(runs, Options(friction, tuple(nuisance), covariance), method)
+    options = Options(friction, tuple(nuisance), covariance)
+    if loaded:
+        return LoadProblem(BareRun(*runs, options=options), tuple(loaded), mass, gains)
+    return RegressionProblem(runs, options, method)
 
 
 @dataclass(frozen=True, eq=False)
-class ModelFit:
+class ModelFit(ByName):
     """What was found, by name.
 
     Base parameters are named as the robot's, in kg m^2, kg m or kg; what belongs to an axis begins
@@ -166,30 +193,8 @@ class ModelFit:
             found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
         return found
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of all that was found."""
-        return tuple(self._found)
-
-    @property
-    def params(self) -> dict[str, float]:
-        """Values by name, in SI."""
-        return {name: each[0] for name, each in self._found.items()}
-
-    @property
-    def standard_errors(self) -> dict[str, float]:
-        """Standard errors by name."""
-        return {name: each[1] for name, each in self._found.items()}
-
-    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Confidence intervals by name: of base parameters after Student, of others normal."""
-        half = dict(zip(self.model.names, self.estimate.half_width(level), strict=True))
-        normal = float(half_width(np.ones(1), np.zeros(1), np.full(1, np.inf), level)[0])
-        found = {}
-        for name, (value, error) in self._found.items():
-            width = float(half.get(name, normal * error))
-            found[name] = value - width, value + width
-        return found
+    def _half_widths(self, level: float) -> dict[str, float]:
+        return dict(zip(self.model.names, self.estimate.half_width(level).tolist(), strict=True))
 
     def summary(self) -> Summary:
         """Tables of what was found, for a terminal or a notebook."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.excluded.result import Excluded
     from hil.estimation.signals import Signals
-    from hil.estimation.simultaneous import Joint
+    from hil.estimation.simultaneous import Joint, Prepared
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recording
@@ -52,7 +52,7 @@ def proved(
         Regression of the recordings, where there is one.
     """
     if joint is None:
-        prepared = list(_prepared(recorded))
+        prepared: Prepared = list(_prepared(recorded))
         if drive_train is not None:
             prepared = [(motion, drive_train.applied(robot, s)) for motion, s in prepared]
         try:

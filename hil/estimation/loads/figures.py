@@ -66,6 +66,15 @@ class Chance(NamedTuple):
     p_value: float
 
 
+class _Estimated(NamedTuple):
+    """A quantity, and its gradient by the ten parameters, shape (10,)."""
+
+    name: str
+    value: float
+    gradient: Array
+    unit: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
     """A load, and the robot and gains that were found with it.
@@ -74,6 +83,9 @@ class Load:
     ----------
     p : ndarray, shape (n_base,)
         Base parameters without the load.
+    p_covariance : ndarray, shape (n_base, n_base)
+    p_degrees : ndarray, shape (n_base,)
+        Effective degrees of freedom.
     phi : ndarray, shape (10,)
         The load's standard parameters in the last link's frame, order of eq. (4).
     covariance : ndarray, shape (10, 10)
@@ -99,6 +111,8 @@ class Load:
     """
 
     p: Array
+    p_covariance: Array
+    p_degrees: Array
     phi: Array
     covariance: Array
     degrees: Array
@@ -114,7 +128,7 @@ class Load:
     @property
     def mass(self) -> Figure:
         """Mass [kg]; a stated one has no standard error."""
-        return self._quantity("mass", _unit(MASS, 10), "kg")
+        return self._figure(self._quantity("mass", MASS, "kg"))
 
     @property
     def rigid_chance(self) -> float:
@@ -133,17 +147,27 @@ class Load:
         """Whether the axes' torques contradict a load that is rigid and fixed, or no body is so."""
         return self.rigid_chance <= LOOSE or self.is_no_body
 
-    def quantities(self) -> list[Figure]:
-        """Mass, first moments, centre of mass and inertias, as far as they were estimated."""
+    def quantities(self, level: float = 0.95) -> list[Figure]:
+        """Mass, first moments, centre of mass and inertias, as far as they were estimated.
+
+        Parameters
+        ----------
+        level : float
+            Of the intervals.
+        """
+        return [self._figure(each, level) for each in self._estimated()]
+
+    def _estimated(self) -> list[_Estimated]:
         present = [k for k in range(10) if self.covariance[k, k] > 0]
-        found = [self.mass] if MASS in present or self.stated_mass is not None else []
+        known = MASS in present or self.stated_mass is not None
+        found = [self._quantity("mass", MASS, "kg")] if known else []
         heavy = bool(found) and self.phi[MASS] > 0
         first = [(k, axis) for k, axis in zip(FIRST_MOMENTS, "xyz", strict=True) if k in present]
-        found += [self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m") for k, _ in first]
+        found += [self._quantity(LINK_PARAMETERS[k], k, "kg m") for k, _ in first]
         found += [self._centre(k, axis) for k, axis in first if heavy]
         for k in (k for k in range(6) if k in present):
-            found.append(self._quantity(LINK_PARAMETERS[k], _unit(k, 10), "kg m2"))
-            found += [self._central(k, LINK_PARAMETERS[k])] if heavy and self._central_at(k) else []
+            found.append(self._quantity(LINK_PARAMETERS[k], k, "kg m2"))
+            found += [self._central(k)] if heavy and self._central_at(k) else []
         return found
 
     def _central_at(self, k: int) -> bool:
@@ -152,10 +176,10 @@ class Load:
         moments = (LINK_PARAMETERS[j] for j in _STEINER.get(name, _DEVIATION.get(name, ())))
         return not any(moment in self.unidentifiable for moment in moments)
 
-    def _centre(self, k: int, axis: str) -> Figure:
+    def _centre(self, k: int, axis: str) -> _Estimated:
         m = self.phi[MASS]
         gradient = _unit(k, 10) / m - _unit(MASS, 10) * self.phi[k] / m**2
-        return self._at(f"centre {axis}", float(self.phi[k] / m), gradient, "m")
+        return _Estimated(f"centre {axis}", float(self.phi[k] / m), gradient, "m")
 
     def least_inertia(self) -> tuple[Figure, float] | None:
         """Moment about the centre that is least likely a body's, and its chance of being one.
@@ -175,15 +199,15 @@ class Load:
             sign = np.sign(across) or 1.0
             value = (first + second) / 2 - sign * across
             gradient = (by_first + by_second) / 2 - sign * by
-            figure = self._at("least inertia", value, gradient, "kg m2")
+            figure = self._figure(_Estimated("least inertia", value, gradient, "kg m2"))
             chance = special.stdtr(self._degrees_of(gradient), value / figure.standard_error)
             found.append((figure, min(1.0, len(_DEVIATION) * float(chance))))
         return min(found, key=lambda each: each[1])
 
-    def _central(self, k: int, name: str) -> Figure:
+    def _central(self, k: int) -> _Estimated:
         """About the centre of mass, axes parallel to the frame's."""
-        value, gradient = self._about_centre(k, name)
-        return self._at(f"{name} about the centre", value, gradient, "kg m2")
+        name = LINK_PARAMETERS[k]
+        return _Estimated(f"{name} about the centre", *self._about_centre(k, name), "kg m2")
 
     def _about_centre(self, k: int, name: str) -> tuple[float, Array]:
         """An inertia about the centre of mass, and its gradient by phi."""
@@ -200,15 +224,15 @@ class Load:
             )
         return float(value), gradient
 
-    def _quantity(self, name: str, gradient: Array, unit: str) -> Figure:
-        return self._at(name, float(gradient @ self.phi), gradient, unit)
+    def _quantity(self, name: str, k: int, unit: str) -> _Estimated:
+        return _Estimated(name, float(self.phi[k]), _unit(k, 10), unit)
 
-    def _at(self, name: str, value: float, gradient: Array, unit: str) -> Figure:
-        error = float(np.sqrt(gradient @ self.covariance @ gradient))
-        freedom = self._degrees_of(gradient)
-        half = half_width(np.array(error**2), np.zeros(()), freedom, 0.95)
+    def _figure(self, each: _Estimated, level: float = 0.95) -> Figure:
+        error = float(np.sqrt(each.gradient @ self.covariance @ each.gradient))
+        freedom = self._degrees_of(each.gradient)
+        half = float(half_width(np.array(error**2), np.zeros(()), freedom, level))
         return Figure(
-            name=name, value=value, standard_error=error, half_width=float(half), unit=unit
+            name=each.name, value=each.value, standard_error=error, half_width=half, unit=each.unit
         )
 
     def _degrees_of(self, gradient: Array) -> Array:

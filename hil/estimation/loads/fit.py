@@ -1,14 +1,14 @@
 """A load is up to ten more columns beside a robot, from a run without it and one with it.
 
-With s = 0 and 1 for the run without and with the load,
+With s = 0 and 1 for runs without and with the load,
 
     g_i y_i - Qm_i - s A_i K phi_known = A_i p + s A_i K phi + F_i a_is - d_i (model)_present,
 
 in which y is the torque as it was read, Qm that of the motors' rotors, K phi what a load adds to
 the base parameters (`hil.model.load`), F friction and d the relative change of an unknown gain g,
 linearised about the present solution (Gauss and Newton). All columns are combinations of those that
-a run of any kind gives (`evidence`), so runs of any kinds make one regression, each axis of each
-run weighted by what the solution leaves there. Neither run need identify anything by itself.
+a run of any kind gives (`evidence`), so runs of any kinds and number make one regression, each axis
+of each run weighted by what the solution leaves there. No run need identify anything by itself.
 
 A gain that is off by a share makes all torques of its axis wrong by that share, and shows in no
 residual of a run: the base parameters take it up. The change that a known mass brings about is
@@ -64,9 +64,8 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Indices, Mask
     from hil.estimation.loads.evidence import Evidence
+    from hil.least_squares.regression import Covariance
     from hil.model.robot import Robot
-
-    Runs = tuple[Evidence, Evidence]
 
 GAIN_STATED = 0.5
 """Standard deviation of the logarithm of a stated gain before any measurement: wide enough to sway
@@ -81,25 +80,47 @@ _FEWEST = 2
 """Measurements of an axis in a run from which on it is tested."""
 
 
+class Runs(NamedTuple):
+    """Evidence of runs without a load, and with it; of each at most one of a kind."""
+
+    bare: Sequence[Evidence]
+    loaded: Sequence[Evidence]
+
+    @property
+    def every(self) -> list[Evidence]:
+        """Of all runs, those without the load first."""
+        return [*self.bare, *self.loaded]
+
+    @property
+    def alike(self) -> bool:
+        """Whether all are of one kind."""
+        return len({run.kind for run in self.every}) == 1
+
+
 def fit_load(
     robot: Robot,
-    bare: Evidence,
-    with_load: Callable[[Array], Evidence],
+    bare: Sequence[Evidence],
+    with_load: Callable[[Array], Sequence[Evidence]],
     mass: float | None = None,
     *,
     gains: bool = False,
+    covariance: Covariance = "CR2",
 ) -> Load:
     """Find a load.
 
     Parameters
     ----------
+    bare : sequence of Evidence
+        Of runs without the load, one of each kind.
     with_load : callable
-        Evidence of the run with the load, of the change of the base parameters that it makes;
-        friction may depend on it.
+        Evidence of runs with the load, of the change of the base parameters that it makes; friction
+        may depend on it.
     mass : float, optional
         Of the load, if it is known: held [kg].
     gains : bool
         Whether the gains of all axes are found too, which takes the mass.
+    covariance : str
+        How errors are stated (`hil.least_squares.regression`).
 
     Raises
     ------
@@ -111,42 +132,52 @@ def fit_load(
     if mass is not None:
         known[MASS], free = mass, load.without_mass
     terms = _Terms(load.K @ known, load.K @ free, "load")
-    change, loaded = terms.known, None
+    change = terms.known
+    before: list[Evidence] = []
     for _ in range(PASSES):
-        before, loaded = loaded, with_load(change)
-        if loaded is not before:
-            unknown = {axis for run in (bare, loaded) for axis in run.unknown}
+        runs = Runs(bare, with_load(change))
+        if list(map(id, runs.loaded)) != list(map(id, before)):
+            before = list(runs.loaded)
+            unknown = {axis for run in runs.every for axis in run.unknown}
             wanted = list(range(robot.n_joints)) if gains else sorted(unknown)
-            joint = _determined(robot, (bare, loaded), terms, mass, wanted)
+            joint = _determined(robot, runs, terms, mass, wanted)
             change = terms.known + terms.columns @ joint.of("load")
-    return _described(joint, wanted, mass, known, free)
+    return _described(joint, wanted, mass, known, free, covariance)
 
 
 def _described(
-    joint: _Joint, wanted: list[int], mass: float | None, known: Array, free: Array
+    joint: _Joint,
+    wanted: list[int],
+    mass: float | None,
+    known: Array,
+    free: Array,
+    covariance: Covariance,
 ) -> Load:
     load = load_columns(joint.robot)
-    at, gains = joint.places("load"), joint.places("gain")
-    V, degrees = joint.uncertainty()
+    base, at, gains = (joint.places(kind) for kind in ("base", "load", "gain"))
+    V, degrees = joint.uncertainty(covariance)
     errors = np.zeros(joint.robot.n_joints)
     errors[wanted] = np.inf
     errors[joint.axes] = np.sqrt(np.diag(V)[gains])
     lost = joint.undetermined("load")
     seen = np.where(lost, 0.0, 1.0)
+    of_base = V[np.ix_(base, base)]
     V = V[np.ix_(at, at)] * np.outer(seen, seen)
     is_open = zip(LINK_PARAMETERS, np.abs(free) @ lost > 0, strict=True)
     return Load(
         p=joint.of("base"),
+        p_covariance=of_base,
+        p_degrees=np.maximum(degrees[base], 1.0),
         phi=known + free @ (seen * joint.of("load")),
         covariance=free @ V @ free.T,
         degrees=np.where(free.any(axis=1), np.maximum(np.abs(free) @ degrees[at], 1.0), MANY),
         stated_mass=mass,
         unseen=load.absent,
         unidentifiable=tuple(name for name, each in is_open if each or name in load.dark),
-        gains=joint.gains[1],
+        gains=joint.gains[-1],
         gain_errors=errors,
         present=_test(joint.of("load"), V, joint.n_groups),
-        rigid=_rigid(joint),
+        rigid=_rigid(joint, covariance),
         misfit=joint.misfit(),
     )
 
@@ -155,10 +186,11 @@ def _determined(
     robot: Robot, runs: Runs, terms: _Terms, mass: float | None, wanted: Sequence[int]
 ) -> _Joint:
     """Regression with those of the wanted gains that are determined."""
-    start = np.array([run.gains for run in runs])
-    if runs[0].kind == runs[1].kind:
-        start[:] = np.exp(np.mean(np.log(start), axis=0))
-    if mass is not None and wanted and any(run.scale_open for run in runs):
+    start, kinds = np.array([run.gains for run in runs.every]), [run.kind for run in runs.every]
+    for kind in dict.fromkeys(kinds):
+        alike = np.array([each == kind for each in kinds])
+        start[alike] = np.exp(np.mean(np.log(start[alike]), axis=0))
+    if mass is not None and wanted and any(run.scale_open for run in runs.every):
         # one gain was held at random: scaled so that the mass is right
         load = load_columns(robot)
         whole = _Terms(np.zeros(len(load.K)), load.shown, "load")
@@ -171,7 +203,7 @@ def _determined(
     return _Joint(robot, runs, terms, np.array(wanted)[~lost].tolist(), start)
 
 
-def _rigid(joint: _Joint) -> Chance:
+def _rigid(joint: _Joint, covariance: Covariance) -> Chance:
     """Test a change of all base parameters against those that a load makes."""
     known, columns, _ = joint.terms
     any_change = _Terms(known, np.eye(len(known)), "change")
@@ -179,7 +211,7 @@ def _rigid(joint: _Joint) -> Chance:
     if free.undetermined("change").any():
         return Chance(0.0, 0, 1.0)
     at, other = free.places("change"), linalg.null_space(columns.T)
-    V = free.uncertainty()[0][np.ix_(at, at)]
+    V = free.uncertainty(covariance)[0][np.ix_(at, at)]
     return _test(other.T @ free.of("change"), other.T @ V @ other, free.n_groups)
 
 
@@ -204,15 +236,13 @@ class _Terms(NamedTuple):
 
 
 class _Joint:
-    """Both runs in one regression, solved.
+    """All runs in one regression, solved.
 
     Parameters
     ----------
-    runs : tuple of Evidence
-        Without and with the load.
     axes : tuple of int
         From 0, whose gains are found.
-    start : ndarray, shape (2, n_joints)
+    start : ndarray, shape (n_runs, n_joints)
         Gains of each run, to begin with.
     """
 
@@ -221,36 +251,40 @@ class _Joint:
     ) -> None:
         self.robot, self.runs, self.terms = robot, runs, terms
         self.axes, self._start, self.gains = list(axes), start, start.copy()
-        self.alike = runs[0].kind == runs[1].kind
-        self._open = [[a for a in axes if self.alike or a in run.unknown] for run in runs]
+        self._every = runs.every
+        self._carry = [0.0] * len(runs.bare) + [1.0] * len(runs.loaded)
+        self._open = [[a for a in axes if runs.alike or a in run.unknown] for run in self._every]
         self._names = {
             "base": base_parameters(robot).names,
             terms.name: tuple(f"{terms.name} {k + 1}" for k in range(terms.columns.shape[1])),
             "gain": tuple(gain_name(axis) for axis in axes),
         }
         self._found: dict[str, float] = {}
-        self._totals = [run.blocks.total for run in runs]
+        self._totals = [run.blocks.total for run in self._every]
         blocks = self._joined(self._totals)
-        self.layout, self.weights = blocks.layout, np.ones((3, robot.n_joints))
+        self.layout = blocks.layout
+        self.weights = np.ones((1 + len(self._every), robot.n_joints))
         self._kept = self.layout.kept([
-            list({self._named(s, name) for s, run in enumerate(runs) for name in run.terms[axis]})
+            list({self._named(s, name) for s, run in enumerate(self._every)
+                  for name in run.terms[axis]})
             for axis in range(robot.n_joints)
         ])  # fmt: skip
         self._solve(blocks)
-        self.whole = self._regression(self._joined([run.blocks for run in runs]))
+        self.whole = self._regression(self._joined([run.blocks for run in self._every]))
 
     def _solve(self, blocks: Blocks) -> None:
         """Gains, weights and solution from each other."""
-        counts, own = np.maximum(blocks.counts[:2], 1.0), self.places("gain")
-        left = blocks.products[:2, :, 0, 0] / counts
+        n, own = len(self._every), self.places("gain")
+        counts = np.maximum(blocks.counts[:n], 1.0)
+        left = blocks.products[:n, :, 0, 0] / counts
         # until there is a solution the columns of gains are not those of one
         kept = np.setdiff1d(self._kept, own)
         for _ in range(ROUNDS):
-            before, square = left, blocks.products[:2, :, 0, 0] / counts
+            before, square = left, blocks.products[:n, :, 0, 0] / counts
             least = np.maximum(left, np.finfo(float).eps * square)
-            self.weights[:2] = np.divide(1.0, least, out=np.zeros_like(least), where=square > 0)
+            self.weights[:n] = np.divide(1.0, least, out=np.zeros_like(least), where=square > 0)
             x = replace(self._regression(blocks), kept=kept).solution
-            left = blocks.squares_left(x)[:2] / counts
+            left = blocks.squares_left(x)[:n] / counts
             change = np.clip(x[own], -STRIDE, STRIDE)
             for gains, is_open in zip(self.gains, self._open, strict=True):
                 gains[is_open] *= np.exp(change[np.isin(self.axes, is_open)])
@@ -276,10 +310,10 @@ class _Joint:
         N = embedded(self.whole.normal.information, self._kept, self.layout.size)
         return undetermined_beside(N[np.ix_(order, order)], len(own))
 
-    def uncertainty(self) -> tuple[Array, Array]:
+    def uncertainty(self, covariance: Covariance) -> tuple[Array, Array]:
         """Covariance of all unknowns and its degrees of freedom."""
-        found, n = self.whole.uncertainty("CR2"), self.layout.size
-        V, cells = found.covariance, [run.cells for run in self.runs]
+        found, n = self.whole.uncertainty(covariance), self.layout.size
+        V, cells = found.covariance, [run.cells for run in self._every]
         if any(cells):
             scores = self._regression(self._joined(cells)).normal.scores(self.x[self._kept])
             of_states = scatter(scores @ inverse(self.whole.normal.information), few=True)
@@ -305,13 +339,13 @@ class _Joint:
     @property
     def n_groups(self) -> int:
         """Groups that scatter: of time, and of states."""
-        return sum(len(run.blocks) + (len(run.cells) if run.cells else 0) for run in self.runs)
+        return sum(len(run.blocks) + (len(run.cells) if run.cells else 0) for run in self._every)
 
     def misfit(self) -> tuple[AxisMisfit, ...]:
-        """Compare strokes with and without the load, where both runs are of strokes."""
-        if any(run.kind != "strokes" for run in self.runs):
+        """Compare strokes with and without the load, where all runs are of strokes."""
+        if any(run.kind != "strokes" for run in self._every):
             return ()
-        blocks = self._joined([run.blocks for run in self.runs])
+        blocks = self._joined([run.blocks for run in self._every])
         without, with_load = (blocks.where(blocks.labels["run"] == s) for s in (0, 1))
         return tuple(_misfit(without, with_load, self.x, len(self._names["base"])))
 
@@ -325,19 +359,20 @@ class _Joint:
         return Regression(weighted, np.ones(blocks.n_channels), self._kept)
 
     def _joined(self, parts: Sequence[Blocks | None], torque: str | None = None) -> Blocks:
-        """Blocks of both runs, and what is known of stated gains; `torque` as of `_of_run`."""
+        """Blocks of all runs, and what is known of stated gains; `torque` as of `_of_run`."""
         made = [self._of_run(s, part, torque) for s, part in enumerate(parts) if part is not None]
         n, k = self.robot.n_joints, len(self.axes)
         products = np.zeros((1, n, 1 + k, 1 + k))
-        unknown = {axis for run in self.runs for axis in run.unknown}
-        is_open = any(run.scale_open for run in self.runs)
+        unknown = {axis for run in self._every for axis in run.unknown}
+        is_open = any(run.scale_open for run in self._every)
         for at, axis in enumerate(self.axes, start=1):
             if axis not in unknown and not is_open and torque is None:
                 row = np.zeros(1 + k)
-                row[0] = -np.log(self.gains[1, axis] / self._start[1, axis]) / GAIN_STATED
+                row[0] = -np.log(self.gains[-1, axis] / self._start[-1, axis]) / GAIN_STATED
                 row[at] = 1.0 / GAIN_STATED
                 products[0, axis] = np.outer(row, row)
-        known = Blocks(self._names["gain"], (), products, np.zeros((1, n)), labels=_label(1, 2))
+        label = _label(1, len(self._every))
+        known = Blocks(self._names["gain"], (), products, np.zeros((1, n)), labels=label)
         return made[0].joined(*made[1:], known)
 
     def _of_run(self, s: int, recorded: Blocks, torque: str | None) -> Blocks:
@@ -349,7 +384,7 @@ class _Joint:
             What stands in place of the torque less what is known: the column of this name, or if
             it is empty the torque alone.
         """
-        known, columns, kind = self.terms
+        (known, columns, kind), carried = self.terms, self._carry[s]
         scaling = Scaling(self.gains[s], tuple(self._open[s]), self._solution(s))
         if torque is None:
             blocks = scaling.applied(recorded)
@@ -362,22 +397,24 @@ class _Joint:
         base = blocks.place(*self._names["base"])
         left = np.eye(1, blocks.products.shape[-1])
         load = np.zeros((len(self._names[kind]), *left.shape))
-        load[:, 0, base] = s * columns.T
+        load[:, 0, base] = carried * columns.T
         if torque is None:
-            left[:, base] = -s * known
+            left[:, base] = -carried * known
         blocks = blocks.recast(left, dict(zip(self._names[kind], load, strict=True)))
         shared, own = self._columns(s, blocks.shared), self._columns(s, blocks.own)
         return replace(blocks, shared=shared, own=own, labels=_label(len(blocks), s))
 
     def _solution(self, s: int) -> Array:
         """What the solution is to one run, its load among the base parameters."""
-        layout, base = self.runs[s].blocks.layout, self._names["base"]
+        layout, base = self._every[s].blocks.layout, self._names["base"]
         names = replace(
             layout, shared=self._columns(s, layout.shared), own=self._columns(s, layout.own)
         ).names
         found = {name: self._found.get(name, 0.0) for name in names if name != ROTOR}
         if self._found:
-            added = s * (self.terms.known + self.terms.columns @ self.of(self.terms.name))
+            added = self._carry[s] * (
+                self.terms.known + self.terms.columns @ self.of(self.terms.name)
+            )
             for name, more in zip(base, added.tolist(), strict=True):
                 found[name] += more
         return np.array(list(found.values()))
@@ -386,11 +423,12 @@ class _Joint:
         return tuple(self._named(s, name) for name in names)
 
     def _named(self, s: int, name: str) -> str:
-        """What a column of a run is named beside those of the other."""
-        is_apart = name in self.runs[s].apart or (
-            not self.alike and name in self.runs[s].blocks.own
-        )
-        return f"{name} with load" if s and is_apart else name
+        """What a column of a run is named beside those of the others."""
+        run, first = self._every[s], self._every[0]
+        if s and name in run.apart:
+            return f"{name} of run {s}"
+        other = run.kind != first.kind and name in run.blocks.own
+        return f"{name} of {run.kind}" if other else name
 
 
 def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[AxisMisfit]:

@@ -28,6 +28,7 @@ from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.provenance import same_parameters
 from hil.results.rounding import signed
+from hil.results.tables.load import quantities
 from hil.results.validation import judgements
 from hil.runs.atomic_file import own_folder, write_file
 
@@ -145,7 +146,7 @@ def load(run: ReportedRun) -> Section | None:
     # of imported motions there are no elements by themselves to draw
     drawn = DRAWN if found and not found.imported else ()
     plots = tuple(_load_plot(name, found, run.robot) for name in drawn if found)
-    values = {"load": found, "note": note, "tables": load_tables}
+    values = {"load": found, "note": note, "tables": load_tables, "quantities": quantities}
     return Section("The load", "payload.html", values, plots)
 
 

@@ -54,7 +54,7 @@ LONG = [
     ("compare RUN --truth manutec-r15", "ground_truth.comparison.compare",
      "setting what was estimated of manutec-r15 beside the truth"),
     ("friction fit RUN", "results.friction.evaluate", "fitting models of friction"),
-    ("payload RUN RUN", "results.load.find_payload", "estimating both runs and the load"),
+    ("payload RUN RUN", "results.load.LoadProblem.fit", "estimating both runs and the load"),
     ("payload measure --model RUN -o NEW", "results.load.estimated",
      "reading what the run without the load knows"),
     ("history RUN", "results.history.read_history", "comparing 1 runs"),

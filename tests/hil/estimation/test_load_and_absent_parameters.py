@@ -74,9 +74,9 @@ def found_between(robot, runs, mass=None, **gains):
 
     def with_load(change):
         items = condensed_like(robot, fit, prepared(runs[1]), p + change)
-        return of_strokes(robot, items, fit.loaded)
+        return [of_strokes(robot, items, fit.loaded)]
 
-    return fit_load(robot, bare, with_load, mass, **gains)
+    return fit_load(robot, [bare], with_load, mass, **gains)
 
 
 def test_mass_and_centre_of_a_load_are_found(robot, runs):

@@ -37,7 +37,7 @@ def gathered(twin: TwinRecorder, data, *, open_scale: bool = False) -> Gathered:
 
 def fitted(robot, runs, *of_load, **gains):
     bare, loaded = of_free_motions(robot, runs)
-    return fit_load(robot, bare, lambda _: loaded, *of_load, **gains)
+    return fit_load(robot, [bare], lambda _: [loaded], *of_load, **gains)
 
 
 def test_intervals_hold_the_load(twin: TwinRecorder) -> None:
@@ -100,12 +100,37 @@ def test_one_run_may_be_of_strokes_and_the_other_imported(twin: TwinRecorder, im
     load = LOAD if imported == "loaded" else None
     (free,) = of_free_motions(robot, [gathered(twin, twin.recorded(2, load, n=2))])
     if imported == "loaded":
-        found = fit_load(robot, strokes(robot, p, 1), lambda _: free)
+        found = fit_load(robot, [strokes(robot, p, 1)], lambda _: [free])
     else:
         with_load = strokes(robot, p + load_columns(robot).K @ LOAD.phi(), 1)
-        found = fit_load(robot, free, lambda _: with_load)
+        found = fit_load(robot, [free], lambda _: [with_load])
     error = np.sqrt(np.diag(found.covariance))
     assert (error > 0).sum() == len(SEEN)
     assert (np.abs(found.phi - LOAD.phi())[error > 0] < 4 * error[error > 0]).all()
     assert error[9] < 0.015 * MASS
     assert found.present.p_value < 1e-6
+
+
+def test_runs_of_both_kinds_without_and_with_the_load_are_one_regression(
+    twin: TwinRecorder,
+) -> None:
+    robot, p = twin.robot, twin.truth
+    loaded_p = p + load_columns(robot).K @ LOAD.phi()
+    free = of_free_motions(
+        robot,
+        [gathered(twin, twin.recorded(seed, load, n=2)) for seed, load in ((1, None), (2, LOAD))],
+    )
+    measured = strokes(robot, p, 1), strokes(robot, loaded_p, 2)
+    apart = [
+        fit_load(robot, [bare], lambda _, loaded=loaded: [loaded])
+        for bare, loaded in (free, measured)
+    ]
+    found = fit_load(robot, [measured[0], free[0]], lambda _: [measured[1], free[1]])
+    variances = np.diag(found.covariance)
+    seen = variances > 0
+    assert seen.sum() == len(SEEN)
+    for each in apart:
+        both = seen & (np.diag(each.covariance) > 0)
+        assert np.mean(np.log(variances[both] / np.diag(each.covariance)[both])) < 0.0
+    assert (np.abs(found.phi - LOAD.phi())[seen] < 4 * np.sqrt(variances[seen])).all()
+    assert (np.abs(found.p - p) < 6 * np.sqrt(np.diag(found.p_covariance))).all()

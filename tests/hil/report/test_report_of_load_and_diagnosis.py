@@ -20,7 +20,8 @@ from hil.report.page import report
 from hil.report.sections.kept import current
 from hil.results.diagnosis import NAME, DiagnosisFile, diagnose, write_diagnosis
 from hil.results.load_file import LoadFile, read_load
-from hil.results.load_tables import changes, quantities, torque_constants
+from hil.results.load_tables import changes, torque_constants
+from hil.results.tables.load import quantities
 from hil.results.tables.terminal import show
 from hil.runs.run import Run
 
@@ -112,7 +113,7 @@ class TestLoad:
         assert re.search(r"p13( −?\d+\.\d+){6} -sz6", table)
 
     def test_its_tables_fit_a_terminal_of_80_columns(self, kept):
-        for table in (changes(kept), quantities(kept), torque_constants(kept)):
+        for table in (changes(kept), quantities(kept.load), torque_constants(kept)):
             console = Console(file=io.StringIO(), width=80)
             show(table, console)
             lines = console.file.getvalue().splitlines()

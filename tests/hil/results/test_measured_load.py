@@ -21,7 +21,7 @@ from hil.planning.plan import PlannedRobot
 from hil.planning.timetable import timetable
 from hil.results.load import (
     BareRun,
-    LoadResult,
+    LoadFit,
     estimate_load,
     find_load,
     require_load,
@@ -179,7 +179,10 @@ def test_a_load_beside_the_axis_is_rigid_and_found_with_its_centre(bare, beside,
     for name, value in truth.items():
         assert abs(figures[name].value - value) < 1.5 * figures[name].half_width, name
     assert figures["mass"].half_width < 0.05 * 4.0
-    assert write_load(tmp_path, bare.run, runs, LoadResult(found), verdict(found)).unseen == ()
+    assert (
+        write_load(tmp_path, bare.run, runs, LoadFit(bare.run.robot, found), verdict(found)).unseen
+        == ()
+    )
 
 
 def test_an_inertia_that_no_body_has_is_doubted(beside):
@@ -302,7 +305,7 @@ def test_a_heavier_load_is_moved_more_slowly_or_less(robot, bare, slow, found):
 
 
 def test_what_was_found_is_kept(bare, stages, found, tmp_path):
-    kept = write_load(tmp_path, bare.run, stages[0], LoadResult(found), verdict(found))
+    kept = write_load(tmp_path, bare.run, stages[0], LoadFit(bare.run.robot, found), verdict(found))
     assert (tmp_path / NAME).exists()
     assert kept.verdict[0] == verdict(found)[0]
     assert kept.rigidity == found.misfit

@@ -17,8 +17,8 @@ from hil.errors import Mismatch, NoLoad
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.report.page import report
 from hil.results.diagnosis import diagnose
-from hil.results.load import find_payload
 from hil.results.load_file import LoadFile
+from hil.results.problem import regression
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -60,8 +60,8 @@ def hil(*arguments: object) -> None:
 
 
 def found_in(runs: Path, kind: str, mass: float | None = None, *, gains: bool = False):
-    pair = (Run.open(runs / f"{kind}{name}") for name in ("bare", "loaded"))
-    return find_payload(*pair, mass, gains=gains)
+    bare, loaded = (Run.open(runs / f"{kind}{name}") for name in ("bare", "loaded"))
+    return regression(bare, loaded=[loaded], mass=mass, gains=gains).fit()
 
 
 @pytest.fixture(scope="module")
@@ -147,13 +147,33 @@ def test_what_is_no_pair_of_runs_is_refused(
     runs: Path, second: str, error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error, match=words):
-        find_payload(Run.open(runs / "bare"), Run.open(runs / second))
+        regression(Run.open(runs / "bare"), loaded=[Run.open(runs / second)]).fit()
+
+
+def test_a_fit_has_all_by_name_and_further_runs_make_it_surer(runs: Path, kept: LoadFile) -> None:
+    bare, again, loaded = (Run.open(runs / name) for name in ("bare", "again", "loaded"))
+    alone = regression(bare, loaded=[loaded]).fit()
+    as_kept = {each.name: each.value for each in kept.load}
+    assert {name: alone.params[name] for name in as_kept} == as_kept
+    low, high = alone.conf_int()["mass"]
+    assert (high - low) / 2 == pytest.approx(kept.load[0].half_width)
+    wider = alone.conf_int(0.99)["mass"]
+    assert wider[0] < low < high < wider[1]
+    assert set(alone.names) == set(alone.standard_errors) >= {"p1", "sx", "Izz", "centre y"}
+    assert "centre x" in str(alone.summary())
+    more = regression(bare, again, loaded=[loaded]).fit()
+    assert more.standard_errors["p1"] < alone.standard_errors["p1"]
+    low, high = more.conf_int(0.999)["mass"]
+    assert low < MASS < high
+    plain = regression(bare, loaded=[loaded], covariance="white").fit()
+    assert plain.params == alone.params
+    assert plain.standard_errors != alone.standard_errors
 
 
 def test_a_copy_of_the_same_run_is_the_same_run(runs: Path, tmp_path: Path) -> None:
     shutil.copytree(runs / "bare", tmp_path / "copy")
     with pytest.raises(Mismatch, match="has the same recordings"):
-        find_payload(Run.open(runs / "bare"), Run.open(tmp_path / "copy"))
+        regression(Run.open(runs / "bare"), loaded=[Run.open(tmp_path / "copy")]).fit()
 
 
 def test_a_diagnosis_of_an_imported_run_is_refused_with_the_way_to_test_a_parameter(
