@@ -21,11 +21,11 @@ step 2 adds up: least squares over all samples of the campaign, without ever sta
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.friction.equation import COMMON, FEWEST, LOAD, N_COMMON, term_columns
+from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import eliminated
@@ -46,59 +46,25 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMotion
 
 
-MOTOR = 1
-"""Place of the motor's part of the torque in the products of a `Condensed`."""
 SPARSE = 8
 """Every n-th used sample says how much an error of acceleration matters there: one in 0.1 s."""
 ROTOR = "known rotor"
 """Column of the torque of rotors of known inertia."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Condensed:
+class Condensed(NamedTuple):
     """What the torque of one axis in one measurement says, friction eliminated.
 
     Attributes
     ----------
-    axis : int
-        Index from 0.
-    product : ndarray, shape (2 + n_base + N_COMMON, 2 + n_base + N_COMMON)
-        Inner products of all columns: y, the torque without the motor's part; that part; X, base
-        parameters and the axis's common terms.
+    product : ndarray, shape (k + n_base + N_COMMON, k + n_base + N_COMMON)
+        Inner products of all columns: the left-hand sides; X, base parameters and common terms.
     n : int
         Samples less eliminated coefficients.
     """
 
-    axis: int
     product: Array
     n: int
-
-    @property
-    def information(self) -> Array:
-        """X'X, shape (n_base + N_COMMON, n_base + N_COMMON)."""
-        return self.product[2:, 2:]
-
-    @property
-    def vector(self) -> Array:
-        """X'y, shape (n_base + N_COMMON,)."""
-        return self.product[2:, 0]
-
-    @property
-    def motor(self) -> Array:
-        """X' times the motor's part of the torque, shape (n_base + N_COMMON,)."""
-        return self.product[2:, MOTOR]
-
-    def without_load(self) -> Condensed:
-        """The same with columns of load-dependent friction that are zero."""
-        product = self.product.copy()
-        load = len(product) - N_COMMON + np.arange(LOAD, N_COMMON)
-        product[load], product[:, load] = 0.0, 0.0
-        return replace(self, product=product)
-
-    @property
-    def square(self) -> float:
-        """Of y by itself."""
-        return float(self.product[0, 0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,20 +122,20 @@ class Stacked:
         """Inner products of torques and X, friction eliminated."""
         columns = np.hstack([self.torques, self.X, self.friction])
         product, rank = eliminated(columns.T @ columns, self.friction.shape[1])
-        return Condensed(self.axis, self.each * product, self.each * len(columns) - rank)
+        return Condensed(self.each * product, self.each * len(columns) - rank)
 
 
 def condensed_blocks(
     robot: Robot,
-    items: Sequence[Sequence[Condensed]],
+    stacks: Iterable[Sequence[Stacked]],
     shifts: Sequence[str] = (),
     gears: Sequence[str] = (),
 ) -> Blocks:
-    """Inner products of condensed measurements, each a group; those of a rotor are shared, too.
+    """Condense measurements, each a group; columns of rotors are shared, too.
 
     Parameters
     ----------
-    items : sequence of sequence of Condensed
+    stacks : iterable of sequence of Stacked
         Of each measurement, the axes that move.
     shifts, gears : sequence of str
         Columns that stand behind the motor's part, and behind the base parameters.
@@ -177,12 +143,13 @@ def condensed_blocks(
     shared, own = (ROTOR, *base_parameters(robot).names, *gears), (*shifts, *COMMON)
     columns = (ROTOR, *shifts, *shared[1:], *COMMON)
     order = [0, *(1 + columns.index(name) for name in (*shared, *own))]
-    products = np.zeros((len(items), robot.n_joints, len(order), len(order)))
-    counts = np.zeros((len(items), robot.n_joints))
-    for group, axes in enumerate(items):
-        for item in axes:
-            products[group, item.axis] = item.product[np.ix_(order, order)]
-            counts[group, item.axis] = item.n
+    condensed = [[(each.axis, each.condensed()) for each in axes] for axes in stacks]
+    products = np.zeros((len(condensed), robot.n_joints, len(order), len(order)))
+    counts = np.zeros(products.shape[:2])
+    for group, axes in enumerate(condensed):
+        for axis, each in axes:
+            products[group, axis] = each.product[np.ix_(order, order)]
+            counts[group, axis] = each.n
     return Blocks(shared, own, products, counts)
 
 

@@ -48,8 +48,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array, Indices, Mask
-    from hil.estimation.condensed import Condensed, Stacked
+    from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
+    from hil.least_squares.blocks import Blocks
     from hil.least_squares.normal_equations import Normal
     from hil.least_squares.regression import Regression
     from hil.model.robot import Robot
@@ -166,17 +167,18 @@ def find_drive_train(robot: Robot, prepared: Prepared, loaded: Mask | None = Non
     if not stacks:
         return directly_driven(robot)
 
-    def found(items: list[list[Condensed]], gears: Sequence[str], soft: Mask) -> DriveTrain:
-        blocks = condensed_blocks(robot, items, shift_names(shifts), gears)
+    def found(blocks: Blocks, soft: Mask) -> DriveTrain:
         search = Search(blocks, period * shifts, (EARLIEST, LATEST), solver=_without_faint)
         return _read(robot, search, search.settled(replace(all_late, soft=soft)))
 
-    all_late, names = State.of(robot.n_joints, late=True), compliance_names(robot)
-    p = found([[each.condensed() for each in axes] for _, axes in stacks], (), all_late.soft).p
-    items = [_with_gears(robot, s, axes, p, loaded) for s, axes in stacks]
-    judged = _judged(robot, found(items, names, ~all_late.soft), accelerated, period)
+    all_late = State.of(robot.n_joints, late=True)
+    late = shift_names(shifts)
+    p = found(condensed_blocks(robot, (axes for _, axes in stacks), late), all_late.soft).p
+    rows = (_with_gears(robot, s, axes, p, loaded) for s, axes in stacks)
+    blocks = condensed_blocks(robot, rows, late, compliance_names(robot))
+    judged = _judged(robot, found(blocks, ~all_late.soft), accelerated, period)
     # columns that nothing calls for make lags uncertain: gears that are not soft lose theirs
-    last_one = found(items, names, judged.soft)
+    last_one = found(blocks, judged.soft)
     return replace(
         judged, lag=last_one.lag, lag_error=last_one.lag_error,
         covariance=last_one.covariance, p=last_one.p,
@@ -206,8 +208,8 @@ def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> l
 
 def _with_gears(
     robot: Robot, s: Signals, axes: Sequence[Stacked], p: Array, loaded: Mask
-) -> list[Condensed]:
-    """The same condensed, with columns of load friction where it is, and K behind those of p."""
+) -> list[Stacked]:
+    """The same with columns of load friction where it is, and K behind those of p."""
     load = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
     friction = _of_load(s, load) if loaded.any() else load
     for _ in range(PASSES):
@@ -220,7 +222,7 @@ def _with_gears(
         K = gear_columns(robot, p, motion, [x[at] for x in twist])[:, axis]
         own = each.loaded(friction[at, axis]) if loaded[axis] else each
         X = np.insert(own.X, [each.n_base] * robot.n_joints, K, axis=1)
-        found.append(replace(each, X=X).condensed())
+        found.append(replace(own, X=X))
     return found
 
 

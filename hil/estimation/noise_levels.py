@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
+from hil.estimation.condensed import ROTOR
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.friction.equation import FEWEST, place
 from hil.least_squares.solving import inverse_root, solved
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array
-    from hil.estimation.condensed import Condensed
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementMeasurement
@@ -62,7 +62,9 @@ class _Piece(NamedTuple):
     """One axis in one measurement: as measured, and as it was to be expected."""
 
     kind: str
-    measured: Condensed
+    axis: int
+    N: Array
+    v: Array
     foreseen: Share
 
 
@@ -91,7 +93,7 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
         found.append(_likeliest(sums, float(level), float(expected.walk[axis])))
     a, b = np.array(found).T
     noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
-    measured = (replace(each.foreseen, information=each.measured.information) for each in pieces)
+    measured = (replace(each.foreseen, information=each.N) for each in pieces)
     return Levels(noise, added_up(robot, measured, noise))
 
 
@@ -102,11 +104,14 @@ def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
 
 
 def _pieces(robot: Robot, used: Prepared, joint: SimultaneousFit) -> Iterator[_Piece]:
-    for (measurement, s), items in zip(used, joint.items, strict=True):
-        foreseen = {share.axis: share for share in shares(robot, measurement, s.period)}
-        for item in items:
-            if item.axis in foreseen:
-                yield _Piece(measurement.kind, item, foreseen[item.axis])
+    recorded = joint.recorded.without(ROTOR)
+    for (measurement, s), products, counts in zip(
+        used, recorded.products, recorded.counts, strict=True
+    ):
+        for share in shares(robot, measurement, s.period):
+            if counts[share.axis] > 0:
+                own = products[share.axis]
+                yield _Piece(measurement.kind, share.axis, own[1:, 1:], own[1:, 0], share)
 
 
 def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) -> list[list[_Sums]]:
@@ -116,17 +121,16 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) ->
     metric = inverse_root(inverse[:n_base, :n_base]).T
     squares: dict[tuple[int, str], list[Array]] = defaultdict(list)
     for piece in pieces:
-        item, at = piece.measured, place(robot, piece.measured.axis)
-        weight = joint.weight[item.axis]
+        at, weight = place(robot, piece.axis), joint.weight[piece.axis]
         effect = weight * metric @ inverse[:n_base, at]
-        score = effect @ (item.vector - item.information @ x[at])
-        own = effect @ item.information
+        score = effect @ (piece.v - piece.N @ x[at])
+        own = effect @ piece.N
         # the solution has bent towards this measurement by its share of the information
         bent = weight * np.sum(own @ inverse[np.ix_(at, at)] * own) / np.sum(own * effect)
         white = (1.0 - bent) * effect @ piece.foreseen.white @ effect.T
         wander = (1.0 - bent) * effect @ piece.foreseen.wander @ effect.T
         each = [score @ score, np.trace(white), np.trace(wander), np.sum(white**2)]
-        squares[item.axis, piece.kind].append(np.array(each))
+        squares[piece.axis, piece.kind].append(np.array(each))
     found: list[list[_Sums]] = [[] for _ in range(robot.n_joints)]
     for (axis, _), parts in squares.items():
         square, white_sum, wander_sum, spread = np.sum(parts, axis=0).tolist()

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.arrays import Array
-    from hil.estimation.condensed import Condensed
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.signals import Signals
+    from hil.least_squares.blocks import Blocks
     from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
@@ -65,15 +65,14 @@ class SimultaneousFit:
                 "0 usable measurements of gravity, inertia or coupling, and no usable period of a"
                 " trajectory; measure some (see: hil plan)"
             )
-        plain = [[each.condensed() for each in axes] for _, axes in self.stacked]
         none = np.zeros(robot.n_joints, dtype=bool)
-        self._take(plain, none)
+        self._take(none)
         p = self.without_load_friction = self.solve()
         """Base parameters where friction of the load is ignored, shape (n_base,)."""
         self.stacked = [
             (s, [each.loaded(each.load(p)) for each in axes]) for s, axes in self.stacked
         ]
-        self._take([[each.condensed() for each in axes] for _, axes in self.stacked], ~none)
+        self._take(~none)
         self.load_friction = self._load_friction()
         """Mu of every axis with its standard error, were all of them kept."""
         mu, error = self.load_friction
@@ -85,10 +84,9 @@ class SimultaneousFit:
             fewer[kept[np.argmin((mu / error)[kept])]] = False
             self._keep(fewer)
 
-    def _take(self, items: Sequence[Sequence[Condensed]], loaded: NDArray[np.bool_]) -> None:
-        """Weigh the blocks of condensed measurements, friction of the load on some axes."""
-        self._items = items
-        self.blocks = condensed_blocks(self._robot, items)
+    def _take(self, loaded: NDArray[np.bool_]) -> None:
+        """Condense all measurements and weigh them, friction of the load on some axes."""
+        self.blocks = condensed_blocks(self._robot, [axes for _, axes in self.stacked])
         """Their inner products, that with the motor's part among the shared columns."""
         self._keep(loaded)
 
@@ -102,12 +100,12 @@ class SimultaneousFit:
         """What is solved; its unknowns are base parameters and, axis by axis, the common terms."""
 
     @property
-    def items(self) -> list[list[Condensed]]:
-        """The condensed measurements, friction of the load on axes that keep it alone."""
-        return [
-            [each if self.loaded[each.axis] else each.without_load() for each in axes]
-            for axes in self._items
-        ]
+    def recorded(self) -> Blocks:
+        """The blocks with columns of friction of the load on axes that keep it alone."""
+        products, load = self.blocks.products.copy(), self.blocks.place(*COMMON[LOAD:])
+        for axis in np.flatnonzero(~self.loaded):
+            products[:, axis, load], products[:, axis, :, load] = 0.0, 0.0
+        return replace(self.blocks, products=products)
 
     @property
     def n_measurements(self) -> int:

@@ -372,7 +372,7 @@ class _Runs:
         if measured := _measured(self.bare.runs):
             prepared = prepared_for(self.robot, self.bare.estimate, pooled(measured))
             strokes = SimultaneousFit(robot, prepared)
-            bare.insert(0, of_strokes(robot, strokes.items, strokes.loaded))
+            bare.insert(0, of_strokes(strokes.recorded, strokes.loaded))
         of = self._strokes(robot, strokes) if _measured(self.loaded) else None
         with_load = (lambda change: [of(change), *loaded]) if of else (lambda _: loaded)
         return partial(fit_load, robot, bare, with_load, covariance=self.bare.options.covariance)
@@ -384,11 +384,11 @@ class _Runs:
         applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
         if bare is None:
             fit = SimultaneousFit(robot, applied)
-            alone = of_strokes(robot, fit.items, fit.loaded)
+            alone = of_strokes(fit.recorded, fit.loaded)
             return lambda _: alone
         p = bare.solve()
         return lambda change: of_strokes(
-            robot, condensed_like(robot, bare, applied, p + change), bare.loaded
+            condensed_like(robot, bare, applied, p + change), bare.loaded
         )
 
     def _gather(self, robot: Robot) -> list[Gathered | None]:

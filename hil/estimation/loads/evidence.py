@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array, Mask
-    from hil.estimation.condensed import Condensed, Stacked
+    from hil.estimation.condensed import Stacked
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.signals import Signals
     from hil.estimation.simultaneous import SimultaneousFit
@@ -68,9 +68,8 @@ class Evidence:
     scale_open: bool = False
 
 
-def of_strokes(robot: Robot, items: Sequence[Sequence[Condensed]], loaded: Mask) -> Evidence:
+def of_strokes(blocks: Blocks, loaded: Mask) -> Evidence:
     """Evidence of condensed measurements, friction of the load on axes that are `loaded` alone."""
-    blocks, common, n = condensed_blocks(robot, items), COMMON, robot.n_joints
     torque, rotor = np.eye(1, blocks.products.shape[-1]), blocks.place(ROTOR)
     motors = np.zeros_like(torque)
     # condensed is the torque less that of the rotors
@@ -78,15 +77,13 @@ def of_strokes(robot: Robot, items: Sequence[Sequence[Condensed]], loaded: Mask)
     return Evidence(
         kind="strokes",
         blocks=blocks.recast(torque, {ROTOR: motors}, (ROTOR,)),
-        apart=frozenset(common[k] for k in ASYMMETRIC),
-        terms=tuple(frozenset(common if each else common[:LOAD]) for each in loaded),
-        gains=np.ones(n),
+        apart=frozenset(COMMON[k] for k in ASYMMETRIC),
+        terms=tuple(frozenset(COMMON if each else COMMON[:LOAD]) for each in loaded),
+        gains=np.ones(blocks.n_channels),
     )
 
 
-def condensed_like(
-    robot: Robot, fit: SimultaneousFit, prepared: Prepared, p: Array
-) -> list[list[Condensed]]:
+def condensed_like(robot: Robot, fit: SimultaneousFit, prepared: Prepared, p: Array) -> Blocks:
     """Condense measurements, friction of the transmitted torque where a fit of others has it.
 
     Parameters
@@ -95,11 +92,11 @@ def condensed_like(
         By which torque is transmitted.
     """
 
-    def of_axis(each: Stacked) -> Condensed:
-        return (each.loaded(each.load(p)) if fit.loaded[each.axis] else each).condensed()
+    def of_axis(each: Stacked) -> Stacked:
+        return each.loaded(each.load(p)) if fit.loaded[each.axis] else each
 
     stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
-    return [[of_axis(each) for each in axes] for axes in stacks]
+    return condensed_blocks(robot, [[of_axis(each) for each in axes] for axes in stacks])
 
 
 def of_free_motions(robot: Robot, runs: Sequence[Gathered]) -> list[Evidence]:

@@ -70,11 +70,11 @@ def test_a_load_has_its_share_of_each_base_parameter(robot):
 
 def found_between(robot, runs, mass=None, **gains):
     fit = SimultaneousFit(robot, prepared(runs[0]))
-    bare, p = of_strokes(robot, fit.items, fit.loaded), fit.solve()
+    bare, p = of_strokes(fit.recorded, fit.loaded), fit.solve()
 
     def with_load(change):
         items = condensed_like(robot, fit, prepared(runs[1]), p + change)
-        return [of_strokes(robot, items, fit.loaded)]
+        return [of_strokes(items, fit.loaded)]
 
     return fit_load(robot, [bare], with_load, mass, **gains)
 

@@ -91,7 +91,7 @@ def strokes(robot, p, seed: int):
     fit = SimultaneousFit(robot, [
         (m, signals(record(robot, m, p, friction, noise=0.002, rng=rng))) for m in plan.measurements
     ])  # fmt: skip
-    return of_strokes(robot, fit.items, fit.loaded)
+    return of_strokes(fit.recorded, fit.loaded)
 
 
 @pytest.mark.parametrize("imported", ["loaded", "bare"])
