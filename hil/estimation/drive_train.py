@@ -45,7 +45,7 @@ from hil.model.motors import motor_inertia, motor_torque
 from hil.planning.measurement import shows_element
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Indices, Mask
     from hil.estimation.condensed import Stacked
@@ -174,7 +174,7 @@ def find_drive_train(robot: Robot, prepared: Prepared, loaded: Mask | None = Non
     all_late = State.of(robot.n_joints, late=True)
     late = shift_names(shifts)
     p = found(condensed_blocks(robot, (axes for _, axes in stacks), late), all_late.soft).p
-    rows = (_with_gears(robot, s, axes, p, loaded) for s, axes in stacks)
+    rows = _with_gears(robot, stacks, p, loaded)
     blocks = condensed_blocks(robot, rows, late, compliance_names(robot))
     judged = _judged(robot, found(blocks, ~all_late.soft), accelerated, period)
     # columns that nothing calls for make lags uncertain: gears that are not soft lose theirs
@@ -207,23 +207,38 @@ def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> l
 
 
 def _with_gears(
-    robot: Robot, s: Signals, axes: Sequence[Stacked], p: Array, loaded: Mask
-) -> list[Stacked]:
+    robot: Robot, stacks: Sequence[tuple[Signals, Sequence[Stacked]]], p: Array, loaded: Mask
+) -> Iterator[list[Stacked]]:
     """The same with columns of load friction where it is, and K behind those of p."""
+    transmitted = [_transmitted(robot, s, p, loaded) for s, _ in stacks]
+    rows = [
+        np.stack([x[each.index] for x in (s.q, s.qd, s.qdd, *twist)])
+        for (s, axes), (twist, _) in zip(stacks, transmitted, strict=True)
+        for each in axes
+    ]
+    every = np.concatenate(rows, axis=1)
+    ends = np.cumsum([x.shape[1] for x in rows])[:-1]
+    # of all measurements at once: a call takes as long as a thousand samples do
+    K = iter(np.split(gear_columns(robot, p, [*every[:3]], [*every[3:]]), ends))
+    for (_, axes), (_, friction) in zip(stacks, transmitted, strict=True):
+        found = []
+        for each in axes:
+            own = each.loaded(friction[each.index, each.axis]) if loaded[each.axis] else each
+            gears = next(K)[:, each.axis]
+            X = np.insert(own.X, [each.n_base] * robot.n_joints, gears, axis=1)
+            found.append(replace(own, X=X))
+        yield found
+
+
+def _transmitted(
+    robot: Robot, s: Signals, p: Array, loaded: Mask
+) -> tuple[tuple[Array, Array, Array], Array]:
+    """Torque that gears transmit, smoothed, with two derivatives, and what friction knows of it."""
     load = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
     friction = _of_load(s, load) if loaded.any() else load
     for _ in range(PASSES):
         load = s.smoothed(load)
-    twist = (load, *derivatives(load, s.period))
-    found = []
-    for each in axes:
-        at, axis = each.index, each.axis
-        motion = [x[at] for x in (s.q, s.qd, s.qdd)]
-        K = gear_columns(robot, p, motion, [x[at] for x in twist])[:, axis]
-        own = each.loaded(friction[at, axis]) if loaded[axis] else each
-        X = np.insert(own.X, [each.n_base] * robot.n_joints, K, axis=1)
-        found.append(replace(own, X=X))
-    return found
+    return (load, *derivatives(load, s.period)), friction
 
 
 def _of_load(s: Signals, load: Array) -> Array:
