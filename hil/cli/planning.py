@@ -16,7 +16,7 @@ from hil.cli.arguments import (
     RobotsDrives,
     WorkspaceOption,
 )
-from hil.cli.outputs import NewPlan
+from hil.cli.outputs import NewPlan, show
 from hil.planning import LONGEST
 from hil.terminal.console import out, say, working
 
@@ -71,14 +71,24 @@ def dry_run_(
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
-        from hil.cli.robot_drives import noise_of
+        from hil.cli.robot_drives import expected_of
+        from hil.estimation.excluded.foreseen import foreseen
         from hil.friction.ripple import ripple_left_out
         from hil.planning.prediction.precision import predict
+        from hil.results.tables import excluded
 
-        with working("predicting the precision"):
-            noise = noise_of(the_robot, noise_from, drives_file)
-            found = predict(the_robot, the_plan.measurements, the_plan.sample_period, noise)
+        with working("predicting the precision") as now:
+            expected = expected_of(the_robot, noise_from, drives_file)
+            noise, measurements = expected.noise, the_plan.measurements
+            found = predict(the_robot, measurements, the_plan.sample_period, noise)
+            now("predicting what it will exclude")
+            proof = foreseen(the_plan, the_robot, noise, expected.p)
         plan_view.render_precision(found, the_robot, out)
+        if proof is not None:
+            show(
+                excluded.foreseen(proof, the_robot.n_joints, expected.source),
+                *excluded.sentences(proof),
+            )
         if ripple := ripple_left_out(the_robot):
             say(ripple, style="yellow")
 
@@ -182,12 +192,12 @@ def plan(
                 now("choosing measurements")
                 designed = design(the_robot, counts, warm_up, guard)
             else:
-                from hil.cli.robot_drives import noise_of
+                from hil.cli.robot_drives import expected_of
                 from hil.planning.design.by_minutes import design_within
 
                 now(f"choosing the most informative measurements of {minutes:g} minutes")
                 designed = design_within(
-                    the_robot, minutes, noise_of(the_robot, noise_from), warm_up, guard,
+                    the_robot, minutes, expected_of(the_robot, noise_from).noise, warm_up, guard,
                     with_trajectories=with_trajectories,
                 )  # fmt: skip
         except ValueError as error:
@@ -204,7 +214,7 @@ def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
         from hil.planning.design.by_minutes import refine
         from hil.planning.prediction.precision import information, precision
 
-        folders, (noise, known) = experience_of(runs)
+        folders, (noise, known, _) = experience_of(runs)
         first, robot = folders[0], folders[0].robot
         taken = {measurement.id for folder in folders for measurement in folder.motions}
         now(f"choosing the most informative measurements of {minutes:g} minutes")

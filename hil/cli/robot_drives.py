@@ -8,7 +8,7 @@ say what a cycle of a plan puts on the bus, and in which steps torques and posit
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from drivers.axis import AxisScale
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time, time_on_bus
 from drivers.canopen.pdo_mapping import transmitted
 from drivers.drives_file import load_drives
+from hil.estimation.consistent.likely_bodies import sized_bodies
 from hil.measuring.feeding import DELAY
 from hil.model.robot import ROBOTS
 from hil.planning import BITRATE
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from drivers.drives_file import AxisDrive, DrivesFile
+    from hil.arrays import Array
     from hil.estimation.noise_levels import Levels
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
@@ -216,8 +218,16 @@ def following_of(drives: DrivesFile | None, period: float | None = None) -> Foll
     return Following(*np.array(columns).T)
 
 
-def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Noise:
-    """Noise that an earlier run shows, or else what robot file and drives file let expect.
+class Expected(NamedTuple):
+    """Noise and base parameters, shape (n_base,), that predictions go by; whence the latter are."""
+
+    noise: Noise
+    p: Array
+    source: str
+
+
+def expected_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Expected:
+    """What an earlier run shows, or else what robot file and drives file let expect.
 
     Raises
     ------
@@ -225,14 +235,15 @@ def noise_of(robot: Robot, run: Path | None, drives_file: Path | None = None) ->
         The run is of another robot.
     """
     if run is None:
-        return stated_noise(robot, *_resolutions(robot, drives_file))
+        noise = stated_noise(robot, *_resolutions(robot, drives_file))
+        return Expected(noise, sized_bodies(robot), "of rods as heavy as the drives can move")
     folders, levels = experience_of([run])
     if folders[0].robot.digest != robot.digest:
         raise FileError(
             f"{run}: was measured with another robot file of {folders[0].robot.name} than this plan"
             f" is for; leave --noise-from out, or name a run of {robot.name} as it is now"
         )
-    return levels.noise
+    return Expected(levels.noise, levels.p, "as an earlier run showed them")
 
 
 def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:

@@ -52,10 +52,11 @@ WANDER_SPREAD = 2.0
 
 
 class Levels(NamedTuple):
-    """Noise as a campaign shows it, and the campaign's information under it."""
+    """Noise as a campaign shows it, its information under it, and base parameters (n_base,)."""
 
     noise: Noise
     known: Information
+    p: Array
 
 
 class _Piece(NamedTuple):
@@ -94,7 +95,7 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     a, b = np.array(found).T
     noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
     measured = (replace(each.foreseen, information=each.N) for each in pieces)
-    return Levels(noise, added_up(robot, measured, noise))
+    return Levels(noise, added_up(robot, measured, noise), joint.solve())
 
 
 def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:

@@ -98,7 +98,7 @@ class BareRun:
         found = self.estimate
         with named(run):
             prepared = prepared_for(robot, found, recorded(run))
-            noise, information = noise_levels(
+            noise, information, _ = noise_levels(
                 robot, [(m, s) for m, s in prepared if shows_element(m)]
             )
         weight = weighed(information.matrix, information.scatter)

@@ -14,9 +14,12 @@ import yaml
 
 import hil
 from hil.cli import main
+from hil.estimation.consistent.likely_bodies import sized_bodies
+from hil.estimation.excluded.foreseen import foreseen
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import find_plant, true_parameters
+from hil.planning.prediction.noise import stated_noise
 from hil.runs.pooling import recorded
 
 COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
@@ -81,6 +84,23 @@ def test_the_printed_method_finds_them_to_a_few_percent(folder, robot, truth):
     assert found.group_error["gravity"] < 1e-2
     assert found.group_error["diagonal"] < 5e-2
     assert found.mean_torque_error < 5e-2
+
+
+def sizes(excluded):
+    return {(each.cause, each.axis, each.part): each.size for each in excluded.limits}
+
+
+def test_what_the_dry_run_says_will_be_excluded_is_what_identify_finds_excluded(folder, robot):
+    run = hil.Run.open(folder)
+    before = sizes(foreseen(run.planned, robot, stated_noise(robot), sized_bodies(robot)))
+    after = sizes(hil.identify(run).excluded)
+    both = [cause for cause in after if before[cause] and after[cause]]
+    assert len(both) > 40
+    times = [np.exp(abs(np.log(before[cause] / after[cause]))) for cause in both]
+    assert np.median(times) < 1.5
+    torque = {("torque constant", axis, "") for axis in (2, 3)}, ("rotor inertia", 1, "")
+    assert all(before[each] < 1.0 for each in torque[0])
+    assert before[torque[1]] is after[torque[1]] is None
 
 
 def test_model_report_and_comparison_can_be_made_again_and_again(folder, capsys):

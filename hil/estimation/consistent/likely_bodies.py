@@ -13,7 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
 from hil.model.frames import body_parameters
+from hil.planning.prediction.precision import whole_range
 
 if TYPE_CHECKING:
     from hil.arrays import Array
@@ -32,6 +35,20 @@ def likely_bodies(robot: Robot) -> Array:
     """Standard parameters of the links' likely bodies, shape (n_joints, 10)."""
     shapes = (ends_and_radius(robot, link) for link in range(robot.n_joints))
     return np.array([_rod(*shape) for shape in shapes])
+
+
+def sized_bodies(robot: Robot) -> Array:
+    """Base parameters of likely bodies as heavy as the drives can move, shape (n_base,).
+
+    On motions through the whole of ranges, speeds and accelerations the axis that is loaded most
+    needs its whole torque limit just once.
+    """
+    base = base_parameters(robot)
+    present = [name in robot.present for name in robot.standard_parameters]
+    p = base.matrix @ (likely_bodies(robot).ravel() * present)
+    most = np.abs(inverse_dynamics(robot, p, *whole_range(robot))).max(axis=0)
+    sized: Array = p / (most / robot.torque_limit).max()
+    return sized
 
 
 def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:

@@ -181,15 +181,19 @@ def torque_scale(robot: Robot) -> Array:
     Root mean square over instants spread over ranges, speeds and accelerations of all joints, up
     to their limits; shape (n_base,).
     """
+    A = regressor(robot, *whole_range(robot))
+    scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
+    return scale
+
+
+def whole_range(robot: Robot) -> tuple[Array, Array, Array]:
+    """Instants spread over ranges, speeds and accelerations of all joints: q, qd and qdd."""
     n = robot.n_joints
     # relative error of a mean over 512 instants: some 1/512 by a low-discrepancy sequence
     points = 2 * halton(512, 3 * n) - 1
     middle, half = (robot.q_min + robot.q_max) / 2, (robot.q_max - robot.q_min) / 2
-    A = regressor(
-        robot,
+    return (
         middle + half * points[:, :n],
         robot.velocity_limit * points[:, n : 2 * n],
         robot.acceleration_limit * points[:, 2 * n :],
     )
-    scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)
-    return scale

@@ -17,20 +17,31 @@ NEVER = "-"
 """In place of a size, where none would show."""
 
 
-def excluded(proof: Excluded, n_joints: int) -> Table:
-    """Of each cause the smallest size that these recordings would show, axis by axis."""
+KEY = f"{NEVER} never shows; in brackets: larger than is usual"
+
+
+def excluded(
+    proof: Excluded, n_joints: int, title: str = "What these recordings exclude", note: str = KEY
+) -> Table:
+    """Of each cause the smallest size that recordings would show, axis by axis."""
     axes = [Column(f"axis {axis}", "right") for axis in range(1, n_joints + 1)]
     return Table(
-        title="What these recordings exclude",
+        title=title,
         columns=(Column("cause beyond"), Column("unit"), *axes, Column("worth, %", "right")),
         parts=(Part(tuple(_rows(proof.limits, n_joints))),),
         explanation=(
             f"Sizes that would be found with a probability of 80 %, in {proof.tests} tests that"
             " find anything with 5 % where nothing is wrong, and the torque that such a size makes"
-            f" at most. {NEVER}: never shows. In brackets: shows in sizes alone that are larger"
-            " than is usual."
+            " at most."
         ),
+        notes=(note,),
     )
+
+
+def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
+    """The same of what a plan will record; `source`: whence its base parameters are expected."""
+    note = f"found with a probability of 80 %; {KEY}; noise as above, parameters {source}"
+    return excluded(proof, n_joints, "What this plan will exclude", note)
 
 
 def _rows(limits: Sequence[Limit], n_joints: int) -> Iterator[Row]:

@@ -1,0 +1,99 @@
+"""What a plan will exclude, before anything moves: its motion with expected torques and noise.
+
+The tests of causes need rows, and how much these scatter. Both come from recordings as they are to
+be expected: axes that follow their profiles exactly, positions in the encoders' increments, the
+torque of expected base parameters, and on top of it the noise that every prediction of this plan
+goes by (`hil.planning.prediction.noise`): white noise, and a level of friction that wanders. They
+pass through the same estimator and the same battery as what is measured later, so that a size that
+is stated beforehand and one that is stated afterwards mean the same. What friction is by itself
+makes no difference: any law of speed is projected out of each measurement.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotIdentifiable
+from hil.estimation.excluded.battery import Battery
+from hil.estimation.excluded.causes import FITTED
+from hil.estimation.excluded.columns import columns
+from hil.estimation.excluded.evidence import measured
+from hil.estimation.excluded.limits import limits
+from hil.estimation.excluded.result import Excluded
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
+from hil.planning.measurement import shows_parameters
+from hil.planning.prediction.information import forecast
+from hil.planning.timetable import timetable
+from hil.runs.recording import IDLE, Recording
+
+if TYPE_CHECKING:
+    from hil.arrays import Array
+    from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.plan import Plan
+    from hil.planning.prediction.noise import Noise
+
+
+def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) -> Excluded | None:
+    """What a plan will exclude; None where it identifies nothing.
+
+    Parameters
+    ----------
+    noise : Noise
+        That torques are expected to have.
+    p : ndarray, shape (n_base,)
+        Base parameters as they are expected.
+    seed : int
+        Of the noise.
+    """
+    rng, time, prepared = np.random.default_rng(seed), 0.0, []
+    for entry in timetable(plan, robot, plan.measurements):
+        time += entry.travel
+        if shows_parameters(entry.measurement):
+            made = _recorded(robot, entry.measurement, plan.sample_period, noise, p, rng, time)
+            prepared.append((entry.measurement, signals(made)))
+        time += entry.duration
+    try:
+        solver = SimultaneousFit(robot, prepared)
+    except NotIdentifiable:
+        return None
+    solver.loaded = np.zeros(robot.n_joints, dtype=bool)  # recordings alone show friction of loads
+    evidence = measured(robot, solver, prepared)
+    every = columns(robot, p, evidence)
+    fitted = [k for k, name in enumerate(every.names) if name.cause in FITTED]
+    battery = Battery(evidence, every, fitted)
+    tests = sum(bool(battery.visible[at].any()) for at in every.tests.values())
+    return Excluded(found=(), limits=limits(robot, battery, every, tests), tests=tests)
+
+
+def _recorded(
+    robot: Robot,
+    measurement: ParameterMeasurement,
+    period: float,
+    noise: Noise,
+    p: Array,
+    rng: np.random.Generator,
+    begin: float,
+) -> Recording:
+    """One measurement as it is expected to be recorded."""
+    planned = forecast(measurement, period)
+    q, qd, qdd = planned.q, planned.qd, planned.qdd
+    group = None
+    if measurement.streamed:
+        n = len(q)
+        q, qd, qdd = (np.tile(x, (measurement.cycles, 1)) for x in (q, qd, qdd))
+        group = np.repeat(np.arange(measurement.cycles, dtype=np.int16), n)
+    walk = np.sqrt(noise.walk * period) * np.cumsum(rng.standard_normal(q.shape), axis=0)
+    tau = inverse_dynamics(robot, p, q, qd, qdd) + motor_torque(robot, q, qd, qdd)
+    tau = tau + np.sign(qd) * walk + noise.torque * rng.standard_normal(q.shape)
+    if noise.rounding is not None:
+        step = np.maximum(np.sqrt(12.0) * noise.rounding, np.finfo(float).eps)
+        q = step * np.rint(q / step)
+    idle = np.full(len(q), IDLE, np.int16)
+    time: Array = begin + period * np.arange(len(q), dtype=np.float64)
+    return Recording(time, q, tau, np.zeros(q.shape, np.uint8), idle, idle, group=group)

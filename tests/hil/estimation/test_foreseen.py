@@ -1,0 +1,61 @@
+"""What a plan will exclude is stated before anything moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.estimation.consistent.likely_bodies import sized_bodies
+from hil.estimation.excluded.foreseen import foreseen
+from hil.model.dynamics import inverse_dynamics
+from hil.planning.design.by_counts import design
+from hil.planning.measurement import Friction
+from hil.planning.prediction.noise import stated_noise
+from hil.planning.prediction.precision import whole_range
+
+
+@pytest.fixture(scope="module")
+def plan(manutec):
+    return design(manutec, {"gravity": 16, "inertia": 20, "coupling": 4})
+
+
+@pytest.fixture(scope="module")
+def sizes(plan, manutec):
+    return sizes_of(plan, manutec, stated_noise(manutec))
+
+
+def sizes_of(plan, robot, noise, seed=0):
+    proof = foreseen(plan, robot, noise, sized_bodies(robot), seed)
+    return {(each.cause, each.axis, each.part): each.size for each in proof.limits}
+
+
+def test_sizes_do_not_depend_on_the_noise_that_was_drawn(plan, manutec, sizes):
+    again = sizes_of(plan, manutec, stated_noise(manutec), seed=7)
+    both = [again[each] / size for each, size in sizes.items() if size and again[each]]
+    assert np.median(np.exp(np.abs(np.log(both)))) < 1.2
+
+
+def test_twice_the_noise_hides_twice_as_large_a_cause(plan, manutec, sizes):
+    stated = stated_noise(manutec)
+    loud = replace(stated, torque=2 * stated.torque, wander=2 * stated.wander)
+    twice = sizes_of(plan, manutec, loud)
+    both = [twice[each] / size for each, size in sizes.items() if size and twice[each]]
+    assert np.median(both) == pytest.approx(2.0, rel=0.05)
+
+
+def test_what_no_motion_shows_is_never_found(sizes):
+    assert sizes["rotor inertia", 1, ""] is None  # of one piece with Izz1
+    assert sizes["zero", 1, ""] is None  # gravity points along the axis
+
+
+def test_a_plan_without_parameters_excludes_nothing(plan, manutec):
+    sweep = Friction(
+        id="f", axis=1, q=(0.0,) * 6, stroke=1.0, velocity=1.0, acceleration=8.0, cycles=2
+    )
+    only = plan.model_copy(update={"measurements": (sweep,)})
+    assert foreseen(only, manutec, stated_noise(manutec), sized_bodies(manutec)) is None
+
+
+def test_bodies_are_expected_as_heavy_as_the_drives_can_move(manutec):
+    torque = np.abs(inverse_dynamics(manutec, sized_bodies(manutec), *whole_range(manutec)))
+    assert (torque / manutec.torque_limit).max() == pytest.approx(1.0)
