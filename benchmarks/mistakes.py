@@ -133,7 +133,9 @@ def say(run: Run, recorded: Sequence[Recorded]) -> Said:
     proof = proved(run.robot, recorded, found.p, found.drive_train)
     model, mistake = model_of(run, found, proof=proof), first(proof)
     assert model.outcome is not None
-    stated = uncertainty(model, 0.0 if found.usual_covariance is None else found.usual_covariance)
+    stated = uncertainty(model)
+    if found.usual_effect is not None:
+        stated = uncertainty(model, found.usual_effect @ found.usual_effect.T)
     true = comparison(found, run.robot, true_parameters(run.robot, ROBOT)).torque_error
     return Said(model.outcome.word, model.outcome.reason, mistake, float(np.nanmax(true / stated)))
 

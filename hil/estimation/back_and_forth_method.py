@@ -104,7 +104,7 @@ def fit_back_and_forth(
         ),
         half_sums=tuple(half_sums(each, solution) for each in recordings),
         combination=excited.combination,
-        usual_covariance=usual @ usual.T,
+        usual_effect=usual,
     )
 
 

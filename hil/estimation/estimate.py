@@ -86,9 +86,9 @@ class Estimate:
         Friction over the whole campaign, where the improved method found it.
     torque_effect : ndarray, shape (n_base, n_joints), optional
         Change of p per relative change of each axis's torque; None where the method states none.
-    usual_covariance : ndarray, shape (n_base, n_base), optional
-        What usual tolerances of torque constants and rotor inertias add where the robot file states
-        no uncertainty (`Robot.usual_uncertainty`); None where the method does not know.
+    usual_effect : ndarray, shape (n_base, 2 n_joints), optional
+        Change of p by usual tolerances of torque constants, then rotor inertias, where the robot
+        file states no uncertainty (`Robot.usual_uncertainty`); None where the method does not know.
     joint : Joint, optional
         Regression of all samples behind the improved method, for what else is asked of them.
     """
@@ -114,7 +114,7 @@ class Estimate:
     combination: Array | None = None
     friction_law: FrictionLaw | None = None
     torque_effect: Array | None = None
-    usual_covariance: Array | None = None
+    usual_effect: Array | None = None
     gains: tuple[GainValue, ...] = ()
     joint: Joint | None = None
 

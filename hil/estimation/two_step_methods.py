@@ -228,7 +228,7 @@ def estimate_of(
         left_out=left_out,
         n_measurements=solver.n_measurements,
         torque_effect=effect[:, : robot.n_joints],
-        usual_covariance=usual @ usual.T,
+        usual_effect=usual,
     )
 
 

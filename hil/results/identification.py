@@ -143,7 +143,7 @@ def model_of(
         torque_effect=found.torque_effect,
         excluded=proof,
     )
-    return replace(model, outcome=outcome(model, found.usual_covariance))
+    return replace(model, outcome=outcome(model, found.usual_effect))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -13,7 +13,6 @@ import numpy as np
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import FEW_BLOCKS, POOR
-from hil.model.drive_train_file import USUAL_BOUND
 from hil.results.judgement import (
     FEWEST,
     HALF,
@@ -30,25 +29,25 @@ from hil.results.judgement import (
 from hil.results.prediction import free_torques, uncertainty
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array
-    from hil.estimation.excluded.result import Found
+    from hil.estimation.excluded.result import Found, Limit
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.model.robot import Robot
     from hil.results.judgement import Rule
     from hil.results.model import Model
 
 
-def outcome(model: Model, usual_covariance: Array | None = None) -> Judgement:
+def outcome(model: Model, usual_effect: Array | None = None) -> Judgement:
     """Judge a model by itself: the worst of what speaks against it, causes that were found first.
 
     Parameters
     ----------
-    usual_covariance : ndarray, shape (n_base, n_base), optional
-        As of an `Estimate`: what usual tolerances of drives add to the model's covariance.
+    usual_effect : ndarray, shape (n_base, 2 n_joints), optional
+        As of an `Estimate`: change of the parameters by usual tolerances of drives.
     """
-    return Judgement.of(reservations(RULES, model), lambda: _good(model, usual_covariance))
+    return Judgement.of(reservations(RULES, model), lambda: _good(model, usual_effect))
 
 
 def _found(model: Model) -> Iterator[Reservation]:
@@ -202,22 +201,71 @@ OF_DATA: tuple[Rule[Model], ...] = (
 RULES: tuple[Rule[Model], ...] = (_found, _free_motions, _unexcited, *OF_DATA, _causes)
 
 
-def _good(model: Model, usual_covariance: Array | None) -> Reservation:
-    """State the precision: as recordings show it, and as far as stated constants are known."""
-    condition, relative = _condition(model.robot), uncertainty(model)
+TOLERANCES = ("torque constant", "rotor inertia")
+"""Causes whose effect on the parameters an estimate states, in the order of `usual_effect`."""
+
+
+def _good(model: Model, usual_effect: Array | None) -> Reservation:
+    """State how well torques are known, and how well if what is invisible is as usual."""
+    relative = uncertainty(model)
     if relative is None:
-        return good(f"nothing speaks against the parameters{condition}")
+        return good(f"nothing speaks against the parameters{_scale(model.robot)}")
     reason = (
         "torques of the rigid bodies on a free motion are known within"
-        f" {_within(relative)}{condition} (one standard error)"
+        f" {_within(relative)}{_scale(model.robot)} (one standard error)"
     )
-    whole = None if usual_covariance is None else uncertainty(model, usual_covariance)
-    if whole is None or not model.robot.usual_uncertainty.any():
+    hidden = _hidden(model, relative)
+    if not hidden:
         return good(reason)
-    return good(
-        f"{reason}, within {_within(whole)} with usual tolerances of ±{USUAL_BOUND:.0%}",
-        "state the uncertainty of these in the robot file, where it is known better",
+    usual = dict.fromkeys((each.cause, f"within {each.usual:g} {each.unit}") for each in hidden)
+    conditions = ", ".join(
+        f"{cause} ({_listed([each.axis for each in hidden if each.cause == cause])}) {size}"
+        for cause, size in usual
     )
+    return good(
+        f"{reason} if what does not show is as stated, within"
+        f" {_within(_with_hidden(model, relative, hidden, usual_effect))} if it is right so far:"
+        f" {conditions}",
+        "state the uncertainty of torque constants and rotor inertias in the robot file, where it"
+        " is known better",
+    )
+
+
+def _hidden(model: Model, relative: Array) -> tuple[Limit, ...]:
+    """Causes that do not show, and in their usual size make more torque than is stated.
+
+    What a robot file states an uncertainty of is none of them: the standard error holds that. Nor
+    is what the parameters span, unless it is what their torques are measured in.
+    """
+    alone = dict(zip(TOLERANCES, np.split(model.robot.usual_uncertainty > 0, 2), strict=True))
+    return tuple(
+        each
+        for each in (model.excluded.invisible if model.excluded else ())
+        if each.axis
+        and each.worth > relative.max()
+        and (alone[each.cause][each.axis - 1] if each.cause in alone else each.size is not None)
+    )
+
+
+def _with_hidden(
+    model: Model, relative: Array, hidden: Sequence[Limit], usual_effect: Array | None
+) -> Array:
+    """Standard error of torques with usual tolerances of what does not show, (n_joints,).
+
+    Those of torque constants and rotors count as far as they would not be found. A bound is the
+    square root of three standard deviations.
+    """
+    square = relative**2
+    carried: tuple[str, ...] = ()
+    if usual_effect is not None and model.excluded is not None:
+        carried, axes = TOLERANCES, range(1, model.robot.n_joints + 1)
+        unseen = [model.excluded.unseen(cause, axis) for cause in carried for axis in axes]
+        effect = usual_effect * np.array(unseen)
+        square = np.asarray(uncertainty(model, effect @ effect.T)) ** 2
+    for each in hidden:
+        if each.cause not in carried:
+            square[each.axis - 1] += each.worth**2 / 3.0
+    return np.asarray(np.sqrt(square))
 
 
 def _within(relative: Array) -> str:
@@ -225,12 +273,12 @@ def _within(relative: Array) -> str:
     return f"{100 * relative[worst]:.2g} % on every axis (worst: axis {worst + 1})"
 
 
-def _condition(robot: Robot) -> str:
-    """Under which condition recordings alone show how well torques are known, a clause."""
-    constants, rotors = np.split(robot.usual_uncertainty > 0, 2)
-    named = (("torque constants", constants), ("rotor inertias", rotors))
-    if exact := " and ".join(what for what, alone in named if alone.any()):
-        return f" if {exact} are exactly as stated"
+def _listed(axes: Sequence[int]) -> str:
+    return f"{'axis' if len(axes) == 1 else 'axes'} {_axes(axes)}"
+
+
+def _scale(robot: Robot) -> str:
+    """What torques are measured in, where no torque constant is stated without uncertainty."""
     if robot.torque_constant_uncertainty.any():
         return ", stated uncertainties of the drives included"
-    return " if recorded torques are to scale"
+    return "" if robot.usual_uncertainty.any() else " if recorded torques are to scale"

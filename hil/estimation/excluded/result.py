@@ -115,6 +115,11 @@ class Excluded(FileModel):
         """Causes that do not show in the size that is usual of them, and make torque."""
         return tuple(each for each in self.limits if not each.visible and each.worth > 0)
 
+    def unseen(self, cause: str, axis: int) -> float:
+        """Share of a cause's usual size that may go unnoticed at an axis, from 1; at most 1."""
+        own = (each for each in self.limits if (each.cause, each.axis) == (cause, axis))
+        return min((each.size / each.usual for each in own if each.size is not None), default=1.0)
+
 
 def located(axes: Sequence[int], words: str) -> str:
     """Words about axes, from 1."""

@@ -13,7 +13,7 @@ from small_run import write_run
 
 from checked_files.yaml_file import FileError
 from hil.errors import NotIdentifiable
-from hil.estimation.excluded.result import Excluded, Found
+from hil.estimation.excluded.result import Excluded, Found, Limit
 from hil.model.robot import Robot
 from hil.results import identification
 from hil.results.identification import identify
@@ -24,6 +24,10 @@ from hil.results.validation import judged, validate
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 STATED = {"torque_constant_uncertainty": 0.02, "rotor_inertia_uncertainty": 0.05}
 
@@ -86,19 +90,64 @@ def test_a_cause_comes_before_what_a_method_refuses(
         identify(run)
 
 
-def test_good_states_what_it_takes_as_exact_and_what_usual_tolerances_make_of_it(
-    model: Model,
-) -> None:
-    n = len(model.values)
-    found = outcome(model, usual_covariance=100.0 * model.covariance)
+def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Limit:
+    return Limit(cause=cause, axis=axis, part="", unit="%", size=size, torque=torque)
+
+
+def within(model: Model, *limits: Limit, usual_effect: Array | None = None) -> tuple[str, Array]:
+    """First reason of a good model that excludes this, and the figures in it."""
+    found = outcome(
+        replace(model, excluded=Excluded(found=(), limits=limits, tests=1)), usual_effect
+    )
     assert found.word == "good"
-    stated, usual = re.findall(r"within ([\d.]+) % on every axis", found.reason)
-    assert float(usual) == pytest.approx(np.sqrt(101) * float(stated), rel=0.1)
-    assert "if torque constants and rotor inertias are exactly as stated" in found.reason
-    assert "with usual tolerances of ±10%" in found.reason
-    assert "usual" not in outcome(model).reason  # of a method that does not know their effect
-    with_none = outcome(model, usual_covariance=np.zeros((n, n))).reason
-    assert with_none.count(f"within {stated} %") == 2
+    return found.reason, np.array(
+        re.findall(r"within ([\d.]+) % on every axis", found.reason), float
+    )
+
+
+def effects(model: Model) -> Array:
+    """Of torque constants, then rotor inertias: each the parameters' own errors, ten times."""
+    error = 10.0 * np.sqrt(np.diag(model.covariance))
+    return np.tile(error[:, np.newaxis], 2 * model.robot.n_joints)
+
+
+def test_the_first_sentence_states_what_must_be_right_since_it_does_not_show(model: Model) -> None:
+    reason, (stated, usual) = within(
+        model,
+        limit("torque constant", 4, None),
+        limit("torque constant", 6, 30.0),
+        limit("zero", 5, 2.0, torque=0.02),
+    )
+    assert usual > stated
+    assert reason.endswith(
+        "if it is right so far: torque constant (axes 4, 6) within 10 %, zero (axis 5) within 0.5 %"
+    )
+
+
+def test_what_shows_in_its_usual_size_is_no_condition(model: Model) -> None:
+    reason, stated = within(model, limit("torque constant", 4, 0.1), usual_effect=effects(model))
+    assert len(stated) == 1
+    assert "if" not in reason
+
+
+def test_a_tolerance_counts_as_far_as_it_would_not_be_found(model: Model) -> None:
+    hidden, seen = limit("rotor inertia", 1, None), [
+        limit(cause, axis, 0.01)
+        for cause in ("torque constant", "rotor inertia")
+        for axis in range(1, 7)
+        if (cause, axis) != ("rotor inertia", 1)
+    ]  # fmt: skip
+    _, (_, alone) = within(model, hidden, *seen, usual_effect=effects(model))
+    _, (_, every) = within(model, hidden, usual_effect=effects(model))
+    assert every / alone == pytest.approx(np.sqrt(12), rel=0.1)
+
+
+def test_what_parameters_span_and_what_makes_little_torque_is_no_condition(model: Model) -> None:
+    reason, stated = within(
+        model, limit("zero", 6, None, torque=0.1), limit("play", 2, 1.0, torque=1e-4)
+    )
+    assert len(stated) == 1
+    assert "if" not in reason
 
 
 def test_uncertainties_that_a_robot_file_states_take_the_place_of_usual_tolerances(
@@ -113,9 +162,9 @@ def test_uncertainties_that_a_robot_file_states_take_the_place_of_usual_toleranc
     robot = Robot(file, model.robot.source, model.robot.text)
     assert not robot.usual_uncertainty.any()
     assert model.robot.usual_uncertainty == pytest.approx(0.1 / np.sqrt(3))
-    found = outcome(replace(model, robot=robot), usual_covariance=0.0 * model.covariance)
-    assert found.reason.count("within") == 1
-    assert "stated uncertainties of the drives included" in found.reason
+    reason, _ = within(replace(model, robot=robot), limit("torque constant", 4, None))
+    assert reason.count("within") == 1
+    assert "stated uncertainties of the drives included" in reason
 
 
 def test_an_axis_that_is_not_excited_is_named(model: Model) -> None:
