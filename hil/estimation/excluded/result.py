@@ -87,6 +87,11 @@ class Limit(FileModel):
         return self.size is not None and (not self.usual or self.size <= self.usual)
 
     @property
+    def unnoticed(self) -> float:
+        """Share of the torque of the smallest size that is found; of a usual one if none is."""
+        return self.worth if self.size is None else self.torque * self.size
+
+    @property
     def worth(self) -> float:
         """Share of the torque that may go unnoticed: of the smallest size, or of a usual one."""
         sizes = [each for each in (self.size, self.usual) if each]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.sections import elements, friction, imported, kept, of_run, parameters
+from hil.report.sections import elements, excluded, friction, imported, kept, of_run, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +20,7 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     kept.validation,
     parameters.parameters,
     imported.identified,
+    excluded.excluded,
     of_run.advice,
     elements.measured_and_modelled,
     kept.load,

@@ -40,6 +40,7 @@ PLOTS = {
     "residuals",
     "correlation",
     "intervals",
+    "excluded",
 }
 """Of a campaign without friction measurements, load or diagnosis."""
 

@@ -1,0 +1,78 @@
+"""What the recordings prove of all that may be wrong: found, excluded, invisible."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, in_turn
+from hil.report.section import Plot, Section
+from hil.results.tables import excluded as tables
+
+if TYPE_CHECKING:
+    from hil.estimation.excluded.result import Excluded, Limit
+    from hil.report.charts.chart import Item
+    from hil.report.reported_run import IdentifiedRun
+
+LEAST = 1e-3
+"""Torque at which bars begin [%]: a tenth of what any campaign here has found to be the least."""
+
+
+def excluded(run: IdentifiedRun) -> Section | None:
+    """What was found, the smallest size of each cause that would have been, and its torque."""
+    proof, n_joints = run.model.excluded, run.robot.n_joints
+    if proof is None:
+        return None
+    plot = Plot(
+        "excluded",
+        partial(bars, proof, n_joints),
+        "Of each cause and axis the torque that it may make without being found.",
+        "How much torque each cause may make without being found, axis by axis, in % of the"
+        " recorded torque of the axis where that is most. Rings: what these recordings never show,"
+        " in the size that is usual of it.",
+    )
+    values = {
+        "excluded": tables.excluded(proof, n_joints),
+        "sentences": tuple(tables.sentences(proof)),
+    }
+    return Section("What is excluded", "excluded.html", values, (plot,))
+
+
+def bars(proof: Excluded, n_joints: int) -> Chart:
+    """Draw a bar for each cause and axis, up to the torque beyond which it would be found."""
+    drawn = [each for each in proof.limits if 100.0 * each.unnoticed > LEAST]
+    names = list(dict.fromkeys(map(_name, drawn)))
+    most = max([100.0, *(100.0 * each.unnoticed for each in drawn)])
+    return Chart(
+        (
+            Panel(
+                [
+                    _bar(each, len(names) - names.index(_name(each)), n_joints)
+                    for each in sorted(drawn, key=lambda each: each.axis)
+                ],
+                x_label="torque that may go unnoticed [%]",
+                x_range=(LEAST, most),
+                y_range=(0.4, len(names) + 0.6),
+                rows={float(len(names) - k): name for k, name in enumerate(names)},
+                decades=True,
+                width=760.0,
+                left=150.0,
+                height=max(30.0 * len(names), 120.0),
+            ),
+        )
+    )
+
+
+def _name(limit: Limit) -> str:
+    return f"{limit.cause} {limit.part}".strip()
+
+
+def _bar(limit: Limit, row: int, n_joints: int) -> Item:
+    """One bar of a row, that of axis 1 at its top, that of no axis in its middle."""
+    at = row + (0.35 - 0.7 * (limit.axis - 0.5) / n_joints if limit.axis else 0.0)
+    torque = 100.0 * limit.unnoticed
+    if limit.size is None:
+        return Points([torque], [at], "ring", MODEL, "never shows", size=2.4)
+    colour = in_turn(n_joints)[limit.axis - 1] if limit.axis else MODEL
+    label = f"axis {limit.axis}" if limit.axis else "no axis in particular"
+    return Line([LEAST, torque], [at, at], colour, label, width=3.0)
