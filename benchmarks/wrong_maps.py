@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 PERIOD, DURATION, NOISE = 0.004, 60.0, 1e-5
 """Of samples and of the recording [s]; of positions [rad]."""
-INVISIBLE = r"^good: .*\bif (recorded torques are to scale|.*exactly as stated)"
+INVISIBLE = r"^good: .*\bif (recorded torques are to scale|.*torque constant)"
 """What must be said where nothing in the recording can show the mistake."""
 REFUSED, NOT_GOOD = ("refused",), ("refused", "failed", "doubtful")
 
@@ -116,14 +116,15 @@ def spikes(size: float) -> Callable[[Array, np.random.Generator], Array]:
 POSITION, TORQUE = "position", "torque"
 CASES = (
     Wrong("none: the right map", ("good",), ""),
-    Wrong("position of axis 2 has the other sign", REFUSED, "joint 2", at(1, 0, lambda x, _: -x)),
-    Wrong("torque of axis 2 has the other sign", REFUSED, "joint 2.*sign",
+    Wrong("position of axis 2 has the other sign", REFUSED, "axis 2.*position",
+          at(1, 0, lambda x, _: -x)),
+    Wrong("torque of axis 2 has the other sign", REFUSED, "axis 2.*torque.*sign",
           joint=((1, TORQUE, {"sign": -1}),)),
     Wrong("axis 3 counts the other way round", NOT_GOOD, "(joint|axis) 3.*(other sign|other way)",
           joint=((2, POSITION, {"sign": -1}), (2, TORQUE, {"sign": -1}))),
-    Wrong("positions of axes 2 and 3 exchanged", REFUSED, "joints 2 and 3 are exchanged",
+    Wrong("positions of axes 2 and 3 exchanged", REFUSED, "2 and 3: each has the position",
           swap(1, 2, 0, 1)),
-    Wrong("torques of axes 2 and 3 exchanged", REFUSED, "joints 2 and 3 are exchanged",
+    Wrong("torques of axes 2 and 3 exchanged", REFUSED, "2 and 3: each has the torque",
           swap(1, 2, 2)),
     Wrong("axes 2 and 3 exchanged", NOT_GOOD, "2 and 3", swap(1, 2, 0, 1, 2)),
     Wrong("degrees as rad, axis 3", REFUSED, "deg", at(2, 0, lambda x, _: np.degrees(x))),

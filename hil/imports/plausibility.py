@@ -1,9 +1,9 @@
 """What contradicts itself in a recording, found before anything is estimated from it.
 
 Signs, the order of joints, degrees for radians and the motor's side for the joint's leave traces:
-in the derivative of the position against the recorded velocity, in ranges and limits, in friction,
-which never drives, and in how torques depend on the positions (`model_shape`). What is certain
-refuses the import, unless the map accepts it; the rest is stated.
+in the derivative of the position against the recorded velocity, in ranges and limits, and in what
+mechanics allows (`mechanics`). What is certain refuses the import, unless the map accepts it; the
+rest is stated.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Evidence, Suspicion
+from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import misread_torques, range_suspicions, small_motion
-from hil.imports.model_shape import shape_suspicions
-from hil.model.dynamics import regressor
 from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:
@@ -27,17 +26,11 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-POINTS = 400
-"""Instants at which friction is looked for, as far as there are so many."""
 FITS = 0.9
 """Correlation from which on two velocities count as of one joint."""
 _NOISE = 1.0 - FITS
 """Share of noise in the power of both velocities that takes their correlation below `FITS`."""
 _AGREES = 0.1
-_FRICTION_T = 6.0
-_NOTABLE = 0.02
-_RANK = 1e-8
-"""Relative singular value of squared columns that is rounding: the root of that of doubles."""
 
 
 def suspicions(
@@ -55,19 +48,18 @@ def suspicions(
     alone : int, optional
         The joint, from 0, that is stated to move while all others stand still.
     unknown_gains : sequence of int
-        Joints, from 0, of whose torques the size says nothing: then limits of torque and the shape
-        of the model, which compares the torques of joints, are no checks.
+        Joints, from 0, of whose torques the size says nothing: then limits of torque and mechanics,
+        which compares the torques of joints, are no checks.
     """
     evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot, unknown_gains)
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
-        found += [*_velocities(evidence, robot), *friction_suspicions(evidence, robot)]
-        found += _coarse(evidence, robot)
-    if alone is None and not any(suspicion.certain for suspicion in found):
-        found += small_motion(evidence, robot)
-        found += [] if unknown_gains else shape_suspicions(evidence, robot)
+        found += [*_velocities(evidence, robot), *_coarse(evidence, robot)]
+    if not any(suspicion.certain for suspicion in found):
+        found += small_motion(evidence, robot) if alone is None else ()
+        found += () if unknown_gains else mechanical_suspicions(excerpts, robot)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
@@ -179,38 +171,3 @@ def _why_scaled(scale: float, gear: float) -> str:
         if factor != 1 and abs(scale / factor - 1) < _AGREES:
             return reason
     return "correct unit, per_unit or the column of time"
-
-
-def friction_suspicions(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
-    """Torques that decrease with the direction of motion, where friction would increase them."""
-    some = slice(None, None, max(1, len(evidence.q) // POINTS))
-    rigid = regressor(robot, evidence.q[some], evidence.qd[some], evidence.qdd[some])
-    for joint in range(robot.n_joints):
-        scatter = float(np.std(evidence.tau[:, joint]))
-        if not evidence.moves[joint] or not scatter:
-            continue
-        qd, qdd, tau = (getattr(evidence, name)[some, joint] for name in ("qd", "qdd", "tau"))
-        coefficient, t = _direction(rigid[:, joint], qd, qdd, tau)
-        if t < -_FRICTION_T and coefficient < -_NOTABLE * scatter:
-            yield Suspicion(
-                "friction",
-                ("joints", joint, "torque"),
-                f"decreases with the direction of motion by {-coefficient:.3g}: friction would"
-                f" drive joint {joint + 1}; position or torque has the wrong sign, or they are of"
-                " different joints",
-                certain=t < -2 * _FRICTION_T,
-            )
-
-
-def _direction(rigid: Array, qd: Array, qdd: Array, tau: Array) -> tuple[float, float]:
-    """Coefficient of the direction in a joint's torque beside its rigid body, and its t."""
-    direction = np.tanh(qd / (0.05 * np.max(np.abs(qd))))
-    a = np.concatenate([np.stack([direction, qdd, np.ones_like(qd)], axis=1), rigid], axis=1)
-    norms = np.maximum(np.linalg.norm(a, axis=0), 1e-12)
-    a /= norms
-    inverse = np.linalg.pinv(a.T @ a, rcond=_RANK)
-    x = inverse @ (a.T @ tau)
-    residual = tau - a @ x
-    freedom = max(1.0, len(tau) - np.trace(a @ inverse @ a.T))
-    deviation = float(np.sqrt(residual @ residual / freedom * inverse[0, 0]))
-    return float(x[0] / norms[0]), float(x[0] / deviation) if deviation > 0 else 0.0

@@ -4,11 +4,11 @@ Each is another reading of the recordings. Joint i is read from channel `order[i
 
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
 
-so that a gear ratio N that is stated as N' has scale and gain N' / N, the motor's H scale^-2. All
-base parameters are fitted anew under each. Readings are compared by the likelihood of white noise
-of unknown variance on each axis, sum n_a log s_a^2; they have as many unknowns as what is stated,
-or one more. Two things are impossible whatever the residual: friction that drives its axis, and
-motion of negative kinetic energy.
+so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the motor's H is
+that stated over gear^2. All base parameters are fitted anew under each. Readings are compared by
+the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they have as many
+unknowns as what is stated, or one more. Two things are impossible whatever the residual: friction
+that drives its axis, and motion of negative kinetic energy.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ class Reading:
     sign_tau: Array
     scale: Array
     gain: Array
+    gear: Array
     zero: Array
     gravity: Array
     slip: tuple[int, float, float] | None = None
@@ -68,7 +69,7 @@ class Reading:
         """What robot file and drives file state."""
         n, one = robot.n_joints, np.ones(robot.n_joints)
         order = tuple(range(n))
-        return cls(order, order, one, one, one, one, np.zeros(n), np.array(robot.gravity))
+        return cls(order, order, one, one, one, one, one, np.zeros(n), np.array(robot.gravity))
 
     def at(self, axis: int, **values: float) -> Reading:
         """The same with other values of one axis."""
@@ -97,7 +98,7 @@ class Reading:
             factor = self.sign_tau[joint] * self.gain[joint]
             q, qd, qdd = (x[rows] for x in motion)
             X[rows] = factor * regressor(robot, q, qd, qdd, [joint], self.gravity)[:, 0]
-            inertia = robot.reflected_inertia[joint] / self.scale[joint] ** 2
+            inertia = robot.reflected_inertia[joint] / self.gear[joint] ** 2
             torque[rows] -= factor * inertia * qdd[:, joint]
         return torque, X
 
@@ -173,7 +174,7 @@ def _negative(robot: Robot, evidence: Evidence, reading: Reading, p: Array) -> b
     """Whether some motion would have a negative kinetic energy."""
     q = reading.motion(evidence)[0]
     some = q[:: max(1, len(q) // CONFIGURATIONS)]
-    rotors = np.diag(robot.reflected_inertia / reading.scale**2)
+    rotors = np.diag(robot.reflected_inertia / reading.gear**2)
     return bool(np.linalg.eigvalsh(mass_matrix(robot, p, some) + rotors).min() < 0)
 
 
@@ -193,7 +194,7 @@ def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable
         if cause == "torque constant":
             return stated.at(axis, gain=1.0 / share)
         if cause == "gear ratio":
-            return stated.at(axis, scale=1.0 / share, gain=1.0 / share)
+            return stated.at(axis, scale=1.0 / share, gain=1.0 / share, gear=1.0 / share)
         down, angle = stated.gravity, np.pi / 180 * size
         across = across_gravity(robot)[0 if cause.endswith("x") else 1]
         gravity = np.cos(angle) * down + np.sin(angle) * np.linalg.norm(down) * across
@@ -227,7 +228,7 @@ def alternatives(
     """
     found = [
         Alternative(cause, axes, np.nan, np.nan, explained(robot, thin, reading, fitted))
-        for cause, axes, reading in _discrete(robot, thin)
+        for cause, axes, reading in discrete(robot, thin)
     ]
     for cause, axis in _sized(robot, thin):
         instant = _instant(robot, thin, fitted, axis) if cause == "slip" else 0.0
@@ -263,8 +264,8 @@ def _instant(robot: Robot, thin: Evidence, fitted: Array, axis: int) -> float:
     return best(np.linspace(rough[place - 1], rough[place + 1], len(rough)).tolist()[1:-1])
 
 
-def _discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int, ...], Reading]]:
-    """Signs, and every two axes of a kind exchanged."""
+def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int, ...], Reading]]:
+    """Signs, and every two axes of a kind exchanged: causes, axes from 0, readings."""
     stated, measured = Reading.stated(robot), set(evidence.axis.tolist())
     for axis in sorted(measured):
         yield "wrong direction of an axis", (axis,), stated.at(axis, sign_q=-1.0, sign_tau=-1.0)

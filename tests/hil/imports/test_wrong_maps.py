@@ -232,8 +232,9 @@ DATA = {
         {"v1": QD[:, 1], "v2": QD[:, 0]}, "follows the position of joint 2, not of joint 1"),
     "a velocity that is something else": ({"v1": TAU[:, 0]}, "does not follow the position of"),
     "a torque of the wrong sign": (
-        {"m1": -TAU[:, 0]}, "joints.0.torque: decreases with the direction of motion by 2"),
-    "torques in another order": ({"m1": TAU[:, 1], "m2": TAU[:, 0]}, "exchanged"),
+        {"m1": -TAU[:, 0]},
+        "joints.0.torque.sign: axis 1: its torque has the wrong sign; friction would drive"),
+    "torques in another order": ({"m1": TAU[:, 1], "m2": TAU[:, 0]}, "axes 1 and 2: each has"),
     "torques in mN m": ({"m1": 1e3 * TAU[:, 0]}, "N m, but joint 1 of pair is limited to 90 N m"),
     "a torque that never changes": ({"m2": 0 * Q[:, 0]}, "is 0 throughout; name the column"),
 }  # fmt: skip
@@ -250,9 +251,9 @@ def test_a_contradiction_is_found_before_anything_is_estimated(tmp_path, case):
 def test_what_the_map_accepts_is_stated_all_the_same(tmp_path):
     write_csv(tmp_path / "data.csv", LONG | {"m1": -TAU[:, 0]})
     lines = []
-    the_map = write_map(tmp_path, a_map(accept=["friction"]))
+    the_map = write_map(tmp_path, a_map(accept=["shape"]))
     import_recordings([the_map], tmp_path / "run", lambda s: lines.extend(s.lines()))
-    assert "joints.0.torque: decreases with the direction of motion" in "\n".join(lines)
+    assert "joints.0.torque.sign: axis 1: its torque has the wrong sign" in "\n".join(lines)
 
 
 def test_a_locked_joint_of_a_noisy_encoder_stands_still(tmp_path):

@@ -1,0 +1,131 @@
+"""What mechanics says against a map before anything is estimated: signs, exchanges, units.
+
+They make everything else meaningless, so they refuse the import. Excerpts of the recording are
+read otherwise, in turn (`hil.estimation.excluded.alternatives`), and all base parameters are fitted
+anew under each reading: a sign, two columns exchanged, degrees for radians, a zero off by quarters
+of a turn, gravity along another axis. The one that explains most of those that mechanics allows
+refuses the map's own where that is impossible, since friction would drive an axis or some motion
+would have a negative energy, or where it leaves half of an axis's mean square at most. All other
+causes are for the estimate to state, which sees the whole recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotIdentifiable
+from hil.estimation.excluded.alternatives import (
+    ROWS,
+    STARTS,
+    Reading,
+    discrete,
+    explained,
+    sized,
+)
+from hil.estimation.excluded.causes import CAUSES
+from hil.estimation.excluded.evidence import measured
+from hil.estimation.excluded.finding import TOGETHER
+from hil.estimation.excluded.proof import LEAVES
+from hil.estimation.excluded.result import located
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
+from hil.imports.evidence import Suspicion
+from hil.planning.free_motion import FreeMotion
+from hil.runs.recording import IDLE, Recording
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.estimation.excluded.evidence import Evidence
+    from hil.estimation.signals import Signals
+    from hil.imports.evidence import Excerpt
+    from hil.model.robot import Robot
+
+PLACES = {
+    "wrong sign of a position": ("position", "sign"),
+    "wrong sign of a torque": ("torque", "sign"),
+    "two positions exchanged": ("position", "column"),
+    "two torques exchanged": ("torque", "column"),
+    "position scale": ("position", "unit"),
+    "zero": ("position", "offset"),
+}
+"""Keys of a joint in the map that causes are about; others are about the whole joint."""
+
+
+MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
+"""Keys of the map that causes of no joint in particular are about."""
+ORDINARY = (0.2, 4 * np.pi)
+"""Ranges of a joint that make nobody doubt the unit of its position [rad]."""
+DEGREE = np.pi / 180.0
+"""Factor of positions that are in degrees and stated as radians."""
+
+
+def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator[Suspicion]:
+    """Another reading of the map that explains the torques where its own does not, if any."""
+    prepared = [_motion(number, each) for number, each in enumerate(excerpts)]
+    try:
+        solver = SimultaneousFit(robot, prepared)
+    except NotIdentifiable:
+        return
+    thin, _ = measured(robot, solver, prepared).thinned(ROWS)
+    stated = explained(robot, thin, Reading.stated(robot))
+    every = [
+        (explained(robot, thin, reading), cause, axes, words)
+        for cause, axes, words, reading in _readings(robot, thin)
+    ]
+    possible = [each for each in every if each[0].possible]
+    if not possible:
+        return
+    best, cause, axes, words = min(possible, key=lambda each: each[0].misfit)
+    if best.misfit > stated.misfit - TOGETHER:
+        return
+    left = float((best.left / stated.left).min())
+    if not stated.possible or left <= LEAVES:
+        impossible = "friction would drive an axis, or motion have negative energy, if not"
+        reason = "" if stated.possible else f" {impossible};"
+        yield Suspicion(
+            "shape",
+            ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],),
+            f"{located([axis + 1 for axis in axes], words)};{reason} {CAUSES[cause].remedy}",
+        )
+
+
+def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
+    """Cause, axes from 0, words, and how recordings are to be read."""
+    for cause, axes, reading in discrete(robot, thin):
+        yield cause, axes, CAUSES[cause].words, reading
+    stated, turning = Reading.stated(robot), np.flatnonzero(robot.revolute).tolist()
+    ranges = np.ptp(thin.motion[1, 0], axis=0)
+    for factor, words, unusual in (
+        (DEGREE, "in degrees, stated as rad", ranges > ORDINARY[1]),
+        (1 / DEGREE, "in rad", ranges < ORDINARY[0]),
+    ):
+        wrong = robot.revolute & unusual
+        for axis in np.flatnonzero(wrong).tolist():
+            reading = stated.at(axis, scale=factor)
+            yield "position scale", (axis,), f"its position is {words}", reading
+        if np.array_equal(wrong, robot.revolute):
+            every = replace(stated, scale=np.where(wrong, factor, 1.0))
+            yield "position scale", (), f"positions of all joints that turn are {words}", every
+    for axis in turning:
+        for size in (size for size in STARTS["zero"] if size % 90.0 == 0.0):
+            reading = sized(robot, "zero", axis)(size)
+            yield "zero", (axis,), f"{CAUSES['zero'].words} some {size:g} degrees", reading
+    for cause in ("gravity x", "gravity y") if np.any(robot.gravity) else ():
+        for size in STARTS[cause]:
+            reading = sized(robot, cause, -1)(size)
+            towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
+            yield "gravity", (), f"gravity points along [{towards}]", reading
+
+
+def _motion(number: int, excerpt: Excerpt) -> tuple[FreeMotion, Signals]:
+    n = len(excerpt.q)
+    q, duration = tuple(excerpt.q.mean(axis=0).tolist()), n * excerpt.period
+    idle, flags = np.full(n, IDLE, np.int16), np.zeros(excerpt.q.shape, np.uint8)
+    time = excerpt.period * np.arange(n, dtype=np.float64)
+    group = np.zeros(n, np.int16)
+    recording = Recording(time, excerpt.q, excerpt.tau, flags, idle, idle, group=group)
+    return FreeMotion(id=f"excerpt-{number}", q=q, duration=duration), signals(recording)

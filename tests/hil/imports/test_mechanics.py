@@ -1,0 +1,126 @@
+"""Mechanics shows signs, order and units that a map has wrong, before anything is estimated."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import TABLE_3_A
+
+from hil.imports.evidence import Excerpt
+from hil.imports.mechanics import mechanical_suspicions
+from hil.model.dynamics import inverse_dynamics
+from hil.model.robot import load_robot, parse_robot
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+PERIOD = 0.01
+T = np.arange(0, 30, PERIOD)
+
+
+def excerpt(q, tau):
+    return Excerpt(PERIOD, q, tau, np.full_like(q, np.nan), 3000)
+
+
+@pytest.fixture(scope="module")
+def seen(manutec):
+    """A free motion of the manutec-r15, with friction."""
+    w = 2 * np.pi * np.array([0.11, 0.13, 0.17, 0.19, 0.23, 0.29])
+    q = 0.7 * np.sin(np.outer(T, w)) + np.array([0, 0.3, -0.4, 0, 0.5, 0])
+    qd, qdd = 0.7 * w * np.cos(np.outer(T, w)), -0.7 * w**2 * np.sin(np.outer(T, w))
+    motors = manutec.reflected_inertia * qdd
+    tau = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd) + motors + 10 * np.tanh(qd / 0.03)
+    return excerpt(q, tau + np.random.default_rng(1).normal(0, 0.3, tau.shape))
+
+
+def said(seen, robot, **changes):
+    found = list(mechanical_suspicions([replace(seen, **changes)], robot))
+    assert all(each.certain for each in found)
+    return [(each.location, each.message.partition(";")[0]) for each in found]
+
+
+def test_the_right_map_raises_no_suspicion(seen, manutec):
+    assert said(seen, manutec) == []
+
+
+def test_a_joint_without_friction_raises_no_suspicion(seen, manutec):
+    qd = np.gradient(seen.q, PERIOD, axis=0)
+    assert said(seen, manutec, tau=seen.tau - 10 * np.tanh(qd / 0.03)) == []
+
+
+@pytest.mark.parametrize("turn", [90, -90])
+def test_a_zero_that_is_a_quarter_turn_off(seen, manutec, turn):
+    off = seen.q - np.radians([0, 0, turn, 0, 0, 0])
+    assert said(seen, manutec, q=off) == [
+        (("joints", 2, "position", "offset"), f"axis 3: its zero is off by some {turn} degrees")
+    ]
+
+
+def test_a_zero_that_is_a_little_off_is_left_to_the_estimate(seen, manutec):
+    assert said(seen, manutec, q=seen.q + np.radians([0, 0, 5, 0, 0, 0])) == []
+
+
+@pytest.mark.parametrize("stated", ["[0, 0, 9.81]", "[9.81, 0, 0]", "[0, -9.81, 0]"])
+def test_gravity_from_another_side(seen, manutec, stated):
+    text = re.sub(r"^gravity: \[.*?\]", f"gravity: {stated}", manutec.text, flags=re.MULTILINE)
+    ((place, words),) = said(seen, parse_robot(text, "tilted.yaml"))
+    assert place == ("robot",)
+    assert re.fullmatch(r"gravity points along \[\S+, \S+, -9.81\]", words)
+
+
+@pytest.mark.parametrize(
+    ("which", "key", "words"),
+    [
+        (("q",), ("position", "sign"), "its position has the wrong sign"),
+        (("tau",), ("torque", "sign"), "its torque has the wrong sign"),
+        (("q", "tau"), (), "counts the other way round, position and torque alike"),
+    ],
+)
+def test_a_sign(seen, manutec, which, key, words):
+    turned = np.array([1, 1, -1, 1, 1, 1])
+    changes = {name: turned * getattr(seen, name) for name in which}
+    assert said(seen, manutec, **changes) == [(("joints", 2, *key), f"axis 3: {words}")]
+
+
+@pytest.mark.parametrize(
+    ("which", "key", "words"),
+    [
+        (("q",), ("position", "column"), "each has the position of the other"),
+        (("tau",), ("torque", "column"), "each has the torque of the other"),
+        (("q", "tau"), (), "each has the recordings of the other"),
+    ],
+)
+def test_two_joints_exchanged(seen, manutec, which, key, words):
+    order = [0, 2, 1, 3, 4, 5]
+    changes = {name: getattr(seen, name)[:, order] for name in which}
+    assert said(seen, manutec, **changes) == [(("joints", 1, *key), f"axes 2 and 3: {words}")]
+
+
+def test_degrees_that_are_stated_as_radians_where_no_limits_tell(seen, manutec):
+    text = re.sub(r"(velocity|acceleration|torque)_limit: \S+", r"\1_limit: unknown", manutec.text)
+    robot, one = parse_robot(text, "unlimited.yaml"), seen.q * [1, 1, 1, 1, 180 / np.pi, 1]
+    assert said(seen, robot, q=one) == [
+        (("joints", 4, "position", "unit"), "axis 5: its position is in degrees, stated as rad")
+    ]
+    ((place, words),) = said(seen, robot, q=np.degrees(seen.q))
+    assert place == ("joints",)
+    assert words == "positions of all joints that turn are in degrees, stated as rad"
+
+
+def test_friction_at_reversals_does_not_hide_joints_in_another_order(seen, manutec):
+    qd = np.gradient(seen.q, PERIOD, axis=0)
+    sticky = seen.tau + 60 * np.tanh(qd / 0.1) * np.exp(-np.abs(qd) / 0.02)
+    order = [0, 2, 1, 3, 4, 5]
+    ((_, words),) = said(seen, manutec, q=seen.q[:, order], tau=sticky[:, order])
+    assert words == "axes 2 and 3: each has the recordings of the other"
+
+
+def test_a_map_that_explains_nearly_all_is_not_refused_for_one_that_explains_more():
+    portal = load_robot(str(ROBOTS / "cartesian.yaml"))
+    w = 2 * np.pi * np.array([0.11, 0.13, 0.17])
+    q, qd = 0.2 * np.sin(np.outer(T, w)), 0.2 * w * np.cos(np.outer(T, w))
+    masses = np.array([4.0, 8.0, 12.0])  # in no order that links can have
+    tau = masses * -(w**2) * q + np.array([30.0, 40.0, 50.0]) * np.tanh(qd / 0.01)
+    tau[:, 2] += 9.81 * masses[2]
+    tau += np.random.default_rng(3).normal(0, 0.01, tau.shape) * np.std(tau, axis=0)
+    assert said(excerpt(q, tau), portal) == []
