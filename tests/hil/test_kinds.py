@@ -88,6 +88,7 @@ OTHERWISE = {
         ("gravity", f"estimation/excluded/{name}.py"): "the acceleration of gravity"
         for name in ("alternatives", "causes", "columns", "words")
     },
+    ("gravity", "imports/mechanics.py"): "the acceleration of gravity",
     ("gravity", "ground_truth/true_parameters.py"): "a key of a plant's file",
     ("friction", "export/urdf_file.py"): "an attribute of a URDF",
     ("inertia", "export/urdf_file.py"): "an element of a URDF",
