@@ -23,7 +23,7 @@ from hil.cli.arguments import (
 )
 from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.measuring import OnBus
-from hil.cli.outputs import folder_to_write, new_folder, output_option, say_simulated, show
+from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, say_simulated, show
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from hil.watching.watcher import Watcher
 
 commands = typer.Typer()
-ALARMED = 3
-"""Exit status where there were alarms."""
 RUN = "run"
 """Run folder within the one of a watch."""
 
@@ -183,7 +181,7 @@ def watch(
     finally:
         _keep(output, the_plan, watcher, str(file_of(model_path)))
     if watcher.alarms:
-        raise typer.Exit(ALARMED)
+        raise typer.Exit(Status.ALARMED)
 
 
 def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, learn: float) -> int:

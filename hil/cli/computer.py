@@ -30,11 +30,8 @@ DISK_LEAST, DISK_AMPLE = 100e6, 2e9
 """Free space below which a run does not fit, and below which it may not [bytes]."""
 MEMORY_LEAST, MEMORY_AMPLE = 300e6, 1e9
 """Free memory below which an identification does not fit, and below which it may not [bytes]."""
-CLOCK_COARSE = 1e-4
-"""Resolution above which the clock cannot pace SYNC [s]."""
 _CAN_TYPE = "280"
 _NET = Path("/sys/class/net")
-_IP_TIMEOUT = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +170,7 @@ def _priority(r: Readings) -> Judged:
 
 def _clock(r: Readings) -> Judged:
     found = f"resolution {1e9 * r.resolution:.0f} ns"
-    if r.resolution > CLOCK_COARSE:
+    if r.resolution > 1e-4:  # s; a coarser clock cannot pace SYNC
         remedy = "use a kernel with high-resolution timers, which SYNC needs on a real bus"
         return Judged("clock", "FAIL", found, remedy)
     return Judged("clock", "OK", found)
@@ -255,7 +252,7 @@ def _bit_rates() -> dict[str, int]:
         return {}
     command = [ip, "-details", "-json", "link", "show", "type", "can"]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=_IP_TIMEOUT, check=True)  # noqa: S603 - no input of others
+        done = subprocess.run(command, capture_output=True, timeout=5.0, check=True)  # noqa: S603 - no input of others
         links = json.loads(done.stdout or b"[]")
         return {
             link["ifname"]: link["linkinfo"]["info_data"]["bittiming"]["bitrate"] for link in links

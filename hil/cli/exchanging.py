@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hil.cli.arguments import Masses, Without, body_bounds
-from hil.cli.outputs import REFUSED, folder_to_write, new_folder, output_option, refuse_no_folder
+from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, refuse_no_folder
 from hil.terminal.console import out, printable, say, working
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ def _model_written(
         if model.failed and not force:
             text = f"its identification {model.outcome}; --force writes it all the same, with"
             sys.stderr.write(printable(f"{source}: {text} FAILED on top of every file\n"))
-            raise typer.Exit(REFUSED)
+            raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")
         given = None if urdf is None else given_urdf(urdf, model.robot)
         if to in SIMULATORS:

@@ -14,7 +14,7 @@ from hil.cli.arguments import RealTime, RobotsBus, RunPath, expand_records
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import (
-    REFUSED,
+    Status,
     file_to_write,
     output_option,
     place_to_write,
@@ -98,7 +98,7 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
         say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
     say(f"validation in {file}")
     if found.word == "failed":
-        raise typer.Exit(REFUSED)
+        raise typer.Exit(Status.REFUSED)
 
 
 def _notes(model: Model, run: Run) -> tuple[str, ...]:
@@ -135,7 +135,7 @@ def accept(
     assert limits is not None  # noqa: S101 - see above
     stated = {"Serial number": printable(serial), "Operator": printable(operator)}
     if not _accepted(folder, output, limits, stated):
-        raise typer.Exit(REFUSED)
+        raise typer.Exit(Status.REFUSED)
 
 
 def _draft(folder: Path, output: Path, factor: float) -> None:
@@ -172,10 +172,6 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
     show(checked(found))
     say_judgement(found, f"page in {output / PAGE}")
     return found.word != "failed"
-
-
-CHANGED = 4
-"""Exit status with --fail-on-change where something of the newest run changed."""
 
 
 @commands.command()
@@ -244,7 +240,7 @@ def history(
             write_history_page(page, found)
         say(f"page in {page}")
     if fail_on_change and newest:
-        raise typer.Exit(CHANGED)
+        raise typer.Exit(Status.CHANGED)
 
 
 def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:

@@ -11,6 +11,7 @@ writes into the folder of a run is looked at by `refuse_unwritable`.
 from __future__ import annotations
 
 import os
+from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -28,8 +29,19 @@ if TYPE_CHECKING:
     from hil.results.tables.table import Table
     from hil.runs.run import Run
 
-REFUSED = 3
-"""Exit status where a judgement is failed: of an identification, by a recording or by limits."""
+
+class Status(IntEnum):
+    """Exit status of commands that have done what they were asked for.
+
+    A judgement is failed (of an identification, by a recording or by limits), a watch has raised
+    alarms, or, with --fail-on-change, something of the newest run changed.
+    """
+
+    REFUSED = 3
+    ALARMED = 3
+    CHANGED = 4
+
+
 STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
 
 

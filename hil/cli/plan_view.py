@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from hil.planning.prediction.precision import Precision
 
 
-WIDEST = 12
-"""Joints up to which the table of M and g can be read on a terminal."""
 _GROUP_TITLES = {
     GRAVITY: "gravity: in g(q)",
     DIAGONAL: "diagonal: on the diagonal of M(q), not in g(q)",
@@ -46,12 +44,13 @@ def render_robot(robot: Robot, console: Console) -> None:
     base = base_parameters(robot)
     console.print(_present_parameters(robot))
     console.print(_base_parameters(robot, base))
-    if robot.n_joints <= WIDEST:
+    widest = 12  # joints up to which the table of M and g can be read on a terminal
+    if robot.n_joints <= widest:
         console.print(_dependencies(robot, base))
     else:
         console.print(
             f"which parameter occurs in which element is a table of {robot.n_joints} columns, which"
-            f" is shown up to {WIDEST}; in Python: base_parameters(robot).dependencies",
+            f" is shown up to {widest}; in Python: base_parameters(robot).dependencies",
             highlight=False, soft_wrap=True,
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ import typer
 
 from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds
 from hil.cli.outputs import (
-    REFUSED,
+    Status,
     folder_to_write,
     refuse_unwritable,
     say_judgement,
@@ -103,7 +103,7 @@ def identify(
     took = f"{perf_counter() - begun:.1f} s"
     say(f"model in {path} ({took})")
     if found.failed:
-        raise typer.Exit(REFUSED)
+        raise typer.Exit(Status.REFUSED)
 
 
 @commands.command()

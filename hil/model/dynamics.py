@@ -42,8 +42,6 @@ _UNCOMPILED = 5_000_000
 """Rows that a process computes before it loads the compiled recursion: each takes 0.15 to 0.2 us
 more than with it, which takes 0.7 s to load. Of torques a sample is one row (0.12 to 0.3 us): one
 pass gives those of all joints."""
-_CALL = 1000
-"""Rows that take as long as a call by itself does."""
 
 
 def regressor(
@@ -213,7 +211,7 @@ class _Uncompiled:
 
 def _recursion(rows: int) -> ModuleType:
     """Recursion that takes less time for `rows` more of them."""
-    _Uncompiled.rows += rows + _CALL
+    _Uncompiled.rows += rows + 1000  # a call by itself takes as long as so many rows
     if _Uncompiled.rows > _UNCOMPILED or "hil.model.recursion" in sys.modules:
         from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
 

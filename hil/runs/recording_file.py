@@ -29,10 +29,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 FORMAT = 3
-_BEFORE_PATH_TIME = 2
-"""Format of earlier versions, which had no ``along``."""
-_FIRST = 1
-"""The first format, where ``stroke`` holds groups unless an axis goes back and forth."""
+_EARLIER = {1: "``stroke`` holds groups unless an axis goes back and forth", 2: "without ``along``"}
+"""Formats of earlier versions, and what differs."""
 _RUN = "run"
 PER_JOINT = ("q", "tau", "qd")
 """Arrays with a column for each joint, in its own unit."""
@@ -155,9 +153,10 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
     meta = {
         key: value if isinstance(value := attributes[key], str) else int(str(value)) for key in keys
     }
-    if meta["format"] not in (_FIRST, _BEFORE_PATH_TIME, FORMAT):
+    if meta["format"] not in (*_EARLIER, FORMAT):
         raise FileError(
-            f"{path}: format {meta['format']} must be {_FIRST} to {FORMAT}; use another version"
+            f"{path}: format {meta['format']} must be {min(_EARLIER)} to {FORMAT}; use another"
+            " version"
         )
     if attributes["checksum"] != _checksum(arrays, meta):
         raise FileError(f"{path}: content does not fit its checksum; {replace_or_leave_out(path)}")
@@ -165,7 +164,7 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
     recording = Recording(**arrays)
     return Measured(
         measurement=measurement,
-        recording=_with_groups(measurement, recording) if meta["format"] == _FIRST else recording,
+        recording=_with_groups(measurement, recording) if meta["format"] == 1 else recording,
         attempts=int(meta["attempts"]),
         findings=tuple(Finding(**item) for item in json.loads(str(meta["findings"]))),
         session=int(meta["session"]),

@@ -48,7 +48,7 @@ SHORTEST_CRUISE = 1.2 * (MARGIN + SHORTEST_WINDOW)
 SPREAD = 0.012
 """Instants over which corners of profiles are spread, from one measurement to the next and from
 one cycle to the next [s]: the longest usual SYNC period."""
-_PLASTIC = 1.324717957244746
+_PLASTIC = sum(((9 + sign * math.sqrt(69)) / 18) ** (1 / 3) for sign in (1, -1))  # x^3 = x + 1
 SEQUENCE = (1 / _PLASTIC, 1 / _PLASTIC**2)
 """Steps of the two-dimensional low-discrepancy sequence of Roberts: acceleration, stroke."""
 

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound="Measurement")
 
-_AT_ONCE = 4
-"""Ways looked at together: mostly the first is clear."""
-
 
 def nearest_first(robot: Robot, here: Array, places: Array, fraction: float) -> list[int]:
     """Numbers of `places` (n, n_joints), each the nearest in travel time to the one before.
@@ -100,11 +97,12 @@ class _Ways:
             tour.insert(int(places[-1]), stray)
         return len(places) > 0
 
-    def _nearest(self, here: int, left: list[int]) -> int | None:
+    def _nearest(self, here: int, left: list[int], at_once: int = 4) -> int | None:
+        """Look at some of the ways together: mostly the first is clear."""
         durations = self._travels([here] * len(left), left).high[:, 0]
         order: list[int] = np.argsort(durations, kind="stable").tolist()
-        for first in range(0, len(left), _AT_ONCE):
-            some = [left[k] for k in order[first : first + _AT_ONCE]]
+        for first in range(0, len(left), at_once):
+            some = [left[k] for k in order[first : first + at_once]]
             clear = self._clear([here] * len(some), some)
             if clear.any():
                 return some[int(clear.argmax())]

@@ -140,10 +140,6 @@ def _colour(colour: str) -> str:
     return f' class="{NAMES[colour]}"' if colour in NAMES else f' color="{colour}"'
 
 
-SCALE = 78.0
-"""Height of the names of the columns and of the scale of colours below them."""
-
-
 def matrix_in(
     matrix: Matrix, left: float, top: float, size: float, explanation: str
 ) -> Iterator[str]:
@@ -201,7 +197,8 @@ def legend(chart: Chart) -> list[tuple[Markup, str]]:
 def size_of(panel: Panel) -> tuple[float, float]:
     """Width and height of a panel's picture."""
     if any(isinstance(item, Matrix) for item in panel.items):
-        return panel.width, TOP + panel.height + SCALE
+        # the names of the columns and the scale of colours below them take 78
+        return panel.width, TOP + panel.height + 78.0
     strip = 0.0 if panel.below is None else panel.below.height + BETWEEN
     return panel.width, TOP + panel.height + strip + BOTTOM
 

@@ -11,7 +11,7 @@ import pytest
 from free_run import TRUTH, arm, recorded, write_free_run
 from stated_model import stated_model
 
-from hil.cli.judging import CHANGED
+from hil.cli.outputs import Status
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,7 +48,7 @@ def test_a_change_is_stated_with_size_p_value_and_what_it_may_come_from(
 
 
 def test_a_change_ends_with_status_4_where_that_is_asked_for(hil: Hil, runs: list[Path]) -> None:
-    assert hil("history", *runs, "--fail-on-change")[0] == CHANGED
+    assert hil("history", *runs, "--fail-on-change")[0] == Status.CHANGED
     status, out, _ = hil("history", *runs[:2], "--fail-on-change")
     assert status == 0
     assert "nothing changed significantly" in out
