@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, line_of
+from checked_files.yaml_file import FileError, read_text, refuse
 from drivers.axis import AxisScale
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time, time_on_bus
 from drivers.canopen.pdo_mapping import transmitted
@@ -24,7 +24,6 @@ from hil.planning import BITRATE
 from hil.planning.dry_run import BusCycle
 from hil.planning.lag import Following
 from hil.planning.prediction.noise import stated_noise
-from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -88,9 +87,8 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
         It cannot be used, or contradicts the robot file.
     """
     drives = load_drives(path)
-    with file_errors(path, "read"):
-        text = path.read_text(encoding="utf-8")
-    _refuse_contradictions(drives.axes, the_robot, text, str(path))
+    text = read_text(path)
+    refuse(str(path), text, _contradicting(drives.axes, the_robot))
     return drives, text
 
 
@@ -104,25 +102,19 @@ def narrowed_drives(drives: DrivesFile, workspace: Workspace | None) -> DrivesFi
     return drives.model_copy(update={"axes": tuple(axes)})
 
 
-def _refuse_contradictions(axes: Sequence[AxisDrive], robot: Robot, text: str, source: str) -> None:
-    """Compare the axes of a drives file with a robot, one line for each contradiction."""
+def _contradicting(
+    axes: Sequence[AxisDrive], robot: Robot
+) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Find where the axes of a drives file contradict a robot."""
     if len(axes) != robot.n_joints:
-        raise FileError(
-            f"{source}:{line_of(text, ('axes',))}: axes: {len(axes)} axes must be"
-            f" {robot.n_joints}, one for each joint of {robot.name}"
+        yield (
+            ("axes",),
+            f"{len(axes)} axes must be {robot.n_joints}, one for each joint of {robot.name}",
         )
-    problems: list[tuple[tuple[str | int, ...], str]] = [
-        (("axes", index, *keys), message)
-        for index, axis in enumerate(axes)
-        for keys, message in _contradictions(axis, index, robot)
-    ]
-    if problems:
-        raise FileError(
-            "\n".join(
-                f"{source}:{line_of(text, place)}: {'.'.join(map(str, place))}: {message}"
-                for place, message in problems
-            )
-        )
+        return
+    for index, axis in enumerate(axes):
+        for keys, message in _contradictions(axis, index, robot):
+            yield ("axes", index, *keys), message
 
 
 def _contradictions(

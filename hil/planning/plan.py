@@ -9,12 +9,13 @@ robot file that it was made for by digest, so that it never moves another robot.
 from __future__ import annotations
 
 import hashlib
+from itertools import islice
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import yaml
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from checked_files.yaml_file import FileError, FileModel, line_of, load_yaml, place, read_text
+from checked_files.yaml_file import FileError, FileModel, load_yaml, read_text, refuse
 from hil.planning import LONGEST
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KEYS, Measurement
@@ -146,11 +147,8 @@ def refuse_other_robot(plan: Plan, robot: Robot, path: Path | str) -> None:
     FileError
         Name, digest or number of joints differ.
     """
-    found = next(_of_another(plan, robot), None)
-    if found is not None:
-        location, message = found
-        line = line_of(read_text(path), location)
-        raise FileError(f"{path}:{line}: {place(location)}: {message}")
+    if wrong := list(islice(_of_another(plan, robot), 1)):
+        refuse(str(path), read_text(path), wrong)
     if plan.workspace is not None:
         refuse_unfit(plan.workspace, robot, str(path), within=("workspace",))
 
