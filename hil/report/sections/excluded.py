@@ -12,13 +12,13 @@ from hil.results.tables import excluded as tables
 if TYPE_CHECKING:
     from hil.estimation.excluded.result import Excluded, Limit
     from hil.report.charts.chart import Item
-    from hil.report.reported_run import IdentifiedRun
+    from hil.report.reported_run import ReportedRun
 
 LEAST = 1e-3
 """Torque at which bars begin [%]: a tenth of what any campaign here has found to be the least."""
 
 
-def excluded(run: IdentifiedRun) -> Section | None:
+def excluded(run: ReportedRun) -> Section | None:
     """What was found, the smallest size of each cause that would have been, and its torque."""
     proof, n_joints = run.model.excluded, run.robot.n_joints
     if proof is None:
