@@ -25,128 +25,126 @@ if TYPE_CHECKING:
 STATE = "XDG_STATE_HOME"
 
 
-def state_file(interface: str, channel: str) -> Path:
-    """Where the settings found on a bus are kept by commands without a folder of their own."""
-    stated = os.environ.get(STATE, "")
-    home = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "state"
-    name = re.sub(r"[^\w.-]+", "_", f"{interface}-{channel}")
-    return home / "hil" / "found-settings" / f"{name}.yaml"
+class BusState:
+    """What stands about a bus in the user's state directory.
 
+    Parameters
+    ----------
+    interface, channel : str
+        As python-can has them.
 
-def word_file(interface: str, channel: str) -> Path:
-    """Where a run on a bus states in which file its drives' settings are."""
-    path = state_file(interface, channel)
-    return path.with_name(f"{path.stem}.run")
-
-
-@contextmanager
-def bus_locked(interface: str, channel: str) -> Iterator[None]:
-    """Command the drives of a bus alone, among all processes of this user.
-
-    Raises
-    ------
-    FileError
-        Another process does.
+    Attributes
+    ----------
+    settings : Path
+        Where commands without a folder of their own keep the settings found on it.
+    word : Path
+        Where a run on it states in which file its drives' settings are.
     """
-    path = state_file(interface, channel)
-    lock = path.with_name(f"{path.stem}.lock")
-    _make_folder(lock)
-    with locked_bus(lock, f"{interface} {channel}"):
-        yield
 
+    def __init__(self, interface: str, channel: str) -> None:
+        stated = os.environ.get(STATE, "")
+        home = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "state"
+        name = re.sub(r"[^\w.-]+", "_", f"{interface}-{channel}")
+        self._bus = f"{interface} {channel}"
+        self._options = f"--interface {interface} --channel {channel}"
+        self._folder = home / "hil" / "found-settings"
+        self.settings = self._folder / f"{name}.yaml"
+        self.word = self._folder / f"{name}.run"
+        self._lock = self._folder / f"{name}.lock"
 
-def name_run(interface: str, channel: str, kept: Path) -> None:
-    """State that drives on a bus may hold values of the run that keeps the found ones in `kept`."""
-    word, content = word_file(interface, channel), f"{kept.resolve()}\n".encode()
-    if not word.exists() or word.read_bytes() != content:
-        write_with_folder(word, content)
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Command the drives of the bus alone, among all processes of this user.
 
+        Raises
+        ------
+        FileError
+            Another process does.
+        """
+        self._make_folder()
+        with locked_bus(self._lock, self._bus):
+            yield
 
-def forget_run(interface: str, channel: str, kept: Path) -> None:
-    """Withdraw what `name_run` stated, once everything in `kept` has been put back."""
-    word = word_file(interface, channel)
-    if word.exists() and word.read_bytes() == f"{kept.resolve()}\n".encode():
-        with file_errors(word, "removed"):
-            word.unlink(missing_ok=True)
+    def write(self, path: Path, content: bytes) -> None:
+        """Write a file of the state directory, whole or not at all.
 
+        Raises
+        ------
+        FileError
+            It cannot be written.
+        """
+        self._make_folder()
+        write_file(path, content)
 
-def refuse_left_behind(interface: str, channel: str, ours: Path | None) -> None:
-    """Refuse a bus whose drives still hold what a session wrote that was killed.
+    def name_run(self, kept: Path) -> None:
+        """State that drives may hold values of the run that keeps the found ones in `kept`."""
+        content = f"{kept.resolve()}\n".encode()
+        if not self.word.exists() or self.word.read_bytes() != content:
+            self.write(self.word, content)
 
-    A session that was kept in `ours` itself may go on: there the values found first stand.
+    def forget_run(self, kept: Path) -> None:
+        """Withdraw what `name_run` stated, once everything in `kept` has been put back."""
+        word = self.word
+        if word.exists() and word.read_bytes() == f"{kept.resolve()}\n".encode():
+            with file_errors(word, "removed"):
+                word.unlink(missing_ok=True)
 
-    Raises
-    ------
-    FileError
-        With the remedy.
-    """
-    named, left = _named(interface, channel), []
-    if named is not None:
-        left.append(named)
-    if ours is not None:
-        left.append(state_file(interface, channel))
-    for path in left:
-        same = ours is not None and path == ours.resolve()
-        if not same and left_behind(path):
+    def refuse_left_behind(self, ours: Path | None) -> None:
+        """Refuse a bus whose drives still hold what a session wrote that was killed.
+
+        A session that was kept in `ours` itself may go on: there the values found first stand.
+
+        Raises
+        ------
+        FileError
+            With the remedy.
+        """
+        for path in filter(None, (self._named(), None if ours is None else self.settings)):
+            same = ours is not None and path == ours.resolve()
+            if not same and left_behind(path):
+                raise FileError(
+                    f"{path}: drives on {self._bus} hold what an earlier session wrote, which was"
+                    " ended before it could put back what it had found; with the drives off, put"
+                    f" it back: {self._remedy(path)} (or remove the file if the drives have been"
+                    " set up anew)"
+                )
+
+    def _named(self) -> Path | None:
+        """Return the file that a run stated; None where there is none."""
+        if not self.word.exists():
+            return None
+        try:
+            path = Path(read_text(self.word).strip())
+        except FileError as error:
+            raise self._damaged(str(error)) from error
+        if not path.is_absolute():
+            raise self._damaged(f"{self.word}: must hold the path of a file")
+        if not path.exists():
             raise FileError(
-                f"{path}: drives on {interface} {channel} hold what an earlier session wrote, which"
-                " was ended before it could put back what it had found; with the drives off, put"
-                f" it back: {_remedy(path, interface, channel)}"
-                " (or remove the file if the drives have been set up anew)"
+                f"{path}: is missing, and {self.word} names it as the file of what drives on"
+                f" {self._bus} held before a session that was ended before it could put that back;"
+                f" put its folder back and, with the drives off, do {self._remedy(path)}; or"
+                f" remove {self.word} if the drives hold again what they held, or have been set up"
+                " anew"
             )
+        return path
+
+    def _damaged(self, why: str) -> FileError:
+        return FileError(
+            f"{why}; it names the file of what drives on {self._bus} held before a session that"
+            " was ended before it could put that back: find found-settings.yaml in the folder of"
+            " the latest run on this bus and, with the drives off, do"
+            f" {self._remedy('FOLDER/found-settings.yaml')}; then remove {self.word}"
+        )
+
+    def _remedy(self, path: Path | str) -> str:
+        return f"hil drives restore {path} {self._options}"
+
+    def _make_folder(self) -> None:
+        with file_errors(self._folder, "made"):
+            self._folder.mkdir(parents=True, exist_ok=True)
 
 
 def left_behind(path: Path) -> bool:
     """Whether drives may hold values of the session that was kept in a file."""
     return path.exists() and bool(load_found_settings(path).unrestored)
-
-
-def write_with_folder(path: Path, content: bytes) -> None:
-    """Write a file of the state directory, whole or not at all.
-
-    Raises
-    ------
-    FileError
-        It cannot be written.
-    """
-    _make_folder(path)
-    write_file(path, content)
-
-
-def _named(interface: str, channel: str) -> Path | None:
-    """Return the file that a run stated; None where there is none."""
-    word = word_file(interface, channel)
-    if not word.exists():
-        return None
-    try:
-        path = Path(read_text(word).strip())
-    except FileError as error:
-        raise _damaged(word, interface, channel, str(error)) from error
-    if not path.is_absolute():
-        raise _damaged(word, interface, channel, f"{word}: must hold the path of a file")
-    if not path.exists():
-        raise FileError(
-            f"{path}: is missing, and {word} names it as the file of what drives on {interface}"
-            f" {channel} held before a session that was ended before it could put that back; put"
-            f" its folder back and, with the drives off, do {_remedy(path, interface, channel)}; or"
-            f" remove {word} if the drives hold again what they held, or have been set up anew"
-        )
-    return path
-
-
-def _damaged(word: Path, interface: str, channel: str, why: str) -> FileError:
-    return FileError(
-        f"{why}; it names the file of what drives on {interface} {channel} held before a session"
-        " that was ended before it could put that back: find found-settings.yaml in the folder of"
-        " the latest run on this bus and, with the drives off, do"
-        f" {_remedy('FOLDER/found-settings.yaml', interface, channel)}; then remove {word}"
-    )
-
-
-def _remedy(path: Path | str, interface: str, channel: str) -> str:
-    return f"hil drives restore {path} --interface {interface} --channel {channel}"
-
-
-def _make_folder(path: Path) -> None:
-    with file_errors(path.parent, "made"):
-        path.parent.mkdir(parents=True, exist_ok=True)

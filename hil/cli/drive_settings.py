@@ -22,13 +22,13 @@ from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools.unpowered import UnpoweredDrives
-from hil.cli import bus_state
+from hil.cli.bus_state import BusState, left_behind
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import file_errors, write_file
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     import can
 
@@ -61,16 +61,20 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
             yield keeper
         return
 
+    state = BusState(interface, channel)
+
     def write(path: Path, content: bytes) -> None:
         write_file(path, content)
-        bus_state.name_run(interface, channel, kept)  # from here on the drives are written to
+        state.name_run(kept)  # from here on the drives are written to
 
-    with _keeper_alone(interface, channel, kept, write, kept) as keeper:
-        try:
-            yield keeper
-        finally:
-            if not keeper.unrestored and not bus_state.left_behind(kept):
-                bus_state.forget_run(interface, channel, kept)
+    with state.locked():
+        state.refuse_left_behind(kept)
+        with _reported(SettingsKeeper(kept, write, (interface, channel))) as keeper:
+            try:
+                yield keeper
+            finally:
+                if not keeper.unrestored and not left_behind(kept):
+                    state.forget_run(kept)
 
 
 @contextmanager
@@ -85,29 +89,17 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
     if interface == SIMULATED:
         yield SettingsKeeper()
         return
-    path = bus_state.state_file(interface, channel := channel or "")
-    with _keeper_alone(interface, channel, path, bus_state.write_with_folder) as keeper:
-        try:
-            yield keeper
-        finally:
-            if path.exists() and not keeper.unrestored and load_found_settings(path).restored:
-                with file_errors(path, "removed"):
-                    path.unlink(missing_ok=True)
-
-
-@contextmanager
-def _keeper_alone(
-    interface: str,
-    channel: str,
-    path: Path,
-    write: Callable[[Path, bytes], None],
-    ours: Path | None = None,
-) -> Iterator[SettingsKeeper]:
-    """Hold the lock of a bus, whose drives hold nothing of another session than `ours`."""
-    with bus_state.bus_locked(interface, channel):
-        bus_state.refuse_left_behind(interface, channel, ours)
-        with _reported(SettingsKeeper(path, write, (interface, channel))) as keeper:
-            yield keeper
+    state = BusState(interface, channel := channel or "")
+    path = state.settings
+    with state.locked():
+        state.refuse_left_behind(None)
+        with _reported(SettingsKeeper(path, state.write, (interface, channel))) as keeper:
+            try:
+                yield keeper
+            finally:
+                if path.exists() and not keeper.unrestored and load_found_settings(path).restored:
+                    with file_errors(path, "removed"):
+                        path.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -37,7 +37,8 @@ def restore(
 ) -> None:
     """Put back what drives held before a session that was killed; they must be off."""
     from drivers.found_settings.settings_file import load_found_settings
-    from hil.cli import bus_access, bus_state
+    from hil.cli import bus_access
+    from hil.cli.bus_state import BusState
     from hil.runs.atomic_file import locked
 
     settings = load_found_settings(file)
@@ -48,13 +49,13 @@ def restore(
     with ExitStack() as stack:
         stack.enter_context(locked(file.parent))
         if bus_name[0] != SIMULATED:
-            stack.enter_context(bus_state.bus_locked(*bus_name))
+            stack.enter_context(BusState(*bus_name).locked())
         bus = stack.enter_context(bus_access.opened(*bus_name, settings.bitrate, bus_option))
         ended = "stopped; run the same command again to go on"
         stack.enter_context(interruptible(lambda: ended))
         settings, failed = _put_back(bus, settings, file)
         if settings.restored:
-            bus_state.forget_run(*_kept_bus(settings, bus_name), file)
+            BusState(*_kept_bus(settings, bus_name)).forget_run(file)
     if settings.restored:
         say(f"{file}: {_conclusion(settings)}")
     if failed:

@@ -23,7 +23,8 @@ from drivers.drives_file import load_drives
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools import put_back
 from drivers.operator_tools.unpowered import UnpoweredDrives
-from hil.cli import bus_access, bus_state, drive_settings
+from hil.cli import bus_access, drive_settings
+from hil.cli.bus_state import BusState
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
 
@@ -181,7 +182,7 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
         assert load_found_settings(folder / NAME).restored
         status, out, _ = hil("drives", "restore", folder / NAME, *where)
         assert (status, "nothing was written" in out) == (0, True)
-        bus_state.refuse_left_behind(*PLACE, None)
+        BusState(*PLACE).refuse_left_behind(None)
 
 
 @pytest.mark.slow
@@ -193,7 +194,7 @@ def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
     slow = tmp_path / "slow.drives.yaml"
     slow.write_text(text.replace("heartbeat_timeout: 0.5", "heartbeat_timeout: 2"))
     where = ("--interface", PLACE[0], "--channel", PLACE[1])
-    path = bus_state.state_file(*PLACE)
+    path = BusState(*PLACE).settings
     assert path.is_relative_to(tmp_path)
     seen: list[bool] = []
     real = drive_settings.SettingsKeeper.close
@@ -255,7 +256,7 @@ def killed_run(folder: Path) -> None:
         local_drives.LocalBus(NODES, {}) as can_bus,
         CanopenDriveBus(can_bus, drives_file(), keeper=keeper),
     ):
-        files = {p: p.read_bytes() for p in (folder / NAME, bus_state.word_file(*BUS))}
+        files = {p: p.read_bytes() for p in (folder / NAME, BusState(*BUS).word)}
     for path, content in files.items():
         path.write_bytes(content)
 
@@ -266,7 +267,7 @@ def test_where_the_folder_of_a_killed_run_is_gone_its_bus_is_refused_until_it_is
     folder, elsewhere = tmp_path / "run", tmp_path / "renamed"
     killed_run(folder)
     folder.rename(elsewhere)
-    word = bus_state.word_file(*BUS)
+    word = BusState(*BUS).word
     assert word.is_relative_to(state)
     for keeper in (
         drive_settings.keeper_of_bus(*BUS),
@@ -285,7 +286,7 @@ def test_where_the_folder_of_a_killed_run_is_gone_its_bus_is_refused_until_it_is
 
 def test_a_run_that_writes_to_no_drive_leaves_nothing(state: Path, tmp_path: Path) -> None:
     with drive_settings.keeper_of_run(tmp_path / "run", *BUS):
-        assert not bus_state.word_file(*BUS).exists(), "a kill leaves nothing either"
+        assert not BusState(*BUS).word.exists(), "a kill leaves nothing either"
     assert [path.suffix for path in state.iterdir()] == [".lock"]
 
 
@@ -294,7 +295,7 @@ def test_a_damaged_name_of_a_run_is_refused_with_the_remedy(
     content: bytes, state: Path, tmp_path: Path
 ) -> None:
     killed_run(tmp_path / "run")
-    word = bus_state.word_file(*BUS)
+    word = BusState(*BUS).word
     word.write_bytes(content)
     with (
         pytest.raises(FileError, match=r"hil drives restore FOLDER/found-settings\.yaml") as caught,
@@ -317,7 +318,7 @@ def test_beside_a_session_on_its_bus_every_command_to_drives_is_refused(
         "home": ("home", DRIVES, 5),
         "restore": ("drives", "restore", tmp_path / "killed" / NAME),
     }[command]
-    with bus_state.bus_locked(*BUS):
+    with BusState(*BUS).locked():
         status, out, err = hil(*arguments, *ON_BUS)
     assert (status, out) == (1, "")
     assert "virtual bench: another process commands the drives of this bus now" in err
@@ -352,7 +353,7 @@ def test_settings_are_put_back_on_the_bus_of_the_killed_session(
     assert status == 0
     assert out.index("joint 1 (node 1): has no serial number") < out.index("1016:01")
     assert buses == [BUS]
-    assert not bus_state.word_file(*BUS).exists()
+    assert not BusState(*BUS).word.exists()
 
 
 def test_settings_are_put_back_on_another_bus_where_that_is_stated(
@@ -363,7 +364,7 @@ def test_settings_are_put_back_on_another_bus_where_that_is_stated(
     where = ("--interface", "pcan", "--channel", "PCAN_USBBUS2", "--other-bus")
     assert hil("drives", "restore", path, *where)[0] == 0
     assert buses == [("pcan", "PCAN_USBBUS2")]
-    assert not bus_state.word_file(*BUS).exists(), "the run's own bus may be used again"
+    assert not BusState(*BUS).word.exists(), "the run's own bus may be used again"
 
 
 def test_no_session_begins_while_settings_are_put_back(
