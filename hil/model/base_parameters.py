@@ -26,6 +26,7 @@ from hil.model.added_parameters import added_unit, merge_added
 from hil.model.dependencies import Dependencies, find_dependencies, influences
 from hil.model.frames import ROUNDED_OFF, parameter_map
 from hil.model.polynomial import Combination, Polynomial, add, combine, scale, text
+from hil.model.robot_arrays import read_only
 from hil.model.transfer import transfers
 
 if TYPE_CHECKING:
@@ -121,8 +122,8 @@ def base_parameters(robot: Robot) -> BaseParameters:
         heads=tuple(standard[head] for head in every),
         groups=dependencies.groups(),
         dependencies=dependencies,
-        matrix=_read_only(matrix),
-        placement=_read_only(placement),
+        matrix=read_only(matrix),
+        placement=read_only(placement),
     )
 
 
@@ -243,8 +244,3 @@ def _rank(rows: Array) -> int:
     seen = norms > ROUNDED_OFF * norms.max(initial=0.0)
     values = np.linalg.svd(rows[seen] / norms[seen, None], compute_uv=False)
     return int(np.sum(values > ROUNDED_OFF * values.max(initial=0.0)))
-
-
-def _read_only(array: Array) -> Array:
-    array.setflags(write=False)
-    return array

@@ -31,7 +31,7 @@ def _per_joint(value: Callable[[Joint], float | str]) -> cached_property[Array]:
 
     def array(robot: RobotArrays) -> Array:
         stated = [value(joint) for joint in robot.file.joints]
-        return _read_only([math.nan if each == UNKNOWN else float(each) for each in stated])
+        return read_only([math.nan if each == UNKNOWN else float(each) for each in stated])
 
     return cached_property(array)
 
@@ -83,12 +83,12 @@ class RobotArrays:
     @cached_property
     def gravity(self) -> Array:
         """Acceleration of free fall in the base frame, shape (3,) [m/s^2]."""
-        return _read_only(self.file.gravity)
+        return read_only(self.file.gravity)
 
     @cached_property
     def revolute(self) -> Mask:
         """Which joints turn; the others slide. Shape (n_joints,)."""
-        return _read_only([joint.type == "revolute" for joint in self.file.joints], bool)
+        return read_only([joint.type == "revolute" for joint in self.file.joints], bool)
 
     def position_unit(self, axis: int) -> str:
         """Unit of q of a joint (from 0): rad or m."""
@@ -118,12 +118,12 @@ class RobotArrays:
     @cached_property
     def d(self) -> Array:
         """Distances between successive axes [m]."""
-        return _read_only([length.evaluate(self.file.lengths) for length in self.d_expressions])
+        return read_only([length.evaluate(self.file.lengths) for length in self.d_expressions])
 
     @cached_property
     def r(self) -> Array:
         """Shifts along the axes; q adds to those of prismatic joints [m]."""
-        return _read_only([length.evaluate(self.file.lengths) for length in self.r_expressions])
+        return read_only([length.evaluate(self.file.lengths) for length in self.r_expressions])
 
     @cached_property
     def d_expressions(self) -> tuple[Polynomial, ...]:
@@ -160,12 +160,12 @@ class RobotArrays:
     @cached_property
     def rotor_inertia_unknown(self) -> Mask:
         """Which motors' inertia is to be identified, shape (n_joints,)."""
-        return _read_only(np.isnan(self.rotor_inertia), bool)
+        return read_only(np.isnan(self.rotor_inertia), bool)
 
     @cached_property
     def reflected_inertia(self) -> Array:
         """Known motor inertias as the joints feel them [kg m^2]; 0 where unknown."""
-        return _read_only(np.nan_to_num(self.gear_ratio**2 * self.rotor_inertia))
+        return read_only(np.nan_to_num(self.gear_ratio**2 * self.rotor_inertia))
 
     torque_constant = _per_drive(lambda drive: drive.torque_constant)
     """Motor torque per current [N m/A]; NaN where unknown."""
@@ -179,7 +179,7 @@ class RobotArrays:
     @cached_property
     def stated_uncertainty(self) -> Array:
         """Relative standard deviations of torque constants, then rotor inertias: (2 n_joints,)."""
-        return _read_only([*self.torque_constant_uncertainty, *self.rotor_inertia_uncertainty])
+        return read_only([*self.torque_constant_uncertainty, *self.rotor_inertia_uncertainty])
 
     @cached_property
     def usual_uncertainty(self) -> Array:
@@ -189,7 +189,7 @@ class RobotArrays:
         """
         values = np.concatenate([self.torque_constant, self.rotor_inertia])
         alone = (np.nan_to_num(values) > 0) & (self.stated_uncertainty == 0)
-        return _read_only(np.where(alone, USUAL_UNCERTAINTY, 0.0))
+        return read_only(np.where(alone, USUAL_UNCERTAINTY, 0.0))
 
     @cached_property
     def couplings(self) -> tuple[MotorCoupling, ...]:
@@ -207,7 +207,7 @@ class RobotArrays:
         turns = np.eye(self.n_joints)
         for motor, joint, ratio in self.couplings:
             turns[motor, joint] += ratio
-        return _read_only(self.gear_ratio[:, np.newaxis] * turns)
+        return read_only(self.gear_ratio[:, np.newaxis] * turns)
 
     def link_pose(self, joint: int) -> Array:
         """Pose of frame j in frame j-1 at q_j + theta_j = 0 (revolute) or q_j = 0 (prismatic)."""
@@ -259,7 +259,8 @@ class RobotArrays:
         return dict(split_tie(tie) for tie in self.file.ties)
 
 
-def _read_only(values: object, kind: type = float) -> NDArray[Any]:
+def read_only(values: object, kind: type = float) -> NDArray[Any]:
+    """Return values as an array that nobody can change."""
     array: NDArray[Any] = np.array(values, dtype=kind)
     array.setflags(write=False)
     return array

@@ -92,9 +92,9 @@ def design_within(
     for number in core:
         selection.take(number)
     if not with_trajectories:  # every period of which moves all axes
-        _reserve(robot, options, selection)
+        _reserve(robot, selection)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
-    order = _filled(robot, options, selection, budget, least, workspace)
+    order = _filled(robot, selection, budget, least, workspace)
     return as_plan(robot, numbered(order, set()), warm_up, workspace)
 
 
@@ -131,9 +131,9 @@ def refine(
     options = pool(guarded, run.workspace, run.sample_period, noise)
     worth = weighed(known.matrix, known.scatter)
     selection = Selection(guarded, options, TRAVEL, "torque", worth)
-    _reserve(robot, options, selection, run.measurements)
+    _reserve(robot, selection, run.measurements)
     least = max(1, len(selection.chosen))
-    order = _filled(robot, options, selection, 60 * minutes, least, run.workspace)
+    order = _filled(robot, selection, 60 * minutes, least, run.workspace)
     avoided = {m.id for m in run.measurements} if taken is None else taken
     plan = as_plan(robot, numbered(order, avoided), workspace=run.workspace)
     return plan.model_copy(update={"sample_period": run.sample_period})
@@ -164,36 +164,37 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
     return found
 
 
-def _reserve(
-    robot: Robot,
-    options: Sequence[Option],
-    selection: Selection,
-    before: Sequence[Measurement] = (),
-) -> None:
+def _reserve(robot: Robot, selection: Selection, before: Sequence[Measurement] = ()) -> None:
     """Choose what a law of friction of each axis needs besides."""
-    chosen = [*before, *(options[k].measurement for k in selection.chosen)]
+    chosen = [*before, *selection.measurements]
     for axis, there in without_law(chosen, robot.n_joints).items():
         for _ in range(FOR_A_LAW - there):
             selection.take_best(axis)
 
 
 def _filled(
-    robot: Robot,
-    options: Sequence[Option],
-    selection: Selection,
-    budget: float,
-    least: int,
-    workspace: Workspace | None,
+    robot: Robot, selection: Selection, budget: float, least: int, workspace: Workspace | None
 ) -> list[ParameterMeasurement]:
     """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
     # measurements are chosen for 15 % more than the budget before they are put in order
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
-    chosen = [options[k].measurement for k in selection.chosen]
-    fitting = chosen[: _how_many(robot, chosen, least, budget)]
-    if workspace:
-        return _guarded(robot, workspace, fitting, least, budget)
-    return ordered(robot, _merged(fitting))
+    chosen = selection.measurements
+    fits = _how_many(robot, chosen, least, budget)
+    if workspace is None:
+        return _tour(robot, chosen[:fits])
+    guarded = narrowed(robot, workspace)
+    while True:
+        order = guarded_tour(guarded, workspace, _merged(chosen[:fits]), TRAVEL)
+        excess = lasting(robot, order) - budget
+        if excess <= 0 or fits <= least:
+            return order
+        fits = max(least, fits - max(1, round(fits * excess / budget)))
+
+
+def _tour(robot: Robot, chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
+    """Those chosen as they are measured where nothing is in the way."""
+    return ordered(robot, _merged(chosen))
 
 
 def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
@@ -221,7 +222,7 @@ def _how_many(
     ValueError
         Not even `least` of them.
     """
-    needed = lasting(robot, ordered(robot, _merged(chosen[:least])))
+    needed = lasting(robot, _tour(robot, chosen[:least]))
     if needed > budget:
         raise ValueError(
             f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
@@ -230,28 +231,11 @@ def _how_many(
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:
         middle = (fits + exceeds) // 2
-        if lasting(robot, ordered(robot, _merged(chosen[:middle]))) > budget:
+        if lasting(robot, _tour(robot, chosen[:middle])) > budget:
             exceeds = middle
         else:
             fits = middle
     return fits
-
-
-def _guarded(
-    robot: Robot,
-    workspace: Workspace,
-    chosen: Sequence[ParameterMeasurement],
-    least: int,
-    budget: float,
-) -> list[ParameterMeasurement]:
-    """Order those measurements, from the first, whose clear tour is within `budget` [s]."""
-    guarded, fits = narrowed(robot, workspace), len(chosen)
-    while True:
-        order = guarded_tour(guarded, workspace, _merged(chosen[:fits]), TRAVEL)
-        excess = lasting(robot, order) - budget
-        if excess <= 0 or fits <= least:
-            return order
-        fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
 def ordered(

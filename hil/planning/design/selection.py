@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
+    from hil.planning.measurement import ParameterMeasurement
 
 
 SelectionCriterion = Literal["det", "torque"]
@@ -71,12 +72,18 @@ class Selection:
         self._information = _prior(options, n_unknowns(robot))
         if known is not None:
             self._information += known
+        self._options = options
         self._worth = [option.worth for option in options]
         self._free = np.ones(len(options), dtype=bool)
         self._way = np.full(len(options), np.inf)
         self.chosen: list[int] = []
         self.duration = 0.0
         """Of what was chosen, ways included, estimated [s]."""
+
+    @property
+    def measurements(self) -> list[ParameterMeasurement]:
+        """Those chosen, in the order of choice."""
+        return [self._options[number].measurement for number in self.chosen]
 
     def take(self, number: int) -> None:
         """Choose option `number`."""
