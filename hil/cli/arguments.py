@@ -9,7 +9,7 @@ called.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, is_dataclass
-from functools import wraps
+from functools import partial, wraps
 from inspect import Parameter, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, get_type_hints
@@ -111,6 +111,8 @@ BusOptions = Annotated[
         "--bus-option", help="Further argument of the interface as key=value; may be repeated."
     ),
 ]
+BitRate = partial(typer.Option, min=10_000, max=1_000_000)
+"""Option of a bit rate, as CAN has them [bit/s]."""
 
 
 @dataclass(frozen=True)

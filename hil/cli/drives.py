@@ -17,7 +17,7 @@ from rich.text import Text
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from hil.cli import commissioning, restoring
-from hil.cli.arguments import PLANT, BusOptions, Interface, refuse_no_channel
+from hil.cli.arguments import PLANT, BitRate, BusOptions, Interface, refuse_no_channel
 from hil.cli.outputs import new_file, output_option
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
@@ -49,9 +49,7 @@ def scan(
     interface: Interface = SIMULATED,
     channel: Channel = None,
     bus_option: BusOptions = None,
-    bitrate: Annotated[
-        int, typer.Option(min=10_000, max=1_000_000, help="Bit rate of the bus \\[bit/s].")
-    ] = BITRATE,
+    bitrate: Annotated[int, BitRate(help="Bit rate of the bus \\[bit/s].")] = BITRATE,
     nodes: Nodes = None,
 ) -> None:
     """Find the nodes on a bus and what they lack for measuring; only reads."""
@@ -78,12 +76,7 @@ def new(
     channel: Channel = None,
     bus_option: BusOptions = None,
     bitrate: Annotated[
-        int | None,
-        typer.Option(
-            min=10_000,
-            max=1_000_000,
-            help=f"Bit rate of the bus \\[bit/s]; {BITRATE} where drives are read.",
-        ),
+        int | None, BitRate(help=f"Bit rate of the bus \\[bit/s]; {BITRATE} where drives are read.")
     ] = None,
 ) -> None:
     """Write a first drives file from data sheets, and list what is to be stated in it."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import (
+    BitRate,
     NoiseFrom,
     PlanFile,
     PlanWorkspace,
@@ -35,11 +36,7 @@ def dry_run_(
     robot_file: RobotOption = None,
     bitrate: Annotated[
         int | None,
-        typer.Option(
-            min=10_000,
-            max=1_000_000,
-            help="Bit rate of the bus \\[bit/s]; by default that of the drives file.",
-        ),
+        BitRate(help="Bit rate of the bus \\[bit/s]; by default that of the drives file."),
     ] = None,
     workspace: WorkspaceOption = None,
     noise_from: NoiseFrom = None,
