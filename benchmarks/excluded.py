@@ -186,7 +186,9 @@ def _load(plant: Plant, _axis: int, size: float) -> None:
 
 def _play(plant: Plant, axis: int, size: float) -> None:
     own = plant["axes"][axis - 1]["drive"]
-    own["stiffness"] = own["load_inertia"] * (2 * math.pi * 200.0) ** 2  # as good as rigid
+    own["stiffness"] = (
+        own["load_inertia"] * (2 * math.pi * 80.0) ** 2
+    )  # as stiff as a step of 1 ms allows
     own["backlash"] = 2 * math.radians(size)
 
 
@@ -369,8 +371,8 @@ def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[S
     cases = [c if c.cause in PLANTS and not c.twin else c._replace(seed=seed) for c in cases]
     count: dict[float, list[str]] = {times: [] for times in SIZES}
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
-        list(threads.map(lambda c: campaign(folder, c.seed, c),
-                         [c for c in cases if c.cause in PLANTS and not c.twin and c.size]))  # fmt: skip
+        own = [c for c in cases if c.cause in PLANTS and not c.twin and c.size]
+        list(threads.map(lambda case: campaign(folder, case.seed, case), own))
     print("| flaw | times | size | named | first | word |\n|---|---|---|---|---|---|")
     for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
         named = each.named(case)
@@ -420,8 +422,11 @@ def show_sizes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
     several = range(seed + 100, seed + 104)
     for seed_, (n, own, least) in zip(several, pool.map(partial(shares, folder), several),
                                       strict=True):  # fmt: skip
-        print(f"seed {seed_}: of {n} causes at their smallest size {own:.0%} are found,"
-              f" {least:.0%} by themselves or with their like", flush=True)
+        print(
+            f"seed {seed_}: of {n} causes at their smallest size {own:.0%} are found,"
+            f" {least:.0%} by themselves or with their like",
+            flush=True,
+        )
 
 
 def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:

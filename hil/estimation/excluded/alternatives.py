@@ -21,7 +21,7 @@ import numpy as np
 from scipy import optimize
 
 from hil.estimation.excluded.columns import across_gravity, instants
-from hil.least_squares.regression import Regression
+from hil.least_squares.regression import ROUNDS, Regression
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.evidence import Evidence
     from hil.model.robot import Robot
 
-ROWS = 500
+ROWS = 250
 """Rows of a channel: alternatives differ by more than noise."""
+ROUGHLY = 3
+"""Rounds of weights and solution by which starts are compared with one another."""
 CONFIGURATIONS = 60
 """At which the mass matrix is looked at."""
 STARTS = {
@@ -138,7 +140,11 @@ class Alternative(NamedTuple):
 
 
 def explained(
-    robot: Robot, evidence: Evidence, reading: Reading, more: Array | None = None
+    robot: Robot,
+    evidence: Evidence,
+    reading: Reading,
+    more: Array | None = None,
+    rounds: int = ROUNDS,
 ) -> Explained:
     """Fit base parameters under a reading, and of `more` columns, shape (n, k)."""
     torque, X = reading.rows(robot, evidence)
@@ -147,7 +153,7 @@ def explained(
         X = np.hstack([X, more])
     rows = evidence.without_friction(np.hstack([torque[:, None], X, evidence.own]))
     blocks = evidence.blocks(rows, X.shape[1])
-    regression = Regression.weighed(blocks)
+    regression = Regression.weighed(blocks, rounds=rounds)
     x = regression.solution
     least = np.maximum(evidence.finest, np.finfo(float).tiny) ** 2
     left = np.maximum(blocks.mean_squares(x), least)
@@ -156,6 +162,11 @@ def explained(
         robot, evidence, reading, p
     )
     return Explained(float(blocks.counts[0] @ np.log(left)), left, p, possible)
+
+
+def roughly(robot: Robot, evidence: Evidence, reading: Reading, more: Array) -> float:
+    """Misfit of a reading, nearly."""
+    return explained(robot, evidence, reading, more, ROUGHLY).misfit
 
 
 def _driving(evidence: Evidence, reading: Reading, left: Array) -> bool:
@@ -210,6 +221,7 @@ def alternatives(
     stated: Explained,
     dispersion: float,
     sizes: dict[tuple[str, int], float],
+    slipped: int,
 ) -> list[Alternative]:
     """All that could be instead of what is stated, and is possible.
 
@@ -225,17 +237,21 @@ def alternatives(
         Of misfits, which noise that is not white makes greater.
     sizes : dict
         Sizes of causes to first order, which are tried too.
+    slipped : int
+        Axis whose slip explains most to first order, the only one that is tried.
     """
     found = [
         Alternative(cause, axes, np.nan, np.nan, explained(robot, thin, reading, fitted))
         for cause, axes, reading in discrete(robot, thin)
     ]
-    for cause, axis in _sized(robot, thin):
+    for cause, axis in _sized(robot, thin, slipped):
         instant = _instant(robot, thin, fitted, axis) if cause == "slip" else 0.0
         read = sized(robot, cause, axis, instant)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
+        start = min(starts, key=lambda size, read=read: roughly(robot, thin, read(size), fitted))  # type: ignore[misc]
         each = _searched(
             lambda size, read=read: explained(robot, thin, read(size), fitted),  # type: ignore[misc]
+            start,
             starts,
             stated.misfit,
         )
@@ -254,7 +270,7 @@ def _instant(robot: Robot, thin: Evidence, fitted: Array, axis: int) -> float:
 
     def best(tried: Sequence[float]) -> float:
         return min(
-            (explained(robot, thin, sized(robot, "slip", axis, each)(size), fitted).misfit, each)
+            (roughly(robot, thin, sized(robot, "slip", axis, each)(size), fitted), each)
             for each in tried
             for size in STARTS["slip"]
         )[1]
@@ -281,28 +297,29 @@ def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int,
             yield "two torques exchanged", (i, j), replace(stated, torques=both)
 
 
-def _sized(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, int]]:
+def _sized(robot: Robot, evidence: Evidence, slipped: int) -> Iterator[tuple[str, int]]:
     for cause in STARTS:
         if cause.startswith("gravity"):
             if np.any(robot.gravity):
                 yield cause, -1
+        elif cause == "slip":
+            yield cause, slipped
         else:
             yield from ((cause, int(axis)) for axis in np.unique(evidence.axis))
 
 
 def _searched(
-    read: Callable[[float], Explained], starts: list[float], stated: float
+    read: Callable[[float], Explained], start: float, starts: list[float], stated: float
 ) -> tuple[float, float, Explained] | None:
-    """The size that explains most, the misfit's second derivative there, and what it explains.
+    """The size about `start` that explains most, the misfit's second derivative, what it explains.
 
-    None if no start explains more than what is stated.
+    None if the start explains no more than what is stated.
     """
 
     def misfit(size: float) -> float:
         return read(size).misfit
 
-    best, start = min((misfit(size), size) for size in starts)
-    if best >= stated:
+    if misfit(start) >= stated:
         return None
     every = sorted({*starts, 0.0})
     place = every.index(start)

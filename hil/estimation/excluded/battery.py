@@ -12,10 +12,16 @@ Let Q be an orthonormal basis of Z, r = y - QQ'y and D~ = D - QQ'D. Then, of the
 Noise is not white: friction wanders, laws of it are never exact. What scatters between groups shows
 by how much the variance 1 / I_j is to be multiplied, the *dispersion* of the cause,
 
-    phi_j = sum_k (s_kj - I_kj theta_j)^2 / (1 - I_kj / I_j) / I_j,
+    phi_j = sum_k ((s_kj - I_kj theta_j) / (1 - I_kj / I_j))^2 / I_j,
 
-in which r_k is enlarged by (1 - Q_k Q_k')^(-1/2) as for CR2 (`hil.least_squares.uncertainty`), so
-that its expectation is 1 where noise is white. It has few degrees of freedom, where few groups
+in which r_k is enlarged by (1 - Q_k Q_k')^(-1/2) as for CR2 (`hil.least_squares.uncertainty`), and
+the size by the group's share in full, as the jackknife has it: friction that wanders adds to a
+score not as the root of I_kj but as I_kj itself, so groups that carry a size leave least of it
+(where dispersion is 4, powers of 1, 1/2 and of 1 find p < 0.01 in 3 and in 1 % of clean runs 300
+to 307). All of it is taken *beside the cause itself*, r_k less D~_kj theta_j: a flaw of any size
+leaves the dispersion, and the variance 1 of white noise, as they are without it.
+
+It has few degrees of freedom, where few groups
 carry a cause: with two of them and a hundred tests nothing is ever found. But all causes of an axis
 suffer from one and the same noise. So variances are moderated (Smyth, Statistical Applications in
 Genetics and Molecular Biology 3 (2004) 3): phi_j of d_j degrees of freedom scatters about a common
@@ -23,14 +29,13 @@ phi_0 as if that had been seen with d_0 of them, and what counts is
 
     (d_0 phi_0 + d_j phi_j) / (d_0 + d_j), with d_0 + d_j degrees of freedom.
 
-phi_0 and d_0 are found from the scatter of log phi_j over the causes of the axis. Columns of them
-resemble each other, so their phi_j scatter less than they are uncertain; d_0 therefore is limited,
-and is no more than there are groups of the axis.
+phi_0 and d_0 are found from the scatter of log phi_j over the causes of the axis (`moderated`).
 """
 
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -96,10 +101,10 @@ class Test(NamedTuple):
 
 
 class Common(NamedTuple):
-    """Dispersion that causes have in common, and its degrees of freedom, each (n_columns,)."""
+    """Dispersion that causes have in common, and its degrees of freedom."""
 
-    dispersion: Array
-    degrees: Array
+    dispersion: float
+    degrees: float
 
 
 class Battery:
@@ -149,6 +154,7 @@ class Battery:
         before = np.einsum("ij,ij->j", D, D)
         D -= Q @ (Q.T @ D)
         self._left, self.information = D, np.einsum("ij,ij->j", D, D)
+        self._scores = D.T @ self._residual
         silent = before <= NOTHING**2 * before.max(initial=0.0)
         self.visible: Mask = ~silent & (self.information > SPAN * before)
         """Columns that what is estimated does not span, shape (n_columns,)."""
@@ -158,33 +164,33 @@ class Battery:
         """Mean square that is left of each channel, shape (n_channels,)."""
         self.misfit = float(self._counts @ np.log(self.left))
         """Differences of which are chi squares."""
-        pieces = np.split(np.arange(len(y)), self._starts[1:])
-        enlarged = np.concatenate([_enlarged(self._residual[k], Q[k]) for k in pieces])
-        self.scores = self._by_group(D * enlarged[:, None])
-        """Shape (n_groups, n_columns)."""
+        self._pieces = [
+            (slice(a, b), Q[a:b], _enlarging(Q[a:b]))
+            for a, b in pairwise([*self._starts.tolist(), len(y)])
+        ]
         self.shares = self._by_group(D**2)
         """Of the groups in the information, shape (n_groups, n_columns)."""
+
+    def _enlarged(self, rest: Array) -> Array:
+        """(1 - Q_k Q_k')^(-1/2) r_k of all groups."""
+        found = rest.copy()
+        for at, Q, M in self._pieces:
+            found[at] += Q @ (M @ (Q.T @ rest[at]))
+        return found
 
     def _by_group(self, rows: Array) -> Array:
         found: Array = np.add.reduceat(rows, self._starts, axis=0)
         return found
 
     @cached_property
-    def dispersion(self) -> tuple[Array, Array]:
-        """Each column's own dispersion and its degrees of freedom, each (n_columns,)."""
-        return _dispersion(self.scores, self.shares, self.information)
-
-    @cached_property
-    def common(self) -> Common:
+    def common(self) -> dict[int, Common]:
         """What the causes of each axis have in common; those of no axis are as all are."""
-        found = Common(np.ones(len(self._axis)), np.zeros(len(self._axis)))
-        for axis in np.unique(self._axis):
-            own = self._of(axis)
-            if len(own):
-                found.dispersion[self._axis == axis], found.degrees[self._axis == axis] = moderated(
-                    self.dispersion[0][own], self.dispersion[1][own], self._alike[axis]
-                )
-        return found
+        none, enlarged = np.zeros((len(self._residual), 0)), self._enlarged(self._residual)[:, None]
+        return {
+            int(axis): self._common(int(axis), own, self._left[:, own], none, enlarged)
+            for axis in np.unique(self._axis)
+            for own in [self._of(int(axis))]
+        }
 
     def _of(self, axis: int) -> Indices:
         """Columns that tell of the noise of an axis; of all axes where it is none."""
@@ -206,6 +212,39 @@ class Battery:
             found[int(axis)] = square / np.outer(length, length)
         return found
 
+    def _basis(self, columns: Sequence[int]) -> tuple[Indices, Array]:
+        """Visible ones of some columns, and by which they are orthonormal, shape (k, rank)."""
+        at = np.array([k for k in columns if self.visible[k]], dtype=np.intp)
+        if not len(at):
+            return at, np.zeros((0, 0))
+        length = np.sqrt(self.information[at])
+        R = (self._left[:, at].T @ self._left[:, at]) / np.outer(length, length)
+        values, vectors = np.linalg.eigh(R)
+        kept = values > ALIKE * values.max()
+        return at, vectors[:, kept] / np.sqrt(values[kept]) / length[:, None]
+
+    def drop(self, columns: Sequence[int]) -> tuple[float, int]:
+        """Part of the weighted sum of squares that a cause explains, and its rank."""
+        at, B = self._basis(columns)
+        along = B.T @ self._scores[at]
+        return float(along @ along), B.shape[1]
+
+    @property
+    def sizes(self) -> dict[tuple[str, int], float]:
+        """Size of each cause of one column by itself."""
+        return {
+            key: float(self._scores[k] / self.information[k])
+            for key, (k, *more) in self.columns.tests.items()
+            if not more and self.visible[k]
+        }
+
+    def most(self, columns: Indices) -> Array:
+        """What a unit of each adds to the mean square of the axis where that is most, as share."""
+        squares = np.zeros((self.evidence.n_channels, len(columns)))
+        np.add.at(squares, self._channel, self._left[:, columns] ** 2)
+        found: Array = (squares / np.maximum(self._counts, 1.0)[:, None]).max(axis=0)
+        return found
+
     def test(self, columns: Sequence[int], *, itself: bool = False) -> Test | None:
         """Test one cause; None where nothing of it shows.
 
@@ -214,25 +253,25 @@ class Battery:
         itself : bool
             Whether dispersion and noise are those that are left beside the cause.
         """
-        at = np.array([k for k in columns if self.visible[k]], dtype=np.intp)
+        at, B = self._basis(columns)
         if not len(at):
             return None
-        length = np.sqrt(self.information[at])
-        R = (self._left[:, at].T @ self._left[:, at]) / np.outer(length, length)
-        values, vectors = np.linalg.eigh(R)
-        kept = values > ALIKE * values.max()
-        B = vectors[:, kept] / np.sqrt(values[kept]) / length[:, None]
-        scores = self.scores[:, at] @ B
-        along, rank = scores.sum(axis=0), scores.shape[1]
+        U = self._left[:, at] @ B
+        along, rank, axis = U.T @ self._residual, U.shape[1], int(self._axis[at[0]])
+        rest = self._residual - U @ along
+        enlarged = self._enlarged(rest)[:, None]
         shares = (self.shares[:, at] / self.information[at]).mean(axis=1, keepdims=True)
-        each, d = _dispersion(scores, np.repeat(shares, rank, axis=1), np.ones(rank))
+        each, d = _dispersion(
+            self._by_group(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
+        )
         if itself:
-            phi_0, d_0, least = self._beside_itself(int(self._axis[at[0]]), at, B)
+            own, white = np.setdiff1d(self._of(axis), at), self._white(rest, U)
+            common = self._common(axis, own, self._left[:, own], U, enlarged)
         else:
-            phi_0, d_0 = float(self.common.dispersion[at[0]]), float(self.common.degrees[at[0]])
-            least = 1.0
-        phi = max((d_0 * phi_0 + d[0] * each.mean()) / (d_0 + d[0]), least)
-        drop, degrees = float(along @ along), float(d_0 + d[0])
+            common, white = self.common[axis], 1.0
+        degrees = float(common.degrees + d[0])
+        phi = (common.degrees * common.dispersion + d[0] * each.mean()) / degrees
+        drop, phi = float(along @ along), max(float(phi), white)
         return Test(
             columns=at,
             size=B @ along,
@@ -242,51 +281,37 @@ class Battery:
             p=float(special.fdtrc(rank, degrees, drop / rank / phi)),
             rank=rank,
             dispersion=phi,
-            white=least,
+            white=white,
         )
 
-    def _beside_itself(self, axis: int, at: Indices, B: Array) -> tuple[float, float, float]:
-        """Common dispersion of an axis beside a cause, its degrees, and that of white noise.
-
-        Parameters
-        ----------
-        B : ndarray, shape (k, rank)
-            By which the cause's columns `at` are orthonormal.
-        """
-        U, own = self._left[:, at] @ B, np.setdiff1d(self._of(axis), at)
-        along = U.T @ self._residual
-        rest = (self._residual - U @ along) ** 2
+    def _white(self, rest: Array, U: Array) -> float:
+        """Dispersion along orthonormal columns `U` of white noise that leaves `rest`."""
         n = self.evidence.n_channels
-        square = np.bincount(self._channel, rest, n) / np.maximum(self._counts, 1.0)
+        square = np.bincount(self._channel, rest**2, n) / np.maximum(self._counts, 1.0)
         square = np.maximum(square, self.evidence.finest**2 * self.weights)
-        white = square @ np.array([np.bincount(self._channel, u, n) for u in U.T**2]).mean(axis=0)
-        D = self._left[:, own]
-        c = U.T @ D
-        scores, shares = self.scores[:, own].copy(), self.shares[:, own].copy()
-        mine = self.scores[:, at] @ B
-        for k, u in enumerate(U.T):
-            cross = self._by_group(D * u[:, None])
-            scores -= cross * mine[:, k].sum()
-            shares -= 2.0 * cross * c[k]
-            for m, v in enumerate(U.T):
-                both = self._by_group(u * v)[:, None]
-                scores += both * mine[:, m].sum() * c[k]
-                shares += both * c[k] * c[m]
-            scores -= mine[:, [k]] * c[k]
-        information = self.information[own] - (c**2).sum(axis=0)
-        seen = information > SPAN * self.information[own]
+        return float(square[self._channel] @ (U**2).mean(axis=1))
+
+    def _common(self, axis: int, own: Indices, D: Array, U: Array, enlarged: Array) -> Common:
+        """What columns D of an axis, numbered `own`, have in common beside U."""
+        before = self.information[own]
+        D = D - U @ (U.T @ D)
+        information = np.einsum("ij,ij->j", D, D)
+        seen = information > SPAN * before
         if not seen.any():
-            return 1.0, 0.0, float(white)
-        phi, d = _dispersion(scores[:, seen], shares[:, seen], information[seen])
+            return Common(1.0, 0.0)
+        D, information = D[:, seen], information[seen]
+        scores, shares = self._by_group(D * enlarged), self._by_group(D**2)
+        left = scores - shares / information * scores.sum(axis=0)
+        phi, degrees = _dispersion(left, shares, information)
         place = np.searchsorted(self._of(axis), own[seen])
-        return *moderated(phi, d, self._alike[axis][np.ix_(place, place)]), float(white)
+        return moderated(phi, degrees, self._alike[axis][np.ix_(place, place)])
 
 
-CACHED = ("common", "dispersion", "_alike")
+CACHED = ("common", "_alike")
 """Of a `Battery`, what belongs to the causes given."""
 
 
-def moderated(phi: Array, degrees: Array, correlation: Array) -> tuple[float, float]:
+def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
     """Common dispersion and its degrees of freedom, after Smyth (2004), section 6.2.
 
     There, thousands of dispersions scatter independently about the common one. Here some tens are
@@ -304,7 +329,7 @@ def moderated(phi: Array, degrees: Array, correlation: Array) -> tuple[float, fl
     shared = float(covariance.mean())
     beyond = float(np.var(e)) - (float(np.diag(covariance).mean()) - shared)
     d = 2.0 * _inverse_trigamma(shared + max(beyond, 0.0))
-    return float(np.exp(e.mean() + special.digamma(d / 2) - np.log(d / 2))), d
+    return Common(float(np.exp(e.mean() + special.digamma(d / 2) - np.log(d / 2))), d)
 
 
 def _inverse_trigamma(y: float) -> float:
@@ -316,22 +341,22 @@ def _inverse_trigamma(y: float) -> float:
     return x
 
 
-def _dispersion(scores: Array, shares: Array, information: Array) -> tuple[Array, Array]:
-    """Variance of the scores' sum over that of white noise, and degrees of freedom."""
-    whole = np.maximum(information, np.finfo(float).tiny)
-    h = shares / whole
-    left = scores - h * scores.sum(axis=0)
-    phi = (left**2 / np.maximum(1.0 - h, LEVERAGE)).sum(axis=0) / whole
+def _dispersion(left: Array, shares: Array, information: Array) -> tuple[Array, Array]:
+    """Variance of the scores' sum over that of white noise, and degrees of freedom.
+
+    Parameters
+    ----------
+    left : ndarray, shape (n_groups, n_columns)
+        Scores beside the size that all groups together have.
+    """
+    h = shares / np.maximum(information, np.finfo(float).tiny)
+    phi = (left**2 / np.maximum(1.0 - h, LEVERAGE) ** 2).sum(axis=0) / information
     return phi, effective_degrees(h, ALMOST_NONE)
 
 
-def _enlarged(residual: Array, Q: Array) -> Array:
-    """(1 - QQ')^(-1/2) r of one group, by the smaller of QQ' and Q'Q."""
-    if len(Q) <= Q.shape[1]:
-        values, vectors = np.linalg.eigh(Q @ Q.T)
-        factor = 1.0 / np.sqrt(np.clip(1.0 - values, LEVERAGE, 1.0))
-        return np.asarray(vectors @ (factor * (vectors.T @ residual)))
+def _enlarging(Q: Array) -> Array:
+    """M of (1 - QQ')^(-1/2) = 1 + Q M Q', of one group."""
     values, vectors = np.linalg.eigh(Q.T @ Q)
     factor = 1.0 / np.sqrt(np.clip(1.0 - values, LEVERAGE, 1.0)) - 1.0
-    size = np.maximum(values, np.finfo(float).eps)
-    return np.asarray(residual + Q @ (vectors @ (factor / size * (vectors.T @ (Q.T @ residual)))))
+    scaled = factor / np.maximum(values, np.finfo(float).eps)
+    return np.asarray((vectors * scaled) @ vectors.T)

@@ -57,13 +57,16 @@ SAME = 0.98
 is not exact to 2 % where a cause is of any size."""
 
 
-def excluded(robot: Robot, p: Array, evidence: Evidence) -> Excluded:
+def excluded(robot: Robot, p: Array, evidence: Evidence, leaves: float = 1.0) -> Excluded:
     """Test all causes.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
         Base parameters as they were estimated.
+    leaves : float
+        Share of the mean square of some axis that a cause must not exceed to be shown, as far as
+        limits go.
     """
     every = columns(robot, p, evidence)
     battery = first = Battery(
@@ -72,42 +75,32 @@ def excluded(robot: Robot, p: Array, evidence: Evidence) -> Excluded:
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[_Step] = []
     while len(found) < MOST:
-        likeliest = _likeliest(battery, tests, LEVEL / max(len(tests) - len(found), 1))
-        if likeliest is None:
+        likely = likeliest(battery, tests, LEVEL / max(len(tests) - len(found), 1))
+        if likely is None:
             break
-        beside = battery.beside(likeliest[1].columns.tolist())
-        step = _Step(robot, *likeliest, battery, beside, tests)
+        key, test = likely
+        step = _Step(robot, key, test, battery, battery.beside(test.columns.tolist()), tests)
         if found and step.taken < (1.0 - SAME**2) * found[0].taken:
             break  # what a column of the first order leaves of the first
         found.append(step)
-        battery = beside
+        battery = step.beside
     causes = tuple(step.found for step in found)
-    causes = _Instead(robot, evidence, battery, tests, causes).found
+    causes = _Instead(robot, evidence, first, battery, tests, causes).found
     return Excluded(
         found=causes,
-        limits=limits(robot, battery, every, len(tests)),
+        limits=limits(robot, battery, every, len(tests), leaves),
         tests=len(tests),
     )
 
 
-def gains(battery: Battery, tests: Tests, dispersion: float | None = None) -> dict[Key, float]:
-    """What each cause explains, as chi square beyond what chance lets the best explain.
-
-    Parameters
-    ----------
-    dispersion : float, optional
-        By default each cause's own.
-    """
-    each = {key: battery.test(at) for key, at in tests.items()}
-    return {
-        key: test.drop / (dispersion or test.dispersion) - chance(test.rank, len(tests))
-        for key, test in each.items()
-        if test is not None
-    }
+def gains(battery: Battery, tests: Tests, dispersion: float) -> dict[Key, float]:
+    """What each cause explains, as chi square beyond what chance lets the best explain."""
+    each = {key: battery.drop(at) for key, at in tests.items()}
+    return {key: drop / dispersion - chance(rank, len(tests)) for key, (drop, rank) in each.items()}
 
 
 def _typical(battery: Battery) -> float:
-    return max(float(np.median(battery.common.dispersion[battery.visible])), 1.0)
+    return max(float(np.median([each.dispersion for each in battery.common.values()])), 1.0)
 
 
 @cache
@@ -167,20 +160,17 @@ class _Step:
         )
 
 
-def _likeliest(battery: Battery, tests: Tests, level: float) -> tuple[Key, Test] | None:
+def likeliest(battery: Battery, tests: Tests, level: float) -> tuple[Key, Test] | None:
     """The cause that explains most of those that are significant beside themselves."""
     best: tuple[Key, Test] | None = None
-    gain, white, n = -np.inf, 1.0, len(tests)
-    each = {key: test for key, at in tests.items() if (test := battery.test(at)) is not None}
-    for key in sorted(each, key=lambda key: each[key].drop, reverse=True):
-        first = each[key]
-        if first.drop / white - chance(first.rank, n) <= gain:
-            continue  # no dispersion that is left beside it could be as low
-        if special.fdtrc(first.rank, first.degrees, first.drop / first.rank / white) >= level:
-            continue
+    gain, white, n = 0.0, 1.0, len(tests)
+    each = {key: battery.drop(at) for key, at in tests.items()}
+    for key, (drop, rank) in sorted(each.items(), key=lambda item: -item[1][0]):
+        if drop / white - chance(rank, n) <= gain:
+            continue  # nor would it with the least dispersion that there can be
         test = battery.test(tests[key], itself=True)
         if test is not None and test.p < level:
-            own = test.drop / test.dispersion - chance(test.rank, n)
+            own = test.drop / test.dispersion - chance(rank, n)
             if own > gain:
                 best, gain, white = (key, test), own, test.white
     return best
@@ -192,6 +182,7 @@ class _Instead:
 
     robot: Robot
     evidence: Evidence
+    first: Battery
     battery: Battery
     tests: Tests
     causes: tuple[Found, ...]
@@ -229,6 +220,12 @@ class _Instead:
         names = self.battery.columns.names
         return [k for k, name in enumerate(names) if name.cause in FITTED]
 
+    @property
+    def _slipped(self) -> int:
+        """Axis whose slip explains most to first order."""
+        slips = [key for key in self.battery.columns.tests if key[0] == "slip"]
+        return max(slips, key=lambda key: self.first.drop(self.battery.columns.tests[key]))[1]
+
     def _of(self, given: Sequence[int]) -> Explained:
         """What is stated explains with some columns."""
         thin, values = self._thin
@@ -244,14 +241,11 @@ class _Instead:
         thin, values = self._thin
         one = _typical(self.battery)
         fitted = values[:, self._fitted]
-        sizes = {
-            (each.cause, each.axes[0] - 1): each.size
-            for each in self.causes
-            if len(each.axes) == 1 and each.size is not None
-        }
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
-            for each in alternatives(self.robot, thin, fitted, self._stated, one, sizes)
+            for each in alternatives(
+                self.robot, thin, fitted, self._stated, one, self.first.sizes, self._slipped
+            )
         ]
         best = max((gain for gain, _ in every), default=-np.inf)
         if best < (chance(1, len(self.tests)) if self._stated.possible else -TOGETHER):
@@ -260,6 +254,9 @@ class _Instead:
         if self.causes and given.possible and not alike(best, self._gain(given, 0)):
             return None
         same = [each for gain, each in every if alike(gain, best)]
+        zeros = [each.axes for each in same if each.cause == "zero"]
+        # one before anything was measured
+        same = [each for each in same if each.cause != "slip" or each.axes not in zeros]
         same.sort(key=lambda each: rank_of(each.cause, *each.axes))
         words = [of_reading(self.robot, each) for each in same]
         named = [

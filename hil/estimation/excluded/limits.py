@@ -10,7 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import special, stats
+from scipy import optimize, special
 
 from hil.estimation.excluded.battery import LEVEL
 from hil.estimation.excluded.causes import CAUSES, FITTED
@@ -28,12 +28,16 @@ if TYPE_CHECKING:
 POWER = 0.8
 """Probability with which a cause of the stated size is found (Cohen, Statistical Power Analysis
 for the Behavioral Sciences, 1988, p. 56)."""
+MIDDLES = (np.arange(200) + 0.5) / 200
+"""Probabilities at which a chi square is looked at."""
 SI = {"I": "kg m²", "s": "kg m", "m": "kg"}
 """Units of a link's parameters by their first letters."""
 
 
-def limits(robot: Robot, battery: Battery, every: Columns, n_tests: int) -> tuple[Limit, ...]:
-    """Smallest sizes that are found."""
+def limits(
+    robot: Robot, battery: Battery, every: Columns, n_tests: int, leaves: float = 1.0
+) -> tuple[Limit, ...]:
+    """Smallest sizes that are found; `leaves` as of `finding.excluded`."""
     torque = _torque(battery)
     found = [
         Limit(
@@ -46,7 +50,7 @@ def limits(robot: Robot, battery: Battery, every: Columns, n_tests: int) -> tupl
         )
         for key, at in every.tests.items()
         if key[0] not in FITTED
-        for part, size, each in _sizes(battery, key, at, torque, n_tests)
+        for part, size, each in _sizes(battery, key, at, torque, n_tests, leaves)
     ]
     hardest: dict[tuple[str, int, str], Limit] = {}  # of a torque that repeats, of all orders
     for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
@@ -61,14 +65,11 @@ def _hard(limit: Limit) -> float:
 
 
 def _sizes(
-    battery: Battery, key: Key, at: Sequence[int], torque: Array, n_tests: int
+    battery: Battery, key: Key, at: Sequence[int], torque: Array, n_tests: int, leaves: float
 ) -> Iterator[tuple[str, float, float]]:
     """Parts of a cause: each one's smallest size that is found, and the torque of a unit."""
-    test, size = battery.test(at), dict.fromkeys(at, np.inf)
-    if test is not None:
-        need = noncentrality(test.rank, round(test.degrees), LEVEL / n_tests)
-        each = np.sqrt(need * test.dispersion / battery.information[test.columns])
-        size.update(zip(test.columns.tolist(), each.tolist(), strict=True))
+    each = smallest(battery, at, n_tests, leaves)
+    size = dict(zip(at, each.tolist(), strict=True))
     if key[0] == "load":
         for k in at:
             yield battery.columns.names[k].part, size[k], float(torque[k])
@@ -77,11 +78,37 @@ def _sizes(
         yield "", size[worst], float(torque[worst])
 
 
+def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 1.0) -> Array:
+    """Size of each column of a cause, were it the only one, that is found with `POWER`.
+
+    What leaves no more than a share of a mean square adds 1 / share - 1 of what remains to it.
+    """
+    test, found = battery.test(at), np.full(len(at), np.inf)
+    if test is not None:
+        need = noncentrality(test.rank, round(test.degrees), LEVEL / n_tests)
+        columns = test.columns
+        each = np.sqrt(need * test.dispersion / battery.information[columns])
+        if leaves < 1.0:
+            each = np.maximum(each, np.sqrt((1.0 / leaves - 1.0) / battery.most(columns)))
+        found[np.isin(at, columns)] = each
+    return found
+
+
 @cache
 def noncentrality(rank: int, degrees: int, level: float) -> float:
-    """Of F at which a test of a level has the power that is wanted."""
-    limit = stats.f.isf(level, rank, degrees)
-    return float(special.ncfdtrinc(rank, degrees, 1.0 - POWER, limit))
+    r"""Square of a size, over its variance as it is estimated, that is found with `POWER`.
+
+    Noncentral F takes the variance as known. Here size and limit go by one and the same estimate of
+    it, :math:`s` times the true one, with :math:`d s` of chi square's distribution,
+
+    .. math:: P = \int P(\chi'^2_r(\lambda s) > r F s) \, p(s) \, ds ,
+
+    which of one column is Student's t about :math:`\sqrt\lambda`.
+    """
+    limit = rank * float(special.fdtri(rank, degrees, 1.0 - level))
+    s = special.chdtri(degrees, MIDDLES) / degrees
+    missed = lambda need: float(special.chndtr(limit * s, rank, need * s).mean()) - (1.0 - POWER)  # noqa: E731
+    return float(optimize.brentq(missed, 0.0, 4.0 * (limit + 10.0 * rank), rtol=1e-4))
 
 
 def _torque(battery: Battery) -> Array:

@@ -63,10 +63,11 @@ def proved(
         solver, prepared = joint.solver, joint.prepared
     imported = any(isinstance(motion, FreeMotion) for motion, _ in prepared)
     evidence = measured(robot, solver, prepared)
-    found = excluded(robot, solver.solve() if p is None else p, evidence)
+    leaves = LEAVES if imported else 1.0
+    found = excluded(robot, solver.solve() if p is None else p, evidence, leaves)
     limit = saturated(prepared, robot.n_joints) if found.found else None
     if limit is None:
-        large = [each for each in found.found if each.left <= LEAVES or not imported]
+        large = [each for each in found.found if each.left <= leaves]
         return found.model_copy(update={"found": tuple(large)})
     axis, share, top = limit
     words = f"{share:.0%} of its samples have one and the same greatest torque, {top:.3g}"

@@ -1,0 +1,90 @@
+"""Level and power of the tests of causes are those stated, where the noise is known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from hil.estimation.excluded.battery import LEVEL, Battery
+from hil.estimation.excluded.columns import Column, Columns
+from hil.estimation.excluded.evidence import Evidence
+from hil.estimation.excluded.finding import likeliest
+from hil.estimation.excluded.limits import POWER, smallest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+N_AXES, EACH = 2, 20
+CAUSES = ("zero", "spring", "torque constant", "play")
+TIMES = 300
+
+
+def evidence(
+    rng: np.random.Generator, n_groups: int, slow: tuple[float, ...], size: float = 0.0
+) -> tuple[Evidence, Columns]:
+    """Rows of two axes with white noise, and a torque of each group that is `slow` times as much.
+
+    The first column of the first axis is there with some `size`.
+    """
+    axis = np.repeat(np.arange(N_AXES), n_groups * EACH)
+    group = np.repeat(np.arange(N_AXES * n_groups), EACH)
+    n = len(axis)
+    parts = tuple((slice(k * EACH, (k + 1) * EACH), np.zeros((EACH, 0)))
+                  for k in range(N_AXES * n_groups))  # fmt: skip
+    names = [Column(cause, k) for k in range(N_AXES) for cause in CAUSES]
+    # columns that hardly change within a group, as those of gravity do
+    level = rng.standard_normal((N_AXES * n_groups, len(names)))[group]
+    values = level + 0.5 * rng.standard_normal((n, len(names)))
+    values[axis[:, None] != np.array([name.axis for name in names])] = 0.0
+    walk = rng.standard_normal(N_AXES * n_groups)[group] * np.array(slow)[axis]
+    X = rng.standard_normal((n, 2))
+    torque = X @ [3.0, 4.0] + rng.standard_normal(n) + walk + size * values[:, 0]
+    made = Evidence(
+        axis=axis, group=group, torque=torque, recorded=torque, X=X, own=np.zeros((n, 0)),
+        motion=np.zeros((3, 3, n, N_AXES)), period=np.ones(n), time=np.arange(float(n)),
+        parts=parts, finest=np.full(N_AXES, 1e-9),
+    )  # fmt: skip
+    return made, Columns(tuple(names), values)
+
+
+def share_found(n_groups: int, slow: tuple[float, ...], times: float) -> float:
+    """Share in which the first cause is found at so many times the size that the run states."""
+    found = 0
+    for seed in range(TIMES):
+        clean = Battery(*evidence(np.random.default_rng(seed), n_groups, slow))
+        tests = clean.columns.tests
+        size = times * smallest(clean, [0], len(tests))[0]
+        battery = Battery(*evidence(np.random.default_rng(seed), n_groups, slow, size))
+        step = likeliest(battery, tests, LEVEL / len(tests))
+        found += step is not None and (step[0] == ("zero", 0) or not times)
+    return found / TIMES
+
+
+@pytest.mark.parametrize("slow", [(0.0, 0.0), (0.5, 0.5)])
+@pytest.mark.parametrize("n_groups", [6, 20])
+def test_anything_is_found_in_a_twentieth_of_clean_recordings(
+    n_groups: int, slow: tuple[float, ...]
+) -> None:
+    # three standard errors of a share of 300 are 0.038
+    assert share_found(n_groups, slow, 0.0) < LEVEL + 0.038
+
+
+@pytest.mark.parametrize("slow", [(0.0, 0.0), (0.5, 0.5)])
+@pytest.mark.parametrize("n_groups", [6, 20])
+def test_a_cause_of_the_smallest_size_is_found_as_often_as_stated(
+    n_groups: int, slow: tuple[float, ...]
+) -> None:
+    assert share_found(n_groups, slow, 1.0) == pytest.approx(POWER, abs=0.1)
+
+
+def test_a_large_cause_that_few_groups_carry_is_found() -> None:
+    # it is many times the noise, by which the rows' weights go
+    assert share_found(3, (0.5, 0.5), 2.0) > 0.95
+
+
+def test_a_cause_is_found_though_another_axis_is_much_noisier() -> None:
+    assert share_found(12, (0.2, 3.0), 2.0) > 0.95
