@@ -269,7 +269,7 @@ class Battery:
             common = self._common(axis, own, self._left[:, own], U, enlarged)
         else:
             common, white = self.common[axis], 1.0
-        degrees = float(common.degrees + d[0])
+        degrees = max(float(common.degrees + d[0]), ALMOST_NONE)
         phi = (common.degrees * common.dispersion + d[0] * each.mean()) / degrees
         drop, phi = float(along @ along), max(float(phi), white)
         return Test(
@@ -303,8 +303,11 @@ class Battery:
         scores, shares = self._by_group(D * enlarged), self._by_group(D**2)
         left = scores - shares / information * scores.sum(axis=0)
         phi, degrees = _dispersion(left, shares, information)
-        place = np.searchsorted(self._of(axis), own[seen])
-        return moderated(phi, degrees, self._alike[axis][np.ix_(place, place)])
+        several = degrees >= ALMOST_NONE
+        if not several.any():
+            return Common(1.0, 0.0)
+        place = np.searchsorted(self._of(axis), own[seen][several])
+        return moderated(phi[several], degrees[several], self._alike[axis][np.ix_(place, place)])
 
 
 CACHED = ("common", "_alike")
@@ -351,7 +354,7 @@ def _dispersion(left: Array, shares: Array, information: Array) -> tuple[Array, 
     """
     h = shares / np.maximum(information, np.finfo(float).tiny)
     phi = (left**2 / np.maximum(1.0 - h, LEVERAGE) ** 2).sum(axis=0) / information
-    return phi, effective_degrees(h, ALMOST_NONE)
+    return phi, effective_degrees(h, fewest=0.0)
 
 
 def _enlarging(Q: Array) -> Array:

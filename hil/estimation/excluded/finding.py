@@ -49,9 +49,10 @@ CONTRADICTS = 4.0
 """Dispersion that most causes have from which on groups contradict each other, whatever the reason:
 they scatter twice as much as noise within them explains. Then nothing may be significant, since all
 is uncertain. It is 1.0 to 1.4 where nothing is wrong, with strong drift of friction, too."""
-TOGETHER = 4.0
-"""Difference of chi squares below which two causes explain as much: their likelihoods differ by a
-factor of e^2, which by chance happens in 5 %."""
+TOGETHER = float(special.chdtri(1, 0.05))
+"""Difference of chi squares below which two causes explain as much. Let the right one explain z^2;
+another that is correlated by r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However alike
+they are, that is more by less than e^2, so the wrong one leads by more in less than 5 %."""
 SAME = 0.98
 """Correlation of two causes beyond which data do not distinguish them: a column of the first order
 is not exact to 2 % where a cause is of any size."""
