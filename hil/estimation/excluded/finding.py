@@ -94,10 +94,10 @@ def excluded(robot: Robot, p: Array, evidence: Evidence, leaves: float = 1.0) ->
     )
 
 
-def gains(battery: Battery, tests: Tests, dispersion: float) -> dict[Key, float]:
-    """What each cause explains, as chi square beyond what chance lets the best explain."""
+def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key, float]:
+    """What each cause explains, as chi square beyond what it explains by chance on average."""
     each = {key: battery.drop(at) for key, at in tests.items()}
-    return {key: drop / dispersion - chance(rank, len(tests)) for key, (drop, rank) in each.items()}
+    return {key: drop / dispersion - rank for key, (drop, rank) in each.items()}
 
 
 def _typical(battery: Battery) -> float:
@@ -139,7 +139,7 @@ class _Step:
     @property
     def found(self) -> Found:
         """In words, together with what explains as much."""
-        explains = gains(self.battery, self.tests, self.test.dispersion)
+        explains = explained_by(self.battery, self.tests, self.test.dispersion)
         same = [k for k, gain in explains.items() if alike(gain, explains[self.key])]
         named = [
             (key, test, with_size(self.robot, self.battery.columns, key, test))
