@@ -343,7 +343,8 @@ def said(folder: Path, case: Case) -> Said:
     seconds = time.process_time() - begin
     model = replace(model_of(run, found, proof=proof), robot=robot)
     assert model.outcome is not None
-    stated = uncertainty(model, 0.0 if found.usual_covariance is None else found.usual_covariance)
+    usual = found.usual_effect
+    stated = uncertainty(model, 0.0 if usual is None else usual @ usual.T)
     true = comparison(found, robot, truth).torque_error
     times = 0.0 if stated is None else float(np.nanmax(true / np.maximum(stated, 1e-12)))
     causes = proof.found if proof is not None else ()
@@ -383,8 +384,8 @@ def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[S
               f" {first[:150]} | {each.word} |", flush=True)  # fmt: skip
         yield each
     for times, names in count.items():
-        each = ", ".join(f"{names.count(x)} {x}" for x in ("first", "same", "other", "nothing"))
-        print(f"{times:.2g} times the smallest size: {each}")
+        sums = ", ".join(f"{names.count(x)} {x}" for x in ("first", "same", "other", "nothing"))
+        print(f"{times:.2g} times the smallest size: {sums}")
 
 
 def show_far(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
