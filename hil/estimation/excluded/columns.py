@@ -10,7 +10,7 @@ the estimate says, and e_k the axis k, the column of axis i is, per unit of
     rotor inertia of k     H qdd_i where i = k
     late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
-    play of k              d tau_i / d q_k times the sign of the speed of k
+    play of k              minus d tau_i / d q_k times the sign of the torque that its gear transmits
     slip of k              d tau_i / d q_k from an instant on
     direction of gravity   d tau_i by a turn about either axis across it
     a load                 the regressor's columns of the last link's parameters that are left out
@@ -89,7 +89,8 @@ class _Rows:
     def __init__(self, robot: Robot, p: Array, evidence: Evidence) -> None:
         self.robot, self.p, self.evidence = robot, p, evidence
         self.before, (self.q, self.qd, self.qdd), self.after = evidence.motion
-        self.rigid = self.torque(self.q, self.qd, self.qdd)
+        self.bodies = inverse_dynamics(robot, p, self.q, self.qd, self.qdd)
+        self.rigid = self._own(self.bodies)
         self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
 
     def _own(self, x: Array) -> Array:
@@ -199,7 +200,7 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         yield at["rotor inertia"], 0.01 * mine * rows.motor
         yield at["late torque"], -1e-3 * mine * rows.shifted(None)
         yield at["late position"], 1e-3 * rows.shifted(axis)
-        yield at["play"], by_position * np.sign(qd)
+        yield at["play"], -by_position * np.sign(rows.bodies[:, axis])
         for instant in instants(evidence):
             part = f"{instant:.0f}"
             yield Column("slip", axis, part), by_position * (evidence.time >= instant)
