@@ -74,6 +74,8 @@ HONEST = 3.0
 """Times its stated error that the true one of a good model may be."""
 SIZES = (1 / 3, 1.0, 3.0)
 """Of the smallest size that is stated."""
+NAMED = ("first", "same", "accounted for", "other", "nothing")
+"""Alone or before others, as the same in these data, fitted by the estimate, another cause."""
 ARM = 0.2
 """Of a load, across the last axis [m]."""
 
@@ -248,6 +250,7 @@ class Said:
     proof: Excluded | None
     times: float
     seconds: float
+    accounted: tuple[tuple[str, int], ...] = ()
 
     @property
     def honest(self) -> bool:
@@ -256,6 +259,8 @@ class Said:
 
     def named(self, case: Case) -> str:
         """First, same (as others in these data), accounted for, other or nothing."""
+        if (case.cause, case.axis) in self.accounted:
+            return "accounted for"
         if not self.found:
             return "nothing"
         first = self.found[0]
@@ -348,7 +353,10 @@ def said(folder: Path, case: Case) -> Said:
     true = comparison(found, robot, truth).torque_error
     times = 0.0 if stated is None else float(np.nanmax(true / np.maximum(stated, 1e-12)))
     causes = proof.found if proof is not None else ()
-    return Said(model.outcome.word, model.outcome.reason, causes, proof, times, seconds)
+    accounted = [(str(term.cause), axis) for term in model.error_budget if term.accounted
+                 for axis in term.axes]  # fmt: skip
+    return Said(model.outcome.word, model.outcome.reason, causes, proof, times, seconds,
+                tuple(accounted))  # fmt: skip
 
 
 def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
@@ -384,7 +392,7 @@ def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[S
               f" {first[:150]} | {each.word} |", flush=True)  # fmt: skip
         yield each
     for times, names in count.items():
-        sums = ", ".join(f"{names.count(x)} {x}" for x in ("first", "same", "other", "nothing"))
+        sums = ", ".join(f"{names.count(x)} {x}" for x in NAMED)
         print(f"{times:.2g} times the smallest size: {sums}")
 
 
