@@ -42,6 +42,7 @@ def test_base_parameters_read_as_the_paper_prints_them_but_for_two_terms_order(m
         ("table_3/B/4", lambda p: p + 0.01),
         ("table_3/change/4", lambda p: p + 0.01),
         ("table_3/expected/7", lambda p: p - 0.1),
+        ("mass", lambda mass: mass + 0.1),
         ("minutes", lambda minutes: 2 * minutes),
         ("offset", lambda degrees: degrees + 10),
         ("cases/loaded/0/published/p/4", lambda p: p + 20),
