@@ -21,7 +21,7 @@ from .campaigns import DISC, PLANS, by_rule
 from .figures import by_speed, in_operation, shown, sinusoid
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from hil.arrays import Array
     from hil.model.robot import Robot
@@ -115,13 +115,11 @@ def of_table_3(article: Figures, robot: Robot, over: Any) -> Figures:
     body = {"m": m, "sz": m * d, "Izz": DISC["Izz"]}
     body |= {name: DISC[name] + m * d * d for name in ("Ixx", "Iyy")}
     by_22 = base_parameters(robot).matrix[:, -10:] @ [body.get(n, 0.0) for n in LINK_PARAMETERS]
-    implied, ours = row["expected"] / article["mass"], {}
-    for bare, loaded, methods in CHANGES:
-        for method in methods:
-            changes = over(loaded, method, "p") - over(bare, method, "p")
-            ours[loaded, method] = _over_plants([_of_load(each, by_22, robot) for each in changes])
+    implied = row["expected"] / article["mass"]
+    pairs = (("bare", "loaded", "published"), ("bare", "loaded", "improved"), SHORT)
+    change = {(b, how): over(b, how, "p") - over(a, how, "p") for a, b, how in pairs}
     p = {"A": over("bare", "published", "p"), "B": over("loaded", "published", "p")}
-    p["change"] = p["B"] - p["A"]
+    p["change"] = change["loaded", "published"]
     short = over("default", "published", "p")
     return row | {
         "by_22": by_22,
@@ -131,29 +129,21 @@ def of_table_3(article: Figures, robot: Robot, over: Any) -> Figures:
         "l1": (np.sqrt(implied[0]), implied[4]),
         "l2": (np.sqrt(implied[5]), -implied[7]),
         "paper": _of_load(row["change"], row["expected"], robot),
-        "ours": ours,
+        "ours": {key: _of_load(each, by_22, robot) for key, each in change.items()},
     }
 
 
-CHANGES = (
-    ("bare", "loaded", ("published", "improved")),
-    ("default", "default-loaded", ("published",)),
-)
+SHORT = ("default", "default-loaded", "published")
 
 
-def _of_load(change: Array, expected: Array, robot: Robot) -> dict[str, float]:
-    """Errors of a change by the load in the norm, and the mass that p5 and p8 make of it."""
-    parts = {"all": slice(None)} | {g: list(k) for g, k in base_parameters(robot).groups.items()}
-    error, size = change - expected, np.linalg.norm
-    found = {g: float(size(error[k]) / size(expected[k])) for g, k in parts.items() if g[0] != "o"}
-    l1, l2 = robot.file.lengths["l1"], robot.file.lengths["l2"]
-    return found | {"mass_5": change[4] / l1, "mass_8": -change[7] / l2}
-
-
-def _over_plants(found: Sequence[Mapping[str, float]]) -> Figures:
-    """Root mean squares of errors over pairs of runs; of masses mean and scatter."""
-    each = {k: np.array([one[k] for one in found]) for k in found[0]}
-    return {k: (x.mean(), x.std()) if k.startswith("mass") else rms(x) for k, x in each.items()}
+def _of_load(change: Array, expected: Array, robot: Robot) -> Figures:
+    """Errors of changes by the load in the norm, and the mass that p5 and p8 make of each."""
+    groups = base_parameters(robot).groups
+    parts = {"all": slice(None)} | {g: list(groups[g]) for g in ("gravity", "diagonal")}
+    lengths, error, size = robot.file.lengths, change - expected, np.linalg.norm
+    masses = {"mass_5": change[..., 4] / lengths["l1"], "mass_8": -change[..., 7] / lengths["l2"]}
+    found = {g: rms(size(error[..., k], axis=-1)) / size(expected[k]) for g, k in parts.items()}
+    return found | masses
 
 
 def of_friction(drawn: Figures) -> Figures:
@@ -203,12 +193,10 @@ def of_elements(drawn: Figures) -> Figures:
     for axis in (2, 3, 5):
         _, value, model = shown(drawn, "bare", "gravity", axis).T
         left.append(rms(value - model) / np.ptp(model))
-    inertia = [each for each in drawn["bare"] if each["kind"] == "inertia"]
     varied = {}
     for axis in (1, 2, 3):
-        whole, part = np.array(
-            [(e["model"], e["of_gravity"]) for e in inertia if e["axis"] == axis]
-        ).T
+        own = [e for e in drawn["bare"] if (e["kind"], e["axis"]) == ("inertia", axis)]
+        whole, part = np.array([(e["model"], e["of_gravity"]) for e in own]).T
         varied[axis] = (float(np.ptp(whole)), float(np.ptp(whole - part)))
     turned = [complex(*each[1:]) for each in (sinusoid(drawn), drawn["offset"]["stated"])]
     shift = abs(float(np.degrees(np.angle(turned[0] / turned[1]))))
