@@ -58,6 +58,7 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"f": _digits, "pc": lambda x, n=2: f"{_digits(100 * x, n)} %"}
+    environment.filters["sentence"] = lambda x: x[0].upper() + x[1:] if x[1].isalpha() else x
     page = environment.get_template("page.md.j2").render(
         article=article, **results, verdict=verdict, code=code, np=np, over=over,
         rms=lambda case, *path: rms(over(case, *path)), robot=of_robot(article, robot),
