@@ -57,7 +57,7 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters |= {"f": _digits, "pc": lambda x, n=2: f"{_digits(100 * x, n)} %"}
+    environment.filters |= {"f": _digits, "pc": lambda x, n=2: f"{_digits(100 * x, n)}\u00a0%"}
     environment.filters["sentence"] = lambda x: x[0].upper() + x[1:] if x[1].isalpha() else x
     page = environment.get_template("page.md.j2").render(
         article=article, **results, verdict=verdict, code=code, np=np, over=over,
