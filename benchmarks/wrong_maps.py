@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 PERIOD, DURATION, NOISE = 0.004, 60.0, 1e-5
 """Of samples and of the recording [s]; of positions [rad]."""
-INVISIBLE = r"^good: .*\bif (recorded torques are to scale|.*torque constant)"
+INVISIBLE = r"^good: .*\bif .*torques of all axes within"
 """What must be said where nothing in the recording can show the mistake."""
 REFUSED, NOT_GOOD = ("refused",), ("refused", "failed", "doubtful")
 

@@ -201,6 +201,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
 RULES: tuple[Rule[Model], ...] = (_found, _free_motions, _unexcited, *OF_DATA, _causes)
 
 
+EVERY = "torques of all axes"
 TOLERANCES = ("torque constant", "rotor inertia")
 """Causes whose effect on the parameters an estimate states, in the order of `usual_effect`."""
 
@@ -210,20 +211,17 @@ def _good(model: Model, usual_effect: Array | None) -> Reservation:
     relative = uncertainty(model)
     if relative is None:
         return good(f"nothing speaks against the parameters{_scale(model.robot)}")
-    reason = (
-        "torques of the rigid bodies on a free motion are known within"
-        f" {_within(relative)}{_scale(model.robot)} (one standard error)"
-    )
+    reason = f"torques of the rigid bodies on a free motion are known within {_within(relative)}"
     hidden = _hidden(model, relative)
     if not hidden:
-        return good(reason)
+        return good(f"{reason} (one standard error){_scale(model.robot)}")
     usual = dict.fromkeys((each.cause, f"within {each.usual:g} {each.unit}") for each in hidden)
     conditions = ", ".join(
-        f"{cause} ({_listed([each.axis for each in hidden if each.cause == cause])}) {size}"
+        f"{cause}{_listed([each.axis for each in hidden if each.cause == cause])} {size}"
         for cause, size in usual
     )
     return good(
-        f"{reason} if what does not show is as stated, within"
+        f"{reason} (one standard error) if what does not show is as stated, within"
         f" {_within(_with_hidden(model, relative, hidden, usual_effect))} if it is right so far:"
         f" {conditions}",
         "state the uncertainty of torque constants and rotor inertias in the robot file, where it"
@@ -237,12 +235,13 @@ def _hidden(model: Model, relative: Array) -> tuple[Limit, ...]:
     What a robot file states an uncertainty of is none of them: the standard error holds that. Nor
     is what the parameters span, unless it is what their torques are measured in.
     """
-    alone = dict(zip(TOLERANCES, np.split(model.robot.usual_uncertainty > 0, 2), strict=True))
+    constants, rotors = np.split(model.robot.usual_uncertainty > 0, 2)
+    scale = not model.robot.torque_constant_uncertainty.any()
+    alone = {"torque constant": constants, "rotor inertia": rotors, EVERY: np.array([scale])}
     return tuple(
         each
         for each in (model.excluded.invisible if model.excluded else ())
-        if each.axis
-        and each.worth > relative.max()
+        if each.worth > relative.max()
         and (alone[each.cause][each.axis - 1] if each.cause in alone else each.size is not None)
     )
 
@@ -264,7 +263,7 @@ def _with_hidden(
         square = np.asarray(uncertainty(model, effect @ effect.T)) ** 2
     for each in hidden:
         if each.cause not in carried:
-            square[each.axis - 1] += each.worth**2 / 3.0
+            square[each.axis - 1 if each.axis else slice(None)] += each.worth**2 / 3.0
     return np.asarray(np.sqrt(square))
 
 
@@ -274,7 +273,7 @@ def _within(relative: Array) -> str:
 
 
 def _listed(axes: Sequence[int]) -> str:
-    return f"{'axis' if len(axes) == 1 else 'axes'} {_axes(axes)}"
+    return f" ({'axis' if len(axes) == 1 else 'axes'} {_axes(axes)})" if any(axes) else ""
 
 
 def _scale(robot: Robot) -> str:

@@ -100,6 +100,10 @@ CAUSES = {
         "correct its torque_constant in robot file and drives file, and look whether currents are"
         " rms or peak values",
     ),
+    "torques of all axes": Cause(
+        "torques of all axes, over those stated, are greater by", "%", "%", PERCENT,
+        "weigh a known mass (hil payload --mass); correct the unit or the gain of all torques",
+    ),
     # numbers of teeth are exact; 1 in 100 is a tooth miscounted
     "gear ratio": Cause(
         "its gear ratio, over that stated, is greater by", "%", "%", 1.0,

@@ -7,6 +7,7 @@ the estimate says, and e_k the axis k, the column of axis i is, per unit of
     position scale of k    (q_k d/dq_k + qd_k d/dqd_k + qdd_k d/dqdd_k) tau_i
     gear ratio of k        minus that of the rigid bodies, and minus their torque where i = k
     torque constant of k   -tau_i where i = k; its drift as much times the time
+    torques of all axes    -tau_i
     rotor inertia of k     H qdd_i where i = k
     late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
@@ -211,6 +212,8 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
                 cause = f"repeats {order}"
                 yield Column(cause, axis, "sine"), mine * np.sin(order * q)
                 yield Column(cause, axis, "cosine"), mine * np.cos(order * q)
+    if np.ptp(evidence.axis):
+        yield Column("torques of all axes", -1), -0.01 * total
     if np.any(robot.gravity):
         for part, column in zip("xy", rows.turned().T, strict=True):
             yield Column("gravity", -1, part), np.pi / 180 * column
