@@ -94,11 +94,25 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
     if found.axes:
         show(scores(found, _notes(model, run)))
     say_judgement(found)
+    if found.axes and found.word != "good":
+        _say_causes(model_path if model_path.is_dir() else model_path.parent, run.path)
     if found.axes:
         say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
     say(f"validation in {file}")
     if found.word == "failed":
         raise typer.Exit(Status.REFUSED)
+
+
+def _say_causes(before: Path, after: Path) -> None:
+    """Print what changed between two runs, by cause, where recordings of both are there."""
+    from hil.results.changes import by_cause
+    from hil.runs.run import Run
+
+    if all((folder / "run.json").exists() for folder in (before, after)):
+        with working("looking for causes in the recordings"):
+            causes = by_cause(Run.open(before), Run.open(after))
+        for cause in causes:
+            say(cause)
 
 
 def _notes(model: Model, run: Run) -> tuple[str, ...]:
@@ -228,6 +242,8 @@ def history(
     newest = found.sentences(found.runs[-1])
     for sentence in newest:
         say(sentence, style="bold red")
+    if newest and Path(found.runs[-1].label).is_dir():
+        _say_causes(Path(found.reference), Path(found.runs[-1].label))
     if not newest:
         say(f"{found.runs[-1].label}: nothing changed significantly")
     if json_file is not None:

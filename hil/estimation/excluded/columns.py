@@ -161,7 +161,10 @@ def columns(robot: Robot, p: Array, evidence: Evidence) -> Columns:
         Base parameters by which torques are calculated.
     """
     found = list(_columns(_Rows(robot, p, evidence)))
-    return Columns(tuple(name for name, _ in found), np.column_stack([x for _, x in found]))
+    values = np.column_stack([x for _, x in found])
+    if evidence.later is not None:
+        values *= evidence.later[:, np.newaxis]
+    return Columns(tuple(name for name, _ in found), values)
 
 
 def instants(evidence: Evidence) -> list[float]:
@@ -221,19 +224,24 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
 
 
 def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:
-    """Parameters of the last link that the robot file leaves out."""
+    """Parameters of the last link: those that the robot file leaves out, all if it came later."""
     robot, evidence = rows.robot, rows.evidence
     complete = with_whole_link(robot, robot.n_joints - 1)
     stated, all_of_it = base_parameters(robot), base_parameters(complete)
-    more = [k for k, head in enumerate(all_of_it.heads) if head not in stated.heads]
-    values = np.zeros((len(rows.q), len(more)))
+    names = [head for head in all_of_it.heads if head not in stated.heads]
+    directions = np.eye(len(all_of_it))[:, [all_of_it.heads.index(name) for name in names]]
+    if evidence.later is not None:
+        names = [f"{name}{robot.n_joints}" for name in LINK_PARAMETERS]
+        every = [complete.standard_parameters.index(name) for name in names]
+        directions = all_of_it.matrix[:, every]
+    values = np.zeros((len(rows.q), len(names)))
     for axis in range(robot.n_joints):
         mine = evidence.axis == axis
-        if more and mine.any():
+        if names and mine.any():
             q, qd, qdd = (x[mine] for x in (rows.q, rows.qd, rows.qdd))
-            values[mine] = regressor(complete, q, qd, qdd, [axis])[:, 0][:, more]
-    for k, column in zip(more, values.T, strict=True):
-        yield Column("load", -1, all_of_it.heads[k]), column
+            values[mine] = regressor(complete, q, qd, qdd, [axis])[:, 0] @ directions
+    for name, column in zip(names, values.T, strict=True):
+        yield Column("load", -1, name), column
 
 
 def with_whole_link(robot: Robot, link: int) -> Robot:

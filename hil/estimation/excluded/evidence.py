@@ -72,6 +72,8 @@ class Evidence:
         Rows that share their friction, and an orthonormal basis of what that can be.
     finest : ndarray, shape (n_channels,)
         Torque below which no model is true [N m].
+    later : ndarray of bool, shape (n,), optional
+        Rows of recordings that causes are looked for in, if the others are without any.
     """
 
     axis: Indices
@@ -85,6 +87,7 @@ class Evidence:
     time: Array
     parts: tuple[tuple[slice, Array], ...]
     finest: Array
+    later: Mask | None = None
 
     def without_friction(self, x: Array) -> Array:
         """Rows of `x`, shape (n, ...), with friction projected out, part by part."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hil.errors import NotEnoughData, NotIdentifiable
@@ -31,6 +32,9 @@ LEAVES = 0.5
 """Share of the mean square of an axis that a cause leaves at most, where somebody else recorded:
 friction that is eliminated here contradicts every model a little where samples are slow or motion
 turns often (public recordings of five machines: 0.75 and more)."""
+
+APART = 60.0
+"""From the earlier recordings to the later ones [s]; no cause counts how long that was."""
 
 
 def proved(
@@ -78,6 +82,39 @@ def proved(
         size=100.0 * share,
     )
     return found.model_copy(update={"found": (first,)})
+
+
+def changed(
+    robot: Robot,
+    before: Iterable[tuple[RecordedMotion, Recording]],
+    after: Iterable[tuple[RecordedMotion, Recording]],
+) -> Excluded | None:
+    """What changed between recordings, by cause; None where too little was recorded.
+
+    Base parameters are those of all recordings, and causes act in the later ones alone. So what
+    parameters would take for their own in one run shows here: a torque constant, a rotor, all of a
+    load. Friction is each measurement's own, and no cause.
+    """
+    earlier = list(_prepared(before))
+    if not earlier:
+        return None
+    begin = max(float(s.time[-1]) for _, s in earlier) + APART
+    later = [(motion, replace(s, time=s.time + begin)) for motion, s in _prepared(after)]
+    try:
+        solver = SimultaneousFit(robot, [*earlier, *later])
+    except NotIdentifiable:
+        return None
+    evidence = measured(robot, solver, [*earlier, *later])
+    first = min(float(s.time[0]) for _, s in earlier)
+    shown = evidence.time + first >= begin
+    if shown.all() or not shown.any():
+        return None
+    found = excluded(robot, solver.solve(), replace(evidence, later=shown))
+    named = {(each.cause, each.axes): each for each in reversed(found.found)}
+    causes = [each for each in found.found if named.get((each.cause, each.axes)) is each]
+    return found.model_copy(
+        update={"found": tuple(each for each in causes if each.cause != "unknown")}
+    )
 
 
 def _prepared(

@@ -108,3 +108,18 @@ def test_runs_without_a_model_are_identified_where_that_is_asked_for(
     assert status == 0
     assert "not every run states when it was measured" in out
     assert (folders[1] / "model.yaml").exists()
+
+
+def test_what_changed_is_named_by_its_cause_where_recordings_of_both_runs_are_there(
+    hil: Hil, tmp_path: Path
+) -> None:
+    robot, folders = arm(), [tmp_path / "before", tmp_path / "after"]
+    for day, folder in enumerate(folders, start=1):
+        data = recorded(robot, TRUTH, n=3, duration=12.0, seed=day)
+        for _, recording in data:
+            recording.tau[:, 1] /= 1.0 + 0.2 * (day - 1)
+        write_free_run(folder, robot, data)
+    status, out, _ = hil("history", *folders, "--identify")
+    assert status == 0
+    said = " ".join(out.split())
+    assert f"changed since {folders[0]}, by its recordings: axis 2: its torques, over" in said

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from free_run import arm, recorded
 
+from hil.estimation.excluded.proof import changed as changed_between
 from hil.estimation.excluded.proof import proved
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot, parse_robot
@@ -183,3 +184,29 @@ def test_a_robot_of_unknown_limits_is_judged_by_what_was_reached(
     ):  # fmt: skip
         first, *_ = found_in(without, changed(good, change))
         assert first.cause == cause  # a zero of the last axis is the same as a load
+
+
+def heavier(robot: Robot, share: float) -> FreeRecorded:
+    """The same motion with a greater last link."""
+    values = {head: value * (1 + share * head.endswith("2")) for head, value in TRUTH.items()}
+    p = np.array([values[head] for head in base_parameters(robot).heads])
+    return recorded(robot, p, n=3, duration=12.0, seed=5)
+
+
+@pytest.mark.parametrize(
+    ("share", "cause"), [(0.0, None), (0.2, "load")]
+)  # which parameters of one run alone hold
+def test_a_load_that_came_between_two_runs_is_what_changed(
+    robot: Robot, good: FreeRecorded, share: float, cause: str | None
+) -> None:
+    found = changed_between(robot, good, heavier(robot, share)).found
+    assert (found[0].cause if found else None) == cause
+
+
+def test_a_torque_constant_that_changed_between_two_runs_is_named_with_its_size(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    later = changed(heavier(robot, 0.0), lambda _q, tau, _t: tau.__itruediv__([1.0, 1.05]))
+    first, *_ = changed_between(robot, good, later).found
+    assert (first.cause, first.axes) == ("torque constant", (2,))
+    assert first.size == pytest.approx(5.0, abs=0.5)
