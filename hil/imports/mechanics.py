@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.excluded.evidence import Evidence
     from hil.estimation.signals import Signals
+    from hil.estimation.simultaneous import Prepared
     from hil.imports.evidence import Excerpt
     from hil.model.robot import Robot
 
@@ -59,6 +60,11 @@ MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
 """Keys of the map that causes of no joint in particular are about."""
 ORDINARY = (0.2, 4 * np.pi)
 """Ranges of a joint that make nobody doubt the unit of its position [rad]."""
+LAGS = (0.02, 0.05, 0.1)
+"""By which torques may be late [s]: a filter, a stack of software, another computer's clock."""
+UNEXPLAINED = 0.003
+"""Share of the variance of an axis's torque that is left from which on lags are looked for: twins of
+robots leave a third of it, and five times as much where torques are 50 ms late."""
 DEGREE = np.pi / 180.0
 """Factor of positions that are in degrees and stated as radians."""
 
@@ -77,11 +83,11 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
         for cause, axes, words, reading in _readings(robot, thin)
     ]
     possible = [each for each in every if each[0].possible]
-    if not possible:
+    found = min(possible, key=lambda each: each[0].misfit, default=None)
+    if found is None or found[0].misfit > stated.misfit - TOGETHER:
+        yield from _late(robot, prepared, solver)
         return
-    best, cause, axes, words = min(possible, key=lambda each: each[0].misfit)
-    if best.misfit > stated.misfit - TOGETHER:
-        return
+    best, cause, axes, words = found
     left = float((best.left / stated.left).min())
     if not stated.possible or left <= LEAVES:
         impossible = "friction would drive an axis, or motion have negative energy, if not"
@@ -90,6 +96,26 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
             "shape",
             ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],),
             f"{located([axis + 1 for axis in axes], words)};{reason} {CAUSES[cause].remedy}",
+        )
+
+
+def _late(robot: Robot, prepared: Prepared, solver: SimultaneousFit) -> Iterator[Suspicion]:
+    """State torques that are late or early by more than an estimate looks for."""
+    torque = np.concatenate([s.tau for _, s in prepared]).var(axis=0)
+    if (solver.weight * torque > 1 / UNEXPLAINED).all():
+        return
+    every = [
+        (SimultaneousFit(robot, [(m, s.torque_advanced(lag)) for m, s in prepared]).weight, lag[0])
+        for lag in np.outer([*LAGS, *np.negative(LAGS)], np.ones(robot.n_joints))
+    ]
+    weight, lag = max(every, key=lambda each: np.log(each[0]).sum())
+    if (solver.weight / weight).min() <= LEAVES and np.log(weight / solver.weight).sum() > 0:
+        yield Suspicion(
+            "shape",
+            ("joints", 0, "torque"),
+            f"torques of all joints are {'late' if lag > 0 else 'early'} by some"
+            f" {1e3 * abs(lag):.0f} ms; {CAUSES['late torque'].remedy}",
+            certain=False,
         )
 
 

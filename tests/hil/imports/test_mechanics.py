@@ -124,3 +124,10 @@ def test_a_map_that_explains_nearly_all_is_not_refused_for_one_that_explains_mor
     tau[:, 2] += 9.81 * masses[2]
     tau += np.random.default_rng(3).normal(0, 0.01, tau.shape) * np.std(tau, axis=0)
     assert said(excerpt(q, tau), portal) == []
+
+
+def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(seen, manutec):
+    late = np.roll(seen.tau, round(0.05 / PERIOD), axis=0)
+    (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec)
+    assert found.message.startswith("torques of all joints are late by some 50 ms; record torque")
+    assert not found.certain
