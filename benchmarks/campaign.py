@@ -29,10 +29,10 @@ import can
 from rich.console import Console
 from rich.table import Table
 
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.process_data import SyncProcessData
-from drivers.canopen_bus import CanopenDriveBus
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished, Started
 from hil.model.robot import ROBOTS, load_robot
@@ -146,9 +146,9 @@ class Stopwatch:
 LAYERS = (
     ("driver", CanopenDriveBus, "sample"),
     ("driver", CanopenDriveBus, "move"),
-    ("reception of frames, bus and driver", SyncProcessData, "_take_block"),
+    ("reception of frames, bus and driver", SyncProcessData, "_collect"),
     ("sending of frames, bus", PlantBus, "send"),
-    ("drives", SlaveNetwork, "answer"),
+    ("drives", SlaveNetwork, "receive"),
     ("physics", Plant, "advance"),
     ("physics", Plant, "read"),
 )

@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers import canopen_bus  # noqa: F401 - loaded once, before the sessions are forked
+from drivers.canopen import drive_bus  # noqa: F401 - loaded once, before the sessions are forked
 from hil.cli import drive_settings, plan_files, robot_drives, run_session  # noqa: F401 - likewise
 from hil.cli import main as hil
 from hil.model.robot import load_robot

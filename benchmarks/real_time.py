@@ -20,7 +20,7 @@ import numpy as np
 
 from drivers.axis import AxisScale
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.model.robot import ROBOTS, load_robot
 from hil.planning.measurement import Gravity

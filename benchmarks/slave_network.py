@@ -84,14 +84,9 @@ def main() -> None:
             for _ in range(N_AXES):
                 assert bus.recv(0) is not None
 
-        def block() -> None:
-            bus.send(SYNC)
-            assert bus.recv_block() is not None  # type: ignore[attr-defined]
-
         network = bus._plant._network  # type: ignore[attr-defined]
-        slaves = best(lambda: network.answer(0x80, b""))
+        slaves = best(lambda: network.receive(0x80, b""))
         print(f"six drives, frames in to frames out: {slaves:.1f} us/SYNC")
-        print(f"with PlantBus.send and recv_block:   {best(block):.1f} us/SYNC")
         print(f"with PlantBus.send and six recv:     {best(one_by_one):.1f} us/SYNC")
 
 

@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.model.robot import ROBOTS
 
 DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml")

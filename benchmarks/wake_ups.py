@@ -21,7 +21,7 @@ from plant_process import plant
 
 from drivers.drive_bus import SampleFlag
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.cli.realtime import real_time
 from hil.model.robot import ROBOTS
 

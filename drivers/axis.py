@@ -1,7 +1,8 @@
 """Counts to radians and per mille to newton metres, from what the drives file states.
 
 A drive speaks in counts of its encoder or in parts of a degree, in per mille of a rated value or in
-milliamperes; we speak SI on the joint side. With counts c of 6064, counts per motor revolution R (a
+milliamperes; we speak SI on the joint side. An `Axis` is one of a session, and what all who move or
+watch it need to know of it. With counts c of 6064, counts per motor revolution R (a
 ratio of integers), gear ratio N (motor angle over joint coordinate), direction s = +-1, zero c0 and
 sign of the current's count against the drive's position sc = +-1::
 
@@ -17,17 +18,22 @@ rad of the motor per m.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from drivers.drive_bus import AxisInfo
 from drivers.drives_file import Basis
 from drivers.rate_units import RateUnit, acceleration_unit, motor_turns, velocity_unit
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Objects
 
 Number = TypeVar("Number", float, "NDArray[np.float64]")
 
@@ -102,6 +108,89 @@ class AxisScale:
     def torque_limit_to_counts(self, torque: float) -> int:
         """Torque limit in per mille of rated torque (6072), never above the one asked for."""
         return _floor(torque / self.torque_limit)
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """One axis of a session.
+
+    Attributes
+    ----------
+    index : int
+        In joint order, from 0.
+    stated : AxisDrive
+        What the drives file states of it.
+    drive : AxisDrive
+        The same with the limits that hold.
+    server : Objects
+        Its drive's object dictionary.
+    own : mapping of str to str
+        Which of these limits are the drive's own: field, and the object that sets it.
+    stop_deceleration : float or None
+        Of a quick stop, as it stands in the drive [rad/s^2 or m/s^2]; None where it has no 6085 and
+        its ramp is the maker's.
+    identity : str
+        Its drive's (1018), in words.
+    planned : bool
+        The driver plans its ways, since its drive has no profile position.
+    """
+
+    index: int
+    stated: AxisDrive
+    drive: AxisDrive
+    server: Objects
+    own: Mapping[str, str] = field(default_factory=dict)
+    stop_deceleration: float | None = None
+    identity: str = ""
+    planned: bool = False
+
+    @classmethod
+    def all(cls, drives: Sequence[AxisDrive], servers: Sequence[Objects]) -> tuple[Axis, ...]:
+        """Return axes with the limits of the drives file."""
+        pairs = enumerate(zip(drives, servers, strict=True))
+        return tuple(cls(index, drive, drive, server) for index, (drive, server) in pairs)
+
+    @property
+    def label(self) -> str:
+        """How messages name it."""
+        return self.server.label
+
+    @property
+    def info(self) -> AxisInfo:
+        """What is known of it for the provenance."""
+        limits = self.drive.limits
+        return AxisInfo(
+            name=self.drive.name,
+            identity=self.identity,
+            q_min=limits.q_min,
+            q_max=limits.q_max,
+            velocity_max=limits.velocity,
+            acceleration_max=limits.acceleration,
+            torque_resolution=abs(self.scale.torque),
+            position_resolution=self.per_count,
+            own_limits=self.own,
+            unit=self.drive.unit,
+        )
+
+    @cached_property
+    def scale(self) -> AxisScale:
+        """Its drive's units."""
+        return AxisScale.of(self.drive)
+
+    @cached_property
+    def per_count(self) -> float:
+        """What one increment is [rad or m], positive."""
+        return abs(self.scale.position)
+
+    @cached_property
+    def window(self) -> float:
+        """Its following error window [increments]."""
+        return self.drive.following_error_window / self.per_count
+
+    @cached_property
+    def band(self) -> float:
+        """Its position window [increments]."""
+        return self.drive.position_window / self.per_count
 
 
 def _rate(unit: RateUnit, axis: AxisDrive) -> float:

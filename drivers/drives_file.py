@@ -21,6 +21,7 @@ from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 
 from checked_files.yaml_file import FileModel, load_yaml
 from drivers import rate_units
+from drivers.fieldbus import Entry
 from drivers.rate_units import AccelerationUnit, Per, VelocityUnit
 
 if TYPE_CHECKING:
@@ -89,6 +90,11 @@ class CurrentObject(FileModel):
     per_count: Positive = 1.0
     amplitude: Literal["rms", "peak"] | None = None
     sign: Literal[-1, 1] = 1
+
+    @property
+    def entry(self) -> Entry:
+        """Where it stands in the drive's object dictionary."""
+        return Entry(self.index, self.subindex, self.type, "current readback")
 
 
 class AxisLimits(FileModel):

@@ -3,17 +3,24 @@
 A drive of this profile is an object dictionary and process data: statusword, position and current
 come with each SYNC, target and controlword go out. CANopen carries both (`drivers.canopen`);
 another fieldbus that carries the profile (CANopen over EtherCAT) is a folder beside it that offers
-the same three protocols. `drivers.cia402` and `drivers.safety` see nothing else of a bus.
+the same protocols. `drivers.cia402` and `drivers.safety` see nothing else of a bus; what sessions
+and tools need beside that is `drivers.session.connection.Fieldbus`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from drivers.drive_bus import DriveError
+
+PacingName = Literal["auto", "lock-step", "wall-clock"]
+"""Where SYNC's time comes from: auto takes lock-step where a bus offers it."""
+TOO_LATE = 0.5
+"""Share of the period by which a SYNC may be late before its deadline counts as missed."""
 _PROFILES = 0x2000
 """First index beyond the objects of communication."""
 
@@ -108,7 +115,11 @@ class ProcessData(Protocol):
         Some flag is set.
     time : float
         The last SYNC's instant [s].
+    skipped : int
+        SYNCs that were left out because we came too late for them; may be set.
     """
+
+    skipped: int
 
     @property
     def words(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
@@ -132,7 +143,10 @@ class ProcessData(Protocol):
         """Time of the same clock as `time` [s]."""
 
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis."""
+        """Send target position [increments] and controlword to one axis, at once.
+
+        Each word counts, also where several are sent between two SYNCs: a fault reset sends two.
+        """
 
     @property
     def on_arrival(self) -> tuple[int, ...]:
@@ -149,6 +163,9 @@ class ProcessData(Protocol):
 
         They count until the next ones; only for drives that were set up to take them.
         """
+
+    def speeds(self) -> Sequence[float]:
+        """Return how fast each axis went just now [increments/s], inf where it is not seen."""
 
     def withdraw(self, axis: int) -> None:
         """Take back what is fed forward to one axis; nothing where drives take no offsets."""
@@ -173,7 +190,32 @@ class ProcessData(Protocol):
 
 
 class LifeSign(Protocol):
-    """What the drives watch to know that we are alive, as a heartbeat; without it they stop."""
+    """What the drives watch to know that we are alive, and we of them; without it they stop.
+
+    Attributes
+    ----------
+    name : str
+        Which that is, for messages: our heartbeat, or what feeds a watchdog of the bus.
+    timeout : float
+        After which drives miss it [s].
+    due : float
+        When `service` must be called next [s].
+    trouble : DriveError or None
+        Why a drive is no longer with us.
+    """
+
+    name: str
+    timeout: float
+    due: float
+
+    @property
+    def trouble(self) -> DriveError | None: ...  # noqa: D102 - an attribute
+
+    def watch(self) -> None:
+        """Begin to expect those of drives that exchange process data, and to give ours again."""
+
+    def service(self) -> None:
+        """Give ours if it is due, and look who is overdue."""
 
     def beat(self) -> None:
         """Give it if it is due."""

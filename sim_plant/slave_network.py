@@ -113,18 +113,6 @@ class SlaveNetwork:
 
     def receive(self, identifier: int, data: bytes) -> list[CanFrame]:
         """Take a data frame with 11-bit identifier; return what the drives send."""
-        frames, block = self.answer(identifier, data)
-        return frames + self._frames_of(block)
-
-    def answer(self, identifier: int, data: bytes) -> tuple[list[CanFrame], bytes]:
-        """Do as `receive`, but quicker where SYNC is answered by what every SYNC is answered by.
-
-        Returns
-        -------
-        frames : list of CanFrame
-        block : bytes
-            Frames of the present instant that follow, as consecutive ``struct can_frame``.
-        """
         if self._stale:
             self._wire()
         synced = (self._counted if data else self._synced).get(identifier)
@@ -132,7 +120,7 @@ class SlaveNetwork:
             return self._sync(synced)
         for handle in self._routes.get(identifier, ()):
             handle(data)
-        return self._take(), b""
+        return self._take()
 
     def receive_remote(self, identifier: int) -> list[CanFrame]:
         """Take a remote frame; return what the drives send."""
@@ -150,7 +138,7 @@ class SlaveNetwork:
         self._latch()
         return self._take()
 
-    def _sync(self, synced: _Synced) -> tuple[list[CanFrame], bytes]:
+    def _sync(self, synced: _Synced) -> list[CanFrame]:
         if self._clock == "sync":
             self._advance(self.cycle)
         actions, reports, block = synced
@@ -161,7 +149,7 @@ class SlaveNetwork:
             block.pack()
         if not (block is None or actions or self._event_actions or self._present or self._stale):
             past, self._past = self._past, []
-            return past, block.frames
+            return past + self._frames_of(block.frames)
         for act in actions:
             act()
         if block is None:
@@ -170,7 +158,7 @@ class SlaveNetwork:
         else:
             block.pack()
             self._present += self._frames_of(block.frames)
-        return self._take(), b""
+        return self._take()
 
     def _frames_of(self, block: bytes) -> list[CanFrame]:
         now = self._timers.now

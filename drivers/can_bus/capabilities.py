@@ -33,17 +33,6 @@ class KeepsStep(Protocol):
 
 
 @runtime_checkable
-class BlockSource(Protocol):
-    """A bus that hands over frames by the block (see `drivers.can_bus.frame_block`)."""
-
-    def recv_block(self) -> bytes | None:
-        """Take the block that waits, None if frames wait that are no block, or nothing."""
-
-    def idle(self) -> bool:
-        """Return whether nothing waits behind the block."""
-
-
-@runtime_checkable
 class HasClock(Protocol):
     """A bus with a time of its own, as a recorded one."""
 
@@ -69,8 +58,6 @@ class Capabilities:
         All answers are queued before `send` returns.
     kernel_sync : bool
         `send_periodic` is the kernel's, which hands back what it sent with its time stamp.
-    blocks : BlockSource, optional
-        Where frames come by the block.
     clock : callable
         The time that it goes by [s].
     until_next_sent : callable, optional
@@ -79,7 +66,6 @@ class Capabilities:
 
     lock_step: bool = False
     kernel_sync: bool = False
-    blocks: BlockSource | None = None
     clock: Callable[[], float] = time.perf_counter
     until_next_sent: Callable[[], float] | None = None
 
@@ -105,7 +91,6 @@ def capabilities_of(bus: can.BusABC) -> Capabilities:
     return Capabilities(
         lock_step=isinstance(bus, KeepsStep) and bus.lock_step,
         kernel_sync=isinstance(bus, SocketcanBus),
-        blocks=bus if isinstance(bus, BlockSource) else None,
         clock=bus.clock if isinstance(bus, HasClock) else time.perf_counter,
         until_next_sent=bus.until_next_sent if isinstance(bus, Recorded) else None,
     )

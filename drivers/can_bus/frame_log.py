@@ -91,7 +91,7 @@ class FrameLog(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """What can be logged and done again: no blocks, and SYNC only where we send it."""
+        """What can be logged and done again: SYNC only where we send it."""
         return Capabilities(lock_step=self.lock_step, clock=self.clock)
 
     def clock(self) -> float:

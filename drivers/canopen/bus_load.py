@@ -54,3 +54,33 @@ def cycle_time(
 def time_on_bus(sizes: Iterable[int], bitrate: int) -> float:
     """How long SYNC and frames of so many bytes each occupy the bus at worst [s]."""
     return (frame_bits(0) + sum(map(frame_bits, sizes))) / bitrate
+
+
+def cycle_on_bus(
+    drives: DrivesFile | None,
+    n_axes: int,
+    bitrate: int,
+    *,
+    streamed: bool,
+    feed_forward: bool,
+) -> tuple[float, str, float]:
+    """Return how long a cycle occupies the bus [s], its frames in words, the share it may take.
+
+    Parameters
+    ----------
+    drives : DrivesFile or None
+        None where none is known: one full TPDO an axis is assumed, of 8 bytes.
+    n_axes, bitrate : int
+        Number of axes, and of bits a second.
+    streamed, feed_forward : bool
+        See `cycle_time`.
+    """
+    set_points = f" and {(1 + feed_forward) * n_axes} RPDOs" if streamed else ""
+    if drives is None:
+        sizes = [8] * n_axes * (2 if streamed else 1)
+        frames = f"SYNC, {n_axes} TPDOs of 8 bytes{set_points} assumed without a drives file"
+        return time_on_bus(sizes, bitrate), frames, MAX_LOAD
+    drives = drives.model_copy(update={"bitrate": bitrate})
+    count = sum(len(transmitted(axis)) for axis in drives.axes)
+    frames = f"SYNC, {count} TPDOs{set_points} by the drives file"
+    return cycle_time(drives, streamed=streamed, feed_forward=feed_forward), frames, MAX_LOAD

@@ -9,10 +9,23 @@ set-points included, and both are refused.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from drivers.canopen.pdo_mapping import Inputs, fed_forward, led, received, transmitted
-from drivers.cia402.states import Mode
+from drivers.canopen.objects import EXTENDED, IDENTIFIER, NMT, SYNC
+from drivers.canopen.pdo_mapping import (
+    FURTHEST,
+    LATER,
+    Inputs,
+    arrangements,
+    fed_forward,
+    led,
+    received,
+    transmitted,
+)
+from drivers.canopen.pdo_set_up import set_up_pdos
+from drivers.canopen.requirements import REQUIREMENTS
+from drivers.canopen.set_up import find_emergency, note_process_data, set_up_sync
+from drivers.canopen.watch_set_up import set_up_watch
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
@@ -21,18 +34,14 @@ if TYPE_CHECKING:
 
     from drivers.canopen.pdo_mapping import Pdo
     from drivers.canopen.pdo_set_up import OtherTpdo
-    from drivers.drives_file import AxisDrive
-
-SYNC, NMT = 0x80, 0x00
-EXTENDED = 1 << 29
-IDENTIFIER = 0x7FF
-ON_REQUEST = (252, 253)
-LAST_SYNCHRONOUS = 240
+    from drivers.commissioning.communication import Refusable
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.remote_dictionary import RemoteDictionary
 
 
-@dataclass(slots=True)
-class Communication:
-    """What one drive sends and listens to.
+@dataclass
+class CanopenCommunication:
+    """What one drive sends and listens to (see `drivers.commissioning.communication`).
 
     Attributes
     ----------
@@ -50,8 +59,6 @@ class Communication:
         TPDOs that we do not use and that go on.
     guarded : bool
         It watches our guarding requests instead of our heartbeat.
-    mode : Mode
-        In which it moves: profile position, or cyclic position, in which the driver plans.
     """
 
     label: str
@@ -61,7 +68,6 @@ class Communication:
     emergency: int | None
     others: tuple[OtherTpdo, ...] = field(default=())
     guarded: bool = False
-    mode: Mode = Mode.PROFILE_POSITION
 
     @property
     def feed_forward(self) -> bool:
@@ -74,6 +80,38 @@ class Communication:
         node, offsets = axis.node, fed_forward(axis) if feed_forward else None
         inputs = Inputs(received(axis), led(axis), offsets)
         return cls(label, node, transmitted(axis), inputs, 0x80 + node)
+
+    requirements: ClassVar = REQUIREMENTS
+    later: ClassVar = LATER
+
+    def refusable(self, axis: AxisDrive) -> Refusable | None:
+        """Return what drives refuse whose TPDO 1 takes two objects, if there is another way."""
+        return FURTHEST if len(arrangements(axis)) > 1 else None
+
+    def set_up(
+        self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
+    ) -> None:
+        """Configure how a drive communicates.
+
+        The order is the drive's: it must not produce SYNC when it gets a period to do so, and it
+        takes a counter in SYNC only without a period.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent
+            Why the drive cannot take part.
+        """
+        set_up_sync(server, period)
+        self.set_up_process_data(server, axis)
+        note_process_data(server, self.inputs, self.others, drives.bitrate, period)
+        self.emergency = find_emergency(server)
+        self.guarded = set_up_watch(server, axis, drives)
+
+    def set_up_process_data(self, server: RemoteDictionary, axis: AxisDrive) -> None:
+        """Configure the PDOs alone."""
+        self.transmitted, self.inputs, self.others = set_up_pdos(
+            server, axis, feed_forward=self.feed_forward
+        )
 
     def claims(self) -> Iterator[tuple[int, str]]:
         """Yield the identifiers that it uses, and for what."""
@@ -95,12 +133,12 @@ class Communication:
                 yield other.cob_id & IDENTIFIER, f"its {other.name}, which cannot be switched off"
 
 
-def find_collisions(drives: Sequence[Communication], master: int) -> list[DriveRefused]:
+def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list[DriveRefused]:
     """Return which drives use an identifier that is in use already.
 
     Parameters
     ----------
-    drives : sequence of Communication
+    drives : sequence of CanopenCommunication
         All drives on the bus.
     master : int
         Our node number.

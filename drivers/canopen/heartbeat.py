@@ -1,9 +1,12 @@
 """Heartbeats both ways (CiA 301): ours, which the drives watch, and theirs, which we watch.
 
 The drives stop by themselves when our heartbeat stays away (1016, 6007): that saves the robot when
-this process dies. In the other direction a node that falls silent, restarts or leaves the state
-OPERATIONAL is trouble; only at the start may it take a while to get there. Time is that of SYNC's
-pacing, so in lock-step it stands still between two SYNCs.
+this process dies. A drive that cannot watch it is asked for its state at intervals instead, by a
+remote frame under the identifier of its own heartbeat (life guarding): requests go out with our
+heartbeat and stop with it, so that both kinds of drives stop alike. In the other direction a node
+that falls silent, restarts or leaves the state OPERATIONAL is trouble; only at the start may it
+take a while to get there. Time is that of SYNC's pacing, so in lock-step it stands still between
+two SYNCs.
 """
 
 from __future__ import annotations
@@ -50,6 +53,8 @@ class Heartbeats:
 
     Attributes
     ----------
+    name : str
+        What they watch, for messages.
     due : float
         When `service` must be called next [s].
     trouble : NodeSilent or None
@@ -61,6 +66,8 @@ class Heartbeats:
     requests : list of can.Message
         Sent with each heartbeat: they ask for the state of drives that watch these requests.
     """
+
+    name = "our heartbeat"
 
     def __init__(
         self,
@@ -82,7 +89,7 @@ class Heartbeats:
         )
         self._labels = labels
         self._period = period
-        self._timeout = timeout
+        self.timeout = timeout
         self._now = now
         self._heard: dict[int, float] = {}
         self.starting: set[int] = set()
@@ -128,12 +135,12 @@ class Heartbeats:
         self.beat()
         now = self._now()
         last = min(self._heard.values(), default=math.inf)
-        self.due = min(self._next_beat, last + self._timeout)
-        if self.trouble is None and now - last >= self._timeout:
+        self.due = min(self._next_beat, last + self.timeout)
+        if self.trouble is None and now - last >= self.timeout:
             node = min(self._heard, key=self._heard.__getitem__)
             self.trouble = NodeSilent(
                 f"{self._labels[node]}: no heartbeat for {now - self._heard[node]:.3g} s (limit "
-                f"{self._timeout:g} s); check the drive's supply and the CAN wiring"
+                f"{self.timeout:g} s); check the drive's supply and the CAN wiring"
             )
 
     def _on_ours(self, can_id: int, data: bytearray, timestamp: float) -> None:
@@ -163,3 +170,10 @@ class Heartbeats:
                 f"{self._labels[node]}: {what} in the middle of operation; check the drive's "
                 "supply and that no other master is on the bus"
             )
+
+
+def guarding_request(node: int) -> can.Message:
+    """Return the remote frame that asks a node for its state (life guarding)."""
+    return can.Message(
+        arbitration_id=0x700 + node, is_remote_frame=True, is_extended_id=False, dlc=1
+    )

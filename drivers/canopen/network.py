@@ -2,20 +2,18 @@
 
 canopen hands frames over from a notifier thread, and its clients block on queues which that thread
 fills. Here nobody waits without pumping: `PumpedNetwork.pump` receives frames and dispatches them
-to canopen's own subscribers, and `PumpedSdoClient` pumps until its answer is there. So there are no
-races and no dead-locks, and on a bus in lock-step time stands still while a client waits.
+to canopen's own subscribers, and `drivers.canopen.sdo.PumpedSdoClient` pumps until its answer is
+there. So there are no races and no dead-locks, and on a bus in lock-step time stands still while a
+client waits.
 """
 
 from __future__ import annotations
 
-import struct
 import time
 from typing import TYPE_CHECKING
 
 import can
-from canopen import Network, ObjectDictionary
-from canopen.sdo.client import SdoClient
-from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+from canopen import Network
 
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.drive_bus import BusUnavailable, DriveError
@@ -31,16 +29,6 @@ SEND_BACK_OFF = 0.001
 
 BABBLE = 0.25
 """How long a queue may take to be read empty once the time of a wait is up [s]."""
-
-_ABORTED = 0x80
-_SDO_SIZE = 8
-_SIZE_INDICATION = 0xE3
-_SIZE_LEFT_OPEN = 0x42
-"""Bits of an answer that make it an expedited upload (command 2, e = 1) without size (s = 0)."""
-_EXPEDITED = 0x23
-"""A request to write (command 1), its data in the frame (e = 1) and their size stated (s = 1)."""
-_INITIATING = frozenset({1, 2})
-"""Command specifiers of requests whose answer repeats index and sub-index."""
 
 
 class PumpedNetwork(Network):
@@ -155,77 +143,6 @@ class PumpedNetwork(Network):
         if self.synchronous:
             return empty
         return left == 0.0 and (empty or self._clock() > ends + BABBLE)
-
-
-class PumpedSdoClient(SdoClient):
-    """canopen's SDO client, waiting by pumping its network.
-
-    Parameters
-    ----------
-    network : PumpedNetwork
-        The network, pumped while the client waits.
-    node : int
-        Whose default SDO server is asked.
-    timeout : float
-        How long an answer may take [s].
-    """
-
-    def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
-        dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
-        super().__init__(0x600 + node, 0x580 + node, dictionary)  # type: ignore[no-untyped-call]
-        self.network = network
-        self._pumped = network
-        self._timeout = timeout
-        self._answers: list[bytes] = []
-        self._object: bytes | None = None
-        self._size_left_open = False
-        network.subscribe(self.tx_cobid, self.on_response)
-
-    def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Take an answer from the network, unless it is none to what was asked."""
-        del can_id, timestamp
-        if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
-            self._answers.append(bytes(data))
-
-    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
-        """Read an object whose length is `size` [bytes].
-
-        A server may leave it open how many of the four bytes of an expedited answer count (CiA
-        301: size indicator 0); then those of the object do. Any other length is returned as it is.
-        """
-        data: bytes = self.upload(index, subindex)
-        return data[:size] if self._size_left_open else data
-
-    def request_response(self, sdo_request: bytes) -> bytes:
-        """Send a request and wait for its answer; answers to earlier requests are dropped."""
-        self._pumped.pump(0.0)
-        self._answers.clear()
-        names_object = sdo_request[0] >> 5 in _INITIATING
-        self._object = bytes(sdo_request[1:4]) if names_object else None
-        self.send_request(sdo_request)  # type: ignore[no-untyped-call]
-        return self.read_response()
-
-    def read_response(self) -> bytes:
-        """Wait for one answer.
-
-        Raises
-        ------
-        canopen.SdoAbortedError, canopen.SdoCommunicationError
-            The server refuses; it does not answer in time.
-        """
-        if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
-            raise SdoCommunicationError("No SDO response received")
-        answer = self._answers.pop(0)
-        if answer[0] == _ABORTED:
-            raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
-        self._size_left_open = answer[0] & _SIZE_INDICATION == _SIZE_LEFT_OPEN
-        return answer
-
-
-def expedited(index: int, subindex: int, data: bytes) -> bytes:
-    """Return the request that writes an object of one to four bytes (CiA 301)."""
-    command = _EXPEDITED | (4 - len(data)) << 2
-    return struct.pack("<BHB4s", command, index, subindex, data)
 
 
 def _nothing() -> None:

@@ -15,6 +15,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402 import objects
+from drivers.commissioning.communication import Refusable
+from drivers.commissioning.held_values import mapping_count
 from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
@@ -24,8 +26,6 @@ if TYPE_CHECKING:
 
 ON_SYNC = 1
 ON_EVENT = 255
-TPDO_MAPPING = 0x1A00
-"""First mapping of a TPDO; those of RPDOs lie below."""
 STATE, COMMAND = (
     (objects.STATUSWORD, objects.POSITION),
     (objects.TARGET_POSITION, objects.CONTROLWORD),
@@ -35,6 +35,10 @@ AT_SYNC = range(241)
 """Transmission types of an RPDO that acts with the next SYNC."""
 RPDO_TYPES = (254, 0, 1)
 """On event by the maker's rule, or with the next SYNC."""
+LATER = (Entry(0x1801, 2, "u8", "transmission type of TPDO 2"), mapping_count(0x1A01))
+"""What is written beside where TPDO 1 turns out to be fixed."""
+FURTHEST = Refusable((0x1A00, 3), "if TPDO 1 takes fewer objects")
+"""The entry of TPDO 1 that drives with room for two objects refuse."""
 
 
 class Pdo(NamedTuple):
@@ -75,12 +79,6 @@ class Pdo(NamedTuple):
         return self.communication >= 0x1800
 
 
-def current_entry(axis: AxisDrive) -> Entry:
-    """Return the object that holds the axis's motor current or torque."""
-    current = axis.current
-    return Entry(current.index, current.subindex, current.type, "current readback")
-
-
 def transmitted(axis: AxisDrive) -> tuple[Pdo, ...]:
     """Return the TPDOs that carry statusword, position and current, as we would have them."""
     return arrangements(axis)[0]
@@ -89,10 +87,10 @@ def transmitted(axis: AxisDrive) -> tuple[Pdo, ...]:
 def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
     """Return how statusword, position and current may be put into TPDOs, the best way first."""
     if axis.tpdos is not None:
-        ours = (*STATE, current_entry(axis))
+        ours = (*STATE, axis.current.entry)
         stated = enumerate(axis.tpdos, start=1)
         return (tuple(_tpdo(n, axis.node, mapped(words, ours)) for n, words in stated),)
-    current = current_entry(axis)
+    current = axis.current.entry
     both = (_tpdo(1, axis.node, STATE), _tpdo(2, axis.node, (current,)))
     return ((_tpdo(1, axis.node, (*STATE, current)),), both) if current.size == 2 else (both,)
 
@@ -151,16 +149,6 @@ def mapping_word(entry: Entry) -> int:
     return entry.index << 16 | entry.subindex << 8 | int(entry.type[1:])
 
 
-def mapping_count(index: int) -> Entry:
-    """Return the object that counts what a mapping (1600h and on, 1A00h and on) carries."""
-    return Entry(index, 0, "u8", f"number of objects in {_name(index)}")
-
-
-def mapping_slot(index: int, number: int) -> Entry:
-    """Return the object of a mapping that names the n-th object carried, from 1."""
-    return Entry(index, number, "u32", f"object {number} of {_name(index)}")
-
-
 def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
     """Return the objects that a mapping names; those that are not ours have no name."""
     named = {mapping_word(entry): entry for entry in ours}
@@ -168,10 +156,6 @@ def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
         named.get(word) or Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "")
         for word in words
     )
-
-
-def _name(mapping: int) -> str:
-    return f"TPDO {mapping - 0x19FF}" if mapping >= TPDO_MAPPING else f"RPDO {mapping - 0x15FF}"
 
 
 def _at_sync(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:

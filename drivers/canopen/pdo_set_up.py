@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
+from drivers.canopen.objects import NO_REMOTE, OFF
 from drivers.canopen.pdo_mapping import (
     Inputs,
     arrangements,
@@ -23,26 +24,22 @@ from drivers.canopen.pdo_mapping import (
     fed_on_arrival,
     led,
     mapped,
-    mapping_count,
-    mapping_slot,
     mapping_word,
     received,
     transmitted,
 )
-from drivers.canopen.sdo import FIXED_CODES, RANGE_CODES, Aborted
 from drivers.cia402.objects import SUPPORTED_MODES
 from drivers.cia402.states import Mode
+from drivers.commissioning.held_values import mapping_count, mapping_slot
 from drivers.drive_bus import DriveRefused
 from drivers.fieldbus import Entry
+from drivers.remote_dictionary import FIXED_CODES, RANGE_CODES, Aborted
 
 if TYPE_CHECKING:
     from drivers.canopen.pdo_mapping import Pdo
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.remote_dictionary import RemoteDictionary
 
-OFF = 1 << 31
-"""Bit of a COB-ID by which its PDO does not exist."""
-NO_REMOTE = 1 << 30
 PDOS = 4
 NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}
 """A mapping that can be written has no further sub-index, or takes no greater count or length."""

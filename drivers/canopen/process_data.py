@@ -3,8 +3,7 @@
 Every frame that answers a SYNC has a slot; the slots of one axis stand side by side, so that one
 precompiled struct unpacks the frames of all axes, joined, at once. Where a drive's TPDO is fixed in
 another order, or carries more than we need, the values are picked by one `itemgetter` made for
-that. A bus that hands over waiting frames as one block (`frame_block`) saves even the frame
-objects. What is irregular leaves this path: a TPDO that is missing, doubled or late is flagged and
+that. What is irregular leaves this path: a TPDO that is missing, doubled or late is flagged and
 never replaced by a guess. After a missing TPDO the axis owes one: if two come for the next SYNC,
 the first is the late one and is dropped. If one comes, nobody knows whether the other was lost or
 everything lags by a SYNC: it is flagged, for some SYNCs, unless all answers are known to be in.
@@ -14,23 +13,20 @@ from __future__ import annotations
 
 import math
 import struct
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import can
 
-from drivers.can_bus.capabilities import capabilities_of
-from drivers.can_bus.frame_block import FrameBlock, messages, unpacking
 from drivers.canopen.network import SEND_ATTEMPTS
-from drivers.canopen.pdo_mapping import current_entry
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.cia402.set_point import ENABLED
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
-    from drivers.can_bus.capabilities import BlockSource
-    from drivers.canopen.communication import Communication
+    from drivers.canopen.communication import CanopenCommunication
     from drivers.canopen.network import PumpedNetwork
     from drivers.canopen.pdo_mapping import Pdo
     from drivers.canopen.sync_clock import SyncClock
@@ -51,7 +47,6 @@ _COMMAND, _TARGET = struct.Struct("<iH"), struct.Struct("<i")
 _OFFSETS = struct.Struct("<ih")
 _CODES = {"u16": "H", "i16": "h", "i32": "i"}
 """Types of what is read; bytes of other types are skipped."""
-_NOTHING: Iterator[can.Message] = iter(())
 Data = bytes | bytearray
 
 
@@ -66,7 +61,7 @@ class SyncProcessData:
         In joint order.
     clock : SyncClock
         Where SYNC's time comes from.
-    communications : sequence of Communication
+    communications : sequence of CanopenCommunication
         See `wire`.
 
     Attributes
@@ -90,14 +85,13 @@ class SyncProcessData:
         network: PumpedNetwork,
         axes: Sequence[AxisDrive],
         clock: SyncClock,
-        communications: Sequence[Communication],
+        communications: Sequence[CanopenCommunication],
     ) -> None:
         self._network = network
         self._clock = clock
         self._in_lock_step = clock.synchronous
         self._receive = network.channel.recv
-        self._blocks = capabilities_of(network.channel).blocks
-        self._wanted = [(STATUSWORD, POSITION, current_entry(drive)) for drive in axes]
+        self._wanted = [(STATUSWORD, POSITION, drive.current.entry) for drive in axes]
         self._slots: dict[int, int] = {}
         self._regular = (0,) * len(axes)
         self.flags: tuple[int, ...] = self._regular
@@ -109,7 +103,7 @@ class SyncProcessData:
         self.currents: tuple[int, ...] = self._regular
         self.wire(communications)
 
-    def wire(self, communications: Sequence[Communication]) -> None:
+    def wire(self, communications: Sequence[CanopenCommunication]) -> None:
         """Use the PDOs of each axis from the next SYNC on as their drives are set up."""
         inputs = [drive.inputs for drive in communications]
         self._commands = [each.command.cob_id for each in inputs]
@@ -127,10 +121,8 @@ class SyncProcessData:
         self._sizes = [pdo.size for _, pdo in pdos]
         self._axis_of = [axis for axis, _ in pdos]
         order = self._order(pdos)
-        self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
-        self._unpack = unpacking("<" + "".join(layouts), order)
-        self._last: Sequence[Data] | bytes = [bytes(size) for size in self._sizes]
-        self._unread: Iterator[can.Message] = _NOTHING
+        self._unpack = _unpacking("<" + "".join(layouts), order)
+        self._last: list[Data] = [bytes(size) for size in self._sizes]
         self._owed: dict[int, int] = {}
         self._doubt: dict[int, int] = {}
         self._found: dict[int, int] = {}
@@ -186,9 +178,7 @@ class SyncProcessData:
             self._send_again(error)
         instant = clock.sent()
         try:
-            values = self._take_block(self._blocks) if self._blocks else None
-            if values is None:
-                values = self._unpack(b"".join(self._collected(clock)))
+            values = self._unpack(b"".join(self._collected(clock)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
         if self.time - self._anchor[0] >= SPEED_TIME:
@@ -216,6 +206,15 @@ class SyncProcessData:
     def now(self) -> float:
         """Time since the bus was entered [s]."""
         return self._clock.now()
+
+    @property
+    def skipped(self) -> int:
+        """SYNCs that were left out because we came too late for them."""
+        return self._clock.skipped
+
+    @skipped.setter
+    def skipped(self, number: int) -> None:
+        self._clock.skipped = number
 
     def miss(self) -> None:
         """Let a period pass in which the bus took no SYNC."""
@@ -245,21 +244,6 @@ class SyncProcessData:
         self._clock.sent()
         self._network.pump(0.0)
 
-    def _take_block(self, source: BlockSource) -> tuple[int, ...] | None:
-        """Return the values of a regular block with nothing behind it; else keep its frames."""
-        while (block := source.recv_block()) is None:
-            frame = self._receive(0.0)
-            if frame is None or frame.arbitration_id in self._slots:
-                self._unread = iter(() if frame is None else (frame,))
-                return None
-            self._network.dispatch(frame)
-        values = self._block.unpack(block)
-        if values is None or self._owed or not source.idle():
-            self._unread = messages(block)
-            return None
-        self._last = block
-        return values
-
     def _collected(self, clock: SyncClock) -> list[Data]:
         """Return what each frame brought, or brought last."""
         frames, missing = self._collect(clock)
@@ -274,8 +258,7 @@ class SyncProcessData:
         timeout = 0.0 if in_lock_step else clock.window()
         frames: list[Data] = [b""] * len(sizes)
         missing, spare = len(sizes), BABBLE
-        unread, self._unread = self._unread, _NOTHING
-        while (frame := next(unread, None) or receive(timeout)) is not None:
+        while (frame := receive(timeout)) is not None:
             slot = slots.get(frame.arbitration_id)
             data = frame.data
             if (
@@ -298,10 +281,9 @@ class SyncProcessData:
         return frames, missing
 
     def _fill(self, frames: list[Data]) -> None:
-        last = self._block.data(self._last) if isinstance(self._last, bytes) else self._last
         for slot, data in enumerate(frames):
             if not data:
-                frames[slot] = last[slot]
+                frames[slot] = self._last[slot]
                 self._owed[slot] = self._owed.get(slot, 0) + 1
                 self._doubt[slot] = 0 if self._in_lock_step else DOUBT
                 self._mark(slot, SampleFlag.MISSING)
@@ -351,3 +333,12 @@ class SyncProcessData:
 
 def _code(entry: Entry) -> str:
     return _CODES.get(entry.type, "x" * entry.size)
+
+
+def _unpacking(layout: str, order: Sequence[int]) -> Callable[[bytes], tuple[int, ...]]:
+    """Return what unpacks a layout and returns its values in an order."""
+    unpack = struct.Struct(layout).unpack
+    if list(order) == list(range(len(unpack(bytes(struct.calcsize(layout)))))):
+        return unpack
+    pick = itemgetter(*order)
+    return lambda data: pick(unpack(data))

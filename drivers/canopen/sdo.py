@@ -1,346 +1,181 @@
-"""Typed access to a drive's object dictionary, with errors that state the remedy.
-
-A `RemoteDictionary` reads and writes numbers of one node, as the client of its SDO server. What
-goes wrong names node, object, abort code and remedy. `set` writes and reads back, since a drive may
-round a value, clip it or ignore it; what it keeps instead is accepted where `Judge` says so. Where
-the object is optional and missing, that is noted instead of refused.
-"""
+"""The object dictionaries of nodes by SDO (CiA 301): canopen's client, pumped, as an `Access`."""
 
 from __future__ import annotations
 
-from copy import copy
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+import struct
+from typing import TYPE_CHECKING, TypeVar
 
-from canopen.sdo.exceptions import SdoAbortedError, SdoError
+from canopen import ObjectDictionary
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
-from drivers.canopen.network import PumpedSdoClient, expedited
-from drivers.drive_bus import DriveRefused, NodeSilent
+from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Mapping, Sequence
+    from collections.abc import Callable
 
     from drivers.canopen.network import PumpedNetwork
-    from drivers.fieldbus import Entry
 
 SDO_TIMEOUT = 0.5
 """How long a drive may take to answer [s]."""
+EXCHANGES = 64
+"""Longest answer that is waited for [frames of 7 bytes]."""
+NMT_START, NMT_ENTER_PRE_OPERATIONAL = 1, 128
 
-READ_ONLY = 0x06010002
-ABSENT = frozenset({0x06020000, 0x06090011})
-"""A drive says so that it does not have an object."""
-_STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
-RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
-FIXED_CODES = RANGE_CODES | {READ_ONLY}
-"""A drive keeps its value: the object is read-only, or ours is outside its range."""
+_ABORTED = 0x80
+_SDO_SIZE = 8
+_SIZE_INDICATION = 0xE3
+_SIZE_LEFT_OPEN = 0x42
+"""Bits of an answer that make it an expedited upload (command 2, e = 1) without size (s = 0)."""
+_EXPEDITED = 0x23
+"""A request to write (command 1), its data in the frame (e = 1) and their size stated (s = 1)."""
+_INITIATING = frozenset({1, 2})
+"""Command specifiers of requests whose answer repeats index and sub-index."""
 
-
-class Aborted(DriveRefused):
-    """A drive answered an access with an abort code.
-
-    Attributes
-    ----------
-    code : int
-        The abort code.
-    """
-
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
-        self.code = code
-
-    @property
-    def missing(self) -> bool:
-        """The object does not exist in this drive."""
-        return self.code in ABSENT
+_Answer = TypeVar("_Answer")
 
 
-@dataclass(frozen=True, slots=True)
-class Note:
-    """Something about a drive that its operator should see.
-
-    Attributes
-    ----------
-    place : str
-        The drive, as messages name it.
-    text : str
-        What there is to say.
-    lack : bool
-        Of what the drive does not have or does not say, which shows without power as well.
-    """
-
-    place: str
-    text: str
-    lack: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.place}: {self.text}"
-
-
-class Judge(Protocol):
-    """Judges what a drive keeps instead of the value that was written."""
-
-    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
-        """Whether it will do."""
-
-    def compared(self, entry: Entry, written: int, kept: int) -> str:
-        """Return " (... instead of ...)" in SI; empty where the numbers say it all."""
-
-
-class _Exact:
-    """Accepts nothing but the value written."""
-
-    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
-        del entry
-        return kept == written
-
-    def compared(self, entry: Entry, written: int, kept: int) -> str:
-        del entry, written, kept
-        return ""
-
-
-class SdoClient(Protocol):
-    """Whatever carries the bytes of objects from and to a drive; errors are canopen's."""
-
-    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
-        """Read an object whose length is `size` [bytes]."""
-
-    def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object."""
-
-
-class RemoteDictionary:
-    """The object dictionary of one drive.
+class PumpedSdoClient(SdoClient):
+    """canopen's SDO client, waiting by pumping its network.
 
     Parameters
     ----------
     network : PumpedNetwork
-        The network that the drive is on.
+        The network, pumped while the client waits.
     node : int
-        Its node number.
-    name : str
-        The axis's name, for messages.
+        Whose default SDO server is asked.
     timeout : float
         How long an answer may take [s].
-
-    Attributes
-    ----------
-    label : str
-        How messages name the drive.
-    missing : set of Entry
-        Optional objects that the drive lacks, or keeps as they are.
-    notes : list of Note
-        What that means, and what else was noted.
-    kept : dict of Entry to int
-        What the drive holds of all that `set` has written, which may be another value.
-    judge : Judge
-        Decides which other values are accepted; at first none.
-    saved : set of (int, int)
-        Index and sub-index of objects that are written without `first_write`.
-    first_write : callable, optional
-        Called with every other `Entry` before it is written; may add to `saved`.
     """
 
-    def __init__(
-        self, network: PumpedNetwork, node: int, name: str, timeout: float = SDO_TIMEOUT
-    ) -> None:
-        self.node = node
-        self.label = f"{name} (node {node})"
-        self.missing: set[Entry] = set()
-        self.notes: list[Note] = []
-        self.kept: dict[Entry, int] = {}
-        self.judge: Judge = _Exact()
-        self.saved: set[tuple[int, int]] = set()
-        self.first_write: Callable[[Entry], None] | None = None
-        self._network = network
-        self._client: SdoClient = PumpedSdoClient(network, node, timeout)
+    def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
+        dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
+        super().__init__(0x600 + node, 0x580 + node, dictionary)  # type: ignore[no-untyped-call]
+        self.network = network
+        self._pumped = network
+        self._timeout = timeout
+        self._answers: list[bytes] = []
+        self._exchanges = 0
+        self._object: bytes | None = None
+        self._size_left_open = False
+        network.subscribe(self.tx_cobid, self.on_response)
 
-    def seen_through(self, layer: Callable[[SdoClient], SdoClient]) -> RemoteDictionary:
-        """Return this drive's dictionary as `layer` shows it, with notes of its own.
+    def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Take an answer from the network, unless it is none to what was asked."""
+        del can_id, timestamp
+        if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
+            self._answers.append(bytes(data))
 
-        Parameters
-        ----------
-        layer : callable
-            Turns the client of the drive into one that need not hand writes on.
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object, as canopen does."""
+        self._exchanges = 0
+        data: bytes = super().upload(index, subindex)
+        return data
+
+    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
+        """Read an object whose length is `size` [bytes].
+
+        A server may leave it open how many of the four bytes of an expedited answer count (CiA
+        301: size indicator 0); then those of the object do. Any other length is returned as it is.
         """
-        other = copy(self)
-        other.missing, other.notes, other.kept, other.saved = set(), [], {}, set()
-        other.first_write = None
-        other._client = layer(self._client)
-        return other
+        data = self.upload(index, subindex)
+        return data[:size] if self._size_left_open else data
 
-    def enter_operational(self) -> None:
+    def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
+        """Write an object, as canopen does."""
+        self._exchanges = 0
+        super().download(index, subindex, data, force_segment)
+
+    def request_response(self, sdo_request: bytes) -> bytes:
+        """Send a request and wait for its answer; answers to earlier requests are dropped.
+
+        Raises
+        ------
+        canopen.SdoCommunicationError
+            There is no answer, or no end to it.
+        """
+        self._exchanges += 1
+        if self._exchanges > EXCHANGES:
+            raise SdoCommunicationError(f"no end after {EXCHANGES} frames")
+        self._pumped.pump(0.0)
+        self._answers.clear()
+        names_object = sdo_request[0] >> 5 in _INITIATING
+        self._object = bytes(sdo_request[1:4]) if names_object else None
+        self.send_request(sdo_request)  # type: ignore[no-untyped-call]
+        return self.read_response()
+
+    def read_response(self) -> bytes:
+        """Wait for one answer.
+
+        Raises
+        ------
+        canopen.SdoAbortedError, canopen.SdoCommunicationError
+            The server refuses; it does not answer in time.
+        """
+        if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
+            raise SdoCommunicationError("No SDO response received")
+        answer = self._answers.pop(0)
+        if answer[0] == _ABORTED:
+            raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
+        self._size_left_open = answer[0] & _SIZE_INDICATION == _SIZE_LEFT_OPEN
+        return answer
+
+
+class SdoAccess:
+    """The objects of one node by its default SDO server, and its NMT state.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        That the node is on.
+    node : int
+        Its number.
+    timeout : float
+        How long an answer may take [s].
+    """
+
+    def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
+        self._network, self._node = network, node
+        self._client = PumpedSdoClient(network, node, timeout)
+
+    def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
+        """Read an object (see `drivers.remote_dictionary.Access`)."""
+        client = self._client
+        if size is None:
+            return _asked(lambda: client.upload(index, subindex))
+        return _asked(lambda: client.upload_number(index, subindex, size))
+
+    def write(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object."""
+        _asked(lambda: self._client.download(index, subindex, data))
+
+    def order(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object of one to four bytes and await no answer."""
+        command = _EXPEDITED | (4 - len(data)) << 2
+        request = struct.pack("<BHB4s", command, index, subindex, data)
+        self._network.send_message(0x600 + self._node, request)
+
+    def go_operational(self) -> None:
         """Command the node to exchange process data (NMT start)."""
-        self._network.send_message(0, bytes([1, self.node]))
+        self._network.send_message(0, bytes([NMT_START, self._node]))
 
-    def enter_pre_operational(self) -> None:
-        """Command the node to exchange no process data (NMT)."""
-        self._network.send_message(0, bytes([128, self.node]))
-
-    def get(self, entry: Entry) -> int:
-        """Read a number.
-
-        Raises
-        ------
-        NodeSilent
-            No answer.
-        DriveRefused
-            An abort code, or a length that does not fit the type.
-        """
-        try:
-            data = self._client.upload_number(entry.index, entry.subindex, entry.size)
-        except SdoError as error:
-            raise self._explained(error, entry, "read") from error
-        if len(data) != entry.size:
-            raise DriveRefused(
-                f"{self.label}: object {entry} has {len(data)} bytes, expected {entry.size} "
-                f"({entry.type}); correct its type in the drives file or the drive's firmware"
-            )
-        return int.from_bytes(data, "little", signed=entry.signed)
-
-    def find(self, entry: Entry) -> int | None:
-        """Read a number that not every drive has; None where it is missing."""
-        try:
-            return self.get(entry)
-        except Aborted as error:
-            if error.missing:
-                return None
-            raise
-
-    def put(self, entry: Entry, value: int) -> None:
-        """Write a number (errors as in `get`)."""
-        low, high = _range(entry)
-        if not low <= value <= high:
-            raise DriveRefused(
-                f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
-                f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
-            )
-        if self.first_write is not None and (entry.index, entry.subindex) not in self.saved:
-            self.first_write(entry)
-        data = value.to_bytes(entry.size, "little", signed=entry.signed)
-        try:
-            self._client.download(entry.index, entry.subindex, data)
-        except SdoError as error:
-            raise self._explained(error, entry, f"write {value} to") from error
-
-    def order(self, entry: Entry, value: int) -> None:
-        """Write a number at once, await no answer and keep nothing of what was there.
-
-        Raises
-        ------
-        BusUnavailable
-            The bus does not take the frame.
-        """
-        data = value.to_bytes(entry.size, "little", signed=entry.signed)
-        self._network.send_message(0x600 + self.node, expedited(entry.index, entry.subindex, data))
-
-    def set(self, entry: Entry, value: int) -> None:
-        """Write a number and read it back; note another value that is accepted.
-
-        Raises
-        ------
-        NodeSilent, DriveRefused
-            As in `get`, and where the drive keeps a value that is not accepted.
-        """
-        self._settle(entry, value, self._written(entry, value))
-
-    def set_unless_fixed(self, entry: Entry, value: int) -> bool:
-        """Do as `set`; return False where the drive refuses to change the object."""
-        try:
-            self.set(entry, value)
-        except Aborted as error:
-            if error.code not in FIXED_CODES:
-                raise
-            self.kept[entry] = self.get(entry)
-            return False
-        return True
-
-    def set_if_present(
-        self, entry: Entry, value: int, consequence: str, also: Container[int] = ()
-    ) -> None:
-        """Do as `set`; where the object is missing, note what follows from that.
-
-        So too where the drive does not take the value and keeps one that is in `also`.
-        """
-        if self.find(entry) is None:
-            self.do_without((entry,), consequence)
-            return
-        try:
-            kept = self._written(entry, value)
-        except Aborted as error:
-            kept = self.get(entry)
-            if error.code not in FIXED_CODES or not (kept == value or kept in also):
-                raise
-            self.kept[entry] = kept
-        if kept != value and kept in also:
-            self.missing.add(entry)
-            self.note(f"{kept} instead of {value} in object {entry}: {consequence}")
-        else:
-            self._settle(entry, value, kept)
-
-    def set_any(self, values: Mapping[Entry, int]) -> bool:
-        """Do as `set` with each of several objects that is present; return whether any is."""
-        present = {entry: value for entry, value in values.items() if self.find(entry) is not None}
-        self.missing.update(entry for entry in values if entry not in present)
-        for entry, value in present.items():
-            self.set(entry, value)
-        return bool(present)
-
-    def do_without(self, entries: Sequence[Entry], consequence: str) -> None:
-        """Note what follows from objects that are missing."""
-        self.missing.update(entries)
-        self.note(f"no object {' nor '.join(map(str, entries))}: {consequence}", lack=True)
-
-    def note(self, text: str, *, lack: bool = False) -> None:
-        """Add a note on this drive (see `Note`)."""
-        self.notes.append(Note(self.label, text, lack))
-
-    def _written(self, entry: Entry, value: int) -> int:
-        """Write a number; return what the drive keeps."""
-        self.put(entry, value)
-        kept = self.kept[entry] = self.get(entry)
-        return kept
-
-    def _settle(self, entry: Entry, value: int, kept: int) -> None:
-        """Note that a drive keeps another value, or refuse it."""
-        if kept == value:
-            return
-        compared = self.judge.compared(entry, value, kept)
-        if not self.judge.accepts(entry, value, kept):
-            raise DriveRefused(
-                f"{self.label}: object {entry} reads back {kept} after {value} was written"
-                f"{compared}; the drive limits or ignores it: choose a value that it takes, or "
-                "unlock the parameter"
-            )
-        self.note(
-            f"{kept} instead of {value} in object {entry}: the drive rounds or limits it{compared}"
-        )
-
-    def _explained(self, error: SdoError, entry: Entry, what: str) -> DriveRefused | NodeSilent:
-        if isinstance(error, SdoAbortedError):
-            return Aborted(
-                f"{self.label}: cannot {what} object {entry}: abort {error.code:08X} "
-                f"({SdoAbortedError.CODES.get(error.code, 'unknown abort code')}); "
-                f"{_remedy(error.code)}",
-                error.code,
-            )
-        return NodeSilent(
-            f"{self.label}: no answer when trying to {what} object {entry} ({error}); check that "
-            "the drive has power, its node number, its bit rate and the CAN wiring"
-        )
+    def leave_operational(self) -> None:
+        """Command the node to exchange no process data (NMT enter pre-operational)."""
+        self._network.send_message(0, bytes([NMT_ENTER_PRE_OPERATIONAL, self._node]))
 
 
-def _range(entry: Entry) -> tuple[int, int]:
-    bits = 8 * entry.size
-    return (-(1 << bits - 1), (1 << bits - 1) - 1) if entry.signed else (0, (1 << bits) - 1)
+def server_of(
+    network: PumpedNetwork, node: int, name: str, timeout: float = SDO_TIMEOUT
+) -> RemoteDictionary:
+    """Return the object dictionary of a node (see `SdoAccess`, `RemoteDictionary`)."""
+    return RemoteDictionary(SdoAccess(network, node, timeout), node, name)
 
 
-def _remedy(code: int) -> str:
-    if code in ABSENT:
-        return "this drive lacks the object: use another drive or firmware"
-    if code == READ_ONLY:
-        return "set it with the maker's commissioning tool"
-    if code in _STATE_CODES:
-        return "the drive does not allow it in its present state: switch it off and on again"
-    if code in RANGE_CODES:
-        return "choose a value that the drive takes"
-    return "see the drive's manual"
+def _asked(access: Callable[[], _Answer]) -> _Answer:
+    try:
+        return access()
+    except SdoAbortedError as error:
+        words = SdoAbortedError.CODES.get(error.code, "unknown abort code")
+        raise AccessRefused(error.code, words) from error
+    except SdoError as error:
+        raise NoAnswer(str(error)) from error

@@ -13,17 +13,18 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.can_bus.kernel_sync import KernelSync
+from drivers.fieldbus import TOO_LATE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
     import can
 
-PacingName = Literal["auto", "lock-step", "wall-clock"]
+    from drivers.fieldbus import PacingName
 
 PATIENCE = 1.0
 """How long answers may take in lock-step with a plant in another thread or process [s]."""
@@ -33,9 +34,6 @@ HURRIED_PATIENCE = 0.02
 
 PAUSE = 0.25
 """A caller who stays away longer than this made a pause, rather than missing deadlines [s]."""
-
-TOO_LATE = 0.5
-"""Share of the period by which a SYNC may be late before its deadline counts as missed."""
 
 WINDOW = 0.8
 """Share of the period in which the answers to a SYNC must arrive on the wall clock."""

@@ -7,10 +7,10 @@ the slowest answer takes, which a bus with a stopwatch finds out.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import can
+import numpy as np
 
 from drivers.can_bus.capabilities import Capabilities, capabilities_of
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
 
 _SYNC = 0x80
+ANSWERED = 0.99
+"""Share of the SYNCs that must be answered in the time that a rate is computed from."""
 
 
 def achievable_rate(
@@ -81,9 +83,14 @@ class StopwatchBus(can.BusABC):
         super().__init__("stopwatch")
 
     @property
+    def slowest(self) -> float:
+        """Time in which `ANSWERED` of the SYNCs were answered [s]."""
+        return float(np.quantile(self.answers, ANSWERED))
+
+    @property
     def capabilities(self) -> Capabilities:
-        """All of the inner bus's but blocks: frames are looked at one by one."""
-        return replace(capabilities_of(self._inner), blocks=None)
+        """All of the inner bus's."""
+        return capabilities_of(self._inner)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame."""

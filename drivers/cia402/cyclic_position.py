@@ -26,11 +26,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.feed_forward import FeedForward
 from drivers.cia402.path import MEMORY, STILL, Path
-from drivers.cia402.set_point import ENABLED, Standstill
+from drivers.cia402.set_point import ENABLED, standstill_of
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.cia402.stop import STOP_MARGIN
 from drivers.cia402.trapezoid import Trapezoid
@@ -41,9 +40,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from drivers.axis import Axis
     from drivers.drive_bus import Move
-    from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import Entry, Objects, ProcessData
+    from drivers.fieldbus import Objects, ProcessData
     from drivers.safety.trips import Trips
 
 DELAY = 6
@@ -60,18 +59,14 @@ class CyclicPosition:
     ----------
     process_data : ProcessData
         Of all axes.
-    servers : sequence of Objects
-        The drives in joint order.
-    axes : sequence of AxisDrive
-        What the drives file states of them.
+    axes : sequence of Axis
+        In joint order.
     trips : Trips
         Their corridor is moved along.
     period : float
         Time between two SYNCs [s].
     cycle : callable
         Lets one SYNC pass under supervision.
-    own : sequence of sequence of Entry
-        The objects of each drive's own feed-forward; none where unknown.
     note : callable, optional
         Takes what the operator should know.
 
@@ -89,20 +84,16 @@ class CyclicPosition:
     def __init__(
         self,
         process_data: ProcessData,
-        servers: Sequence[Objects],
-        axes: Sequence[AxisDrive],
+        axes: Sequence[Axis],
         trips: Trips,
         period: float,
         cycle: Callable[[], object],
-        own: Sequence[Sequence[Entry]] = (),
         note: Callable[[Iterable[str]], None] = lambda _: None,
     ) -> None:
         self.cyclic = self.moving = False
         self.along = 0.0
         self._process_data = process_data
-        self._servers = servers
         self._axes = axes
-        self._scales = [AxisScale.of(axis) for axis in axes]
         self._trips = trips
         self._period = period
         self._cycle = cycle
@@ -113,7 +104,7 @@ class CyclicPosition:
         self._stalled = -math.inf
         self._moves: dict[int, tuple[Trapezoid, float]] = {}
         self._points: list[list[int]] = []
-        self._feed_forward = FeedForward(process_data, servers, own)
+        self._feed_forward = FeedForward(process_data, axes)
 
     def begin(
         self, points: NDArray[np.float64], offsets: NDArray[np.float64] | None = None
@@ -127,7 +118,8 @@ class CyclicPosition:
         offsets : ndarray, shape (n, n_axes, 3), optional
             See `drivers.cia402.path.Path`.
         """
-        columns = zip(self._scales, points.T, strict=True)
+        scales = [axis.scale for axis in self._axes]
+        columns = zip(scales, points.T, strict=True)
         exact = np.column_stack([q / scale.position + scale.zero for scale, q in columns])
         for axis, point in enumerate(np.rint(exact[0]).astype(int).tolist()):
             self._process_data.command(axis, point, ENABLED)
@@ -143,19 +135,16 @@ class CyclicPosition:
         """Lead axes to targets by trapezoids of velocity, while others go on as they are led."""
         path = self._path
         if path is None:  # nothing is led, as after a trip
-            here = [
-                scale.position_from_counts(position)
-                for scale, position in zip(self._scales, self._process_data.positions, strict=True)
-            ]
+            positions = self._process_data.positions
+            here = [a.scale.position_from_counts(positions[a.index]) for a in self._axes]
             path = self.begin(np.array([here, here]))
         passed = (path.at - self._first) * self._period
         stands, now = path.exact, np.zeros(1)
         led = {a: (t, since + passed) for a, (t, since) in self._moves.items()}
         for axis, move in moves.items():
-            scale = self._scales[axis]
+            scale, per_count = self._axes[axis].scale, self._axes[axis].per_count
             trapezoid, since = led.get(axis, (None, 0.0))
             speed = trapezoid.motion(now + since)[1][0] if trapezoid else 0.0
-            per_count = abs(scale.position)
             target = move.target / scale.position + scale.zero
             profile = (move.velocity / per_count, move.acceleration / per_count)
             led[axis] = (Trapezoid(stands[axis], speed, target, *profile), 0.0)
@@ -173,32 +162,18 @@ class CyclicPosition:
     def _take(self, exact: NDArray[np.float64], offsets: NDArray[np.float64] | None) -> Path:
         """Make set-points the path that is followed from its beginning."""
         points = np.rint(exact).astype(int)
-        windows = np.array(
-            [
-                round(axis.following_error_window / abs(scale.position))
-                for axis, scale in zip(self._axes, self._scales, strict=True)
-            ]
-        )
+        windows = np.array([round(axis.window) for axis in self._axes])
         late = np.stack([np.roll(points, by, axis=0) for by in range(DELAY + 1)])
         for by in range(DELAY + 1):
             late[by, :by] = points[0]
         self._lows = (late.min(axis=0) - windows).tolist()
         self._highs = (late.max(axis=0) + windows).tolist()
-        accelerations = [
-            axis.limits.acceleration / abs(scale.position)
-            for axis, scale in zip(self._axes, self._scales, strict=True)
-        ]
+        accelerations = [a.drive.limits.acceleration / a.per_count for a in self._axes]
         self._path = path = Path(exact, accelerations, windows.tolist(), self._period, offsets)
         path.caution = MEMORY - (self._process_data.time - self._stalled)
         self._points, self.moving, self.along, self._first = points.tolist(), True, 0.0, 0
         self._halting, self._arrived_late = False, 0.0
-        self._rests = [
-            Standstill(
-                axis.position_window / abs(scale.position),
-                max(1, round(axis.position_window_time / self._period)),
-            )
-            for axis, scale in zip(self._axes, self._scales, strict=True)
-        ]
+        self._rests = [standstill_of(axis, self._period) for axis in self._axes]
         self._patience = round(GRACE / self._period)
         return path
 
@@ -252,7 +227,7 @@ class CyclicPosition:
         """Return how fast the stream leads an axis just now [rad/s or m/s], 0 without one."""
         recent = self._recent(2)
         steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
-        return max(steps, default=0) * abs(self._scales[axis].position) / self._period
+        return max(steps, default=0) * self._axes[axis].per_count / self._period
 
     def halt(self, decelerations: Sequence[float]) -> None:
         """Send nothing more and let the axes go on as far as a halt takes them.
@@ -262,13 +237,13 @@ class CyclicPosition:
         decelerations : sequence of float, length n_axes
             Of the ramps by which the drives halt [rad/s^2 or m/s^2].
         """
-        for axis, (scale, deceleration) in enumerate(zip(self._scales, decelerations, strict=True)):
-            speed = self.velocity(axis)
+        for axis, deceleration in zip(self._axes, decelerations, strict=True):
+            speed = self.velocity(axis.index)
             if self.moving and speed:
-                here = self._process_data.positions[axis]
+                here = self._process_data.positions[axis.index]
                 way = STOP_MARGIN * speed**2 / (2 * deceleration)
-                target = scale.position_from_counts(here) + self._direction(axis) * way
-                self._trips.expect(axis, here, target, moving=True)
+                target = axis.scale.position_from_counts(here) + self._direction(axis) * way
+                self._trips.expect(axis.index, here, target, moving=True)
         self.withdraw()
         self.abandon()
 
@@ -306,14 +281,14 @@ class CyclicPosition:
         self._change(Mode.PROFILE_POSITION)
         self.cyclic = False
 
-    def _direction(self, axis: int) -> float:
+    def _direction(self, axis: Axis) -> float:
         """Sign of the velocity with which the stream leads an axis."""
         recent = self._recent(1)
-        first, last = recent[0], recent[-1]
-        return float(np.sign((last[axis] - first[axis]) * self._scales[axis].position))
+        first, last = recent[0][axis.index], recent[-1][axis.index]
+        return float(np.sign((last - first) * axis.scale.position))
 
     def _enter(self) -> None:
-        for server in self._servers:
+        for server in (axis.server for axis in self._axes):
             supported = server.find(objects.SUPPORTED_MODES)
             if supported is not None and not supported & Mode.CYCLIC_POSITION.supported_bit:
                 raise DriveRefused(
@@ -338,10 +313,11 @@ class CyclicPosition:
         server.set_if_present(objects.INTERPOLATION_POWER, power, unknown)
 
     def _change(self, mode: Mode) -> None:
-        for server in self._servers:
+        servers = [axis.server for axis in self._axes]
+        for server in servers:
             server.put(objects.MODE, mode)
         for _ in range(round(MODE_TIME / self._period)):
-            slow = [s for s in self._servers if s.get(objects.MODE_DISPLAY) != mode]
+            slow = [s for s in servers if s.get(objects.MODE_DISPLAY) != mode]
             if not slow:
                 return
             self._cycle()
@@ -395,7 +371,7 @@ class CyclicPosition:
         self._patience -= 1
         if off and self._patience < 0:
             return MoveFailed(
-                f"{self._servers[off[0]].label}: not at rest at the end of its path after"
+                f"{self._axes[off[0]].label}: not at rest at the end of its path after"
                 f" {GRACE:g} s; check brake, load and position_window"
             )
         return None
@@ -412,7 +388,7 @@ class CyclicPosition:
                 ]
             )
         if self._process_data.on_arrival:
-            labels = ", ".join(self._servers[axis].label for axis in self._process_data.on_arrival)
+            labels = ", ".join(self._axes[axis].label for axis in self._process_data.on_arrival)
             self._note(
                 [
                     f"{labels}: set-points acted when they arrived, up to"

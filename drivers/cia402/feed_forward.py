@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.cia402.vendor_objects import own_feed_forward
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from drivers.axis import AxisScale
+    from drivers.axis import Axis
     from drivers.fieldbus import Entry, Objects, ProcessData
 
     Array = NDArray[np.float64]
@@ -34,10 +36,8 @@ class FeedForward:
     ----------
     process_data : ProcessData
         Of all axes.
-    servers : sequence of Objects
-        The drives in joint order.
-    own : sequence of sequence of Entry
-        The objects of each drive's own feed-forward; none where unknown.
+    axes : sequence of Axis
+        In joint order.
 
     Attributes
     ----------
@@ -45,15 +45,9 @@ class FeedForward:
         Offsets go out with each set-point.
     """
 
-    def __init__(
-        self,
-        process_data: ProcessData,
-        servers: Sequence[Objects],
-        own: Sequence[Sequence[Entry]] = (),
-    ) -> None:
+    def __init__(self, process_data: ProcessData, axes: Sequence[Axis]) -> None:
         self._process_data = process_data
-        self._servers = servers
-        self._own = own or ((),) * len(servers)
+        self._axes = axes
         self.wanted = False
         self._found: list[tuple[Objects, Entry, int]] = []
 
@@ -75,8 +69,8 @@ class FeedForward:
         """Send zero to all axes, if anything was sent."""
         if self.wanted:
             self.wanted = False
-            for axis in range(len(self._servers)):
-                self._process_data.withdraw(axis)
+            for axis in self._axes:
+                self._process_data.withdraw(axis.index)
 
     def give_back(self) -> None:
         """Let drives feed forward again by themselves as they were found to."""
@@ -86,29 +80,33 @@ class FeedForward:
             self._found.pop()
 
     def _take_over(self) -> None:
-        for server, own in zip(self._servers, self._own, strict=True):
-            for entry in own:
-                value = server.find(entry)
+        for axis in self._axes:
+            for entry in own_feed_forward(axis.drive):
+                value = axis.server.find(entry)
                 if value:
-                    self._found.append((server, entry, value))
-                    server.put(entry, 0)
+                    self._found.append((axis.server, entry, value))
+                    axis.server.put(entry, 0)
 
 
-def offsets_in_counts(fed: Sequence[Array], scales: Sequence[AxisScale]) -> Array:
+def offsets_in_counts(fed: Sequence[Array], axes: Sequence[Axis]) -> Array:
     """Return offsets in the drives' units, shape (n, n_axes, 3), not rounded.
 
     Parameters
     ----------
     fed : three ndarrays, shape (n, n_axes)
         Velocity, torque, and the part of it that holds the axes [rad/s or m/s, N m or N].
-    scales : sequence of AxisScale
+    axes : sequence of Axis
         In joint order.
     """
-    columns = zip(scales, *(values.T for values in fed), strict=True)
+    velocity, torque, holding = fed
     counts = [
         np.column_stack(
-            [scale.velocity_offset_to_counts(v), *map(scale.torque_offset_to_counts, (tau, held))]
+            [
+                axis.scale.velocity_offset_to_counts(velocity[:, axis.index]),
+                axis.scale.torque_offset_to_counts(torque[:, axis.index]),
+                axis.scale.torque_offset_to_counts(holding[:, axis.index]),
+            ]
         )
-        for scale, v, tau, held in columns
+        for axis in axes
     ]
     return np.stack(counts, axis=1)

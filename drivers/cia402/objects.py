@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from drivers.fieldbus import Entry
 
+# Of CiA 301; every fieldbus that carries the profile has them at these places
+DEVICE_TYPE = Entry(0x1000, 0, "u32", "device type")
 ERROR_HISTORY = Entry(0x1003, 1, "u32", "latest error")
-"""Of CiA 301; every fieldbus that carries the profile has it at this place."""
+VENDOR = Entry(0x1018, 1, "u32", "vendor")
+PRODUCT = Entry(0x1018, 2, "u32", "product code")
+REVISION = Entry(0x1018, 3, "u32", "revision number")
+SERIAL = Entry(0x1018, 4, "u32", "serial number")
+IDENTITY = (VENDOR, PRODUCT, REVISION, SERIAL)
 
 ABORT_CONNECTION_OPTION = Entry(0x6007, 0, "i16", "abort connection option code")
 ERROR_CODE = Entry(0x603F, 0, "u16", "error code")

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
+from drivers.cia402.deadline import Deadline
 from drivers.cia402.states import Command, State, decode_state, next_command
 from drivers.cia402.stop import NOT_ENERGISED
 from drivers.cia402.supervision import RESET, safe_torque_off
@@ -54,9 +55,9 @@ class Power:
 
     def wait(self, holds: Callable[[], bool], timeout: float) -> bool:
         """Let time pass until a condition holds; return whether it did within `timeout` [s]."""
-        ends = self._process_data.now() + timeout
+        over = Deadline(timeout, self._process_data.now)
         while not holds():
-            if self._process_data.now() > ends:
+            if over.passed:
                 return False
             self._process_data.tick()
         return True
@@ -85,14 +86,14 @@ class Power:
         DriveFault, DriveRefused
             A drive faults, or does not get there in time.
         """
-        ends = self._process_data.now() + STEP_TIME
+        over = Deadline(STEP_TIME, self._process_data.now)
         while True:
             cycle()
             words = self._process_data.words
             states = [decode_state(word) for word in words]
             if all(state is goal for state in states):
                 return
-            late = self._process_data.now() > ends
+            late = over.passed
             for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
                 self._step(axis, server, state, goal, late=late)
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from drivers.axis import AxisScale
 from drivers.cia402.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
 from drivers.cia402.set_point import (
     ENABLED,
@@ -22,15 +21,16 @@ from drivers.cia402.set_point import (
     Phase,
     SetPoint,
     Standstill,
+    standstill_of,
 )
 from drivers.drive_bus import MoveFailed, SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from drivers.axis import Axis
     from drivers.drive_bus import Move
-    from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import Objects, ProcessData
+    from drivers.fieldbus import ProcessData
 
 ACKNOWLEDGE_CYCLES = 25
 """How many SYNCs the handshake may take at least: four statuswords must come and go."""
@@ -68,10 +68,8 @@ class ProfilePosition:
     ----------
     process_data : ProcessData
         Of all axes.
-    servers : sequence of Objects
-        The drives in joint order.
-    axes : sequence of AxisDrive
-        What the drives file states of them.
+    axes : sequence of Axis
+        In joint order.
     period : float
         Time between two SYNCs [s].
 
@@ -84,19 +82,16 @@ class ProfilePosition:
     def __init__(
         self,
         process_data: ProcessData,
-        servers: Sequence[Objects],
-        axes: Sequence[AxisDrive],
+        axes: Sequence[Axis],
         period: float,
     ) -> None:
         self.active: dict[int, _Motion] = {}
         self._process_data = process_data
-        self._servers = servers
         self._axes = axes
-        self._scales = [AxisScale.of(axis) for axis in axes]
         self._period = period
         shortest = ACKNOWLEDGE_CYCLES * period
-        self._patience = [max(axis.acknowledge_timeout, shortest) for axis in axes]
-        self._holds = [axis.acknowledge == "reached" for axis in axes]
+        self._patience = [max(axis.drive.acknowledge_timeout, shortest) for axis in axes]
+        self._holds = [axis.drive.acknowledge == "reached" for axis in axes]
         self._profiles = [(0.0, 0.0)] * len(axes)
 
     def start(self, moves: Mapping[int, Move]) -> None:
@@ -108,9 +103,9 @@ class ProfilePosition:
 
     def halt(self) -> None:
         """Bring all axes to rest with the deceleration of their last profile."""
-        for axis, drive in enumerate(self._axes):
+        for axis, each in enumerate(self._axes):
             self._process_data.command(axis, self._position(axis), HALTED)
-            duration = drive.limits.velocity / self.deceleration(axis)
+            duration = each.drive.limits.velocity / self.deceleration(axis)
             command = HaltedAxis(self._standstill(axis))
             self.active[axis] = _Motion(command, self._deadline(duration), duration)
 
@@ -120,7 +115,7 @@ class ProfilePosition:
 
     def deceleration(self, axis: int) -> float:
         """Return the deceleration of an axis's last profile [rad/s^2 or m/s^2]."""
-        return self._profiles[axis][1] or self._axes[axis].limits.acceleration
+        return self._profiles[axis][1] or self._axes[axis].drive.limits.acceleration
 
     def advance(self, time: float, process_data: ProcessData) -> MoveFailed | None:
         """Take what the SYNC at `time` [s] brought; return what failed, if anything.
@@ -137,7 +132,7 @@ class ProfilePosition:
         return None
 
     def _write_profile(self, axis: int, move: Move) -> None:
-        scale, server = self._scales[axis], self._servers[axis]
+        scale, server = self._axes[axis].scale, self._axes[axis].server
         velocity, acceleration = self._profiles[axis]
         if move.velocity != velocity:
             server.put(PROFILE_VELOCITY, scale.velocity_to_counts(move.velocity))
@@ -149,12 +144,11 @@ class ProfilePosition:
         self._profiles[axis] = (move.velocity, move.acceleration)
 
     def _offer(self, axis: int, move: Move) -> None:
-        scale, drive = self._scales[axis], self._axes[axis]
-        target, word = scale.position_to_counts(move.target), self._process_data.words[axis]
-        window = drive.position_window / abs(scale.position)
-        distance = abs(target - self._position(axis)) * abs(scale.position)
+        each, word = self._axes[axis], self._process_data.words[axis]
+        target = each.scale.position_to_counts(move.target)
+        distance = abs(target - self._position(axis)) * each.per_count
         duration = distance / move.velocity + 2 * move.velocity / move.acceleration
-        command = SetPoint(target, window, self._standstill(axis))
+        command = SetPoint(target, each.band, self._standstill(axis))
         ends = self._process_data.now() + self._patience[axis]
         motion = _Motion(command, ends, duration, self._position(axis))
         earlier = self.active.get(axis)
@@ -199,10 +193,11 @@ class ProfilePosition:
         return self._process_data.now() + 1.5 * duration + GRACE
 
     def _failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
-        place, q = self._servers[axis].label, self._scales[axis].position_from_counts(position)
+        place, scale = self._axes[axis].label, self._axes[axis].scale
+        q = scale.position_from_counts(position)
         if isinstance(motion.command, HaltedAxis):
             return MoveFailed(f"{place}: does not come to rest after halt, q = {q:g}; check load")
-        target = self._scales[axis].position_from_counts(motion.command.target)
+        target = scale.position_from_counts(motion.command.target)
         phase = motion.command.phase
         there = abs(position - motion.command.target) <= motion.command.window
         remedy = _ON_TARGET if there and phase is Phase.TRAVELLING else _NOT_REACHED
@@ -215,6 +210,4 @@ class ProfilePosition:
         return self._process_data.positions[axis]
 
     def _standstill(self, axis: int) -> Standstill:
-        drive = self._axes[axis]
-        band = drive.position_window / abs(self._scales[axis].position)
-        return Standstill(band, max(1, round(drive.position_window_time / self._period)))
+        return standstill_of(self._axes[axis], self._period)

@@ -10,14 +10,13 @@ import math
 from operator import mul, sub
 from typing import TYPE_CHECKING
 
-from drivers.axis import AxisScale
 from drivers.cia402.states import Status
 from drivers.drive_bus import Sample, SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.drives_file import AxisDrive
+    from drivers.axis import Axis
     from drivers.fieldbus import ProcessData
 
 _LIMIT = Status.INTERNAL_LIMIT.value
@@ -29,12 +28,12 @@ class SampleReader:
 
     Parameters
     ----------
-    axes : sequence of AxisDrive
+    axes : sequence of Axis
         In joint order.
     """
 
-    def __init__(self, axes: Sequence[AxisDrive]) -> None:
-        scales = [AxisScale.of(axis) for axis in axes]
+    def __init__(self, axes: Sequence[Axis]) -> None:
+        scales = [axis.scale for axis in axes]
         self._zeros = [scale.zero for scale in scales]
         self._shifted = any(self._zeros)
         self._per_increment = [scale.position for scale in scales]

@@ -14,8 +14,12 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from drivers.cia402.states import Command, Control, Status
+
+if TYPE_CHECKING:
+    from drivers.axis import Axis
 
 ENABLED = Command.ENABLE_OPERATION.value[0]
 HALTED = ENABLED | Control.HALT
@@ -60,6 +64,11 @@ class Standstill:
             self._still = 0
         self._still += 1
         return self._still > self.count
+
+
+def standstill_of(axis: Axis, period: float) -> Standstill:
+    """Return what judges whether an axis rests, as its drive does [s between two samples]."""
+    return Standstill(axis.band, max(1, round(axis.drive.position_window_time / period)))
 
 
 @dataclass(slots=True)

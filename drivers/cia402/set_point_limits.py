@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import LimitExceeded
@@ -11,43 +10,27 @@ from drivers.drive_bus import LimitExceeded
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from drivers.axis import AxisScale
+    from drivers.axis import Axis
     from drivers.drive_bus import Move
-    from drivers.drives_file import AxisDrive
 
 
-NONE: Mapping[str, str] = MappingProxyType({})
-
-
-def check_move(
-    move: Move,
-    axis: AxisDrive,
-    scale: AxisScale,
-    number: int,
-    own: Mapping[str, str] = NONE,
-) -> None:
-    """Refuse a set-point outside the limits of joint `number` (from 1).
+def check_move(move: Move, axis: Axis) -> None:
+    """Refuse a set-point outside the limits of an axis.
 
     Parameters
     ----------
     move : Move
         The set-point.
-    axis : AxisDrive
-        With the limits that hold.
-    scale : AxisScale
-        The drive's units.
-    number : int
-        For messages.
-    own : mapping of str to str
-        See `drivers.commissioning.effective_limits.EffectiveLimits.own`.
+    axis : Axis
+        Which; its place is named from 1.
 
     Raises
     ------
     LimitExceeded
         With value, bound and remedy.
     """
-    unit = axis.unit
-    limits, place = axis.limits, f"joint {number} ({axis.name})"
+    unit, own, scale = axis.drive.unit, axis.own, axis.scale
+    limits, place = axis.drive.limits, joint_of(axis)
     if not limits.q_min <= move.target <= limits.q_max:
         side = "q_min" if move.target < limits.q_min else "q_max"
         raise LimitExceeded(
@@ -68,6 +51,11 @@ def check_move(
                 f"{place}: {key} {value:g} {unit}{per} is below the drive's resolution of "
                 f"{least:g} {unit}{per}; choose a faster move"
             )
+
+
+def joint_of(axis: Axis) -> str:
+    """Return how messages name the joint that an axis turns."""
+    return f"joint {axis.index + 1} ({axis.drive.name})"
 
 
 def where_to_widen(own: Mapping[str, str], key: str) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.cia402.set_point_limits import NONE, where_to_widen
+from drivers.cia402.set_point_limits import joint_of, where_to_widen
 from drivers.drive_bus import LimitExceeded
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.drives_file import AxisDrive
+    from drivers.axis import Axis
 
     Array = NDArray[np.float64]
 
@@ -29,10 +29,9 @@ ROUNDING = 1e-3
 
 def check_path(
     path: Array,
-    axes: Sequence[AxisDrive],
+    axes: Sequence[Axis],
     here: Sequence[float],
     period: float,
-    own: Sequence[Mapping[str, str]] = (),
 ) -> None:
     """Refuse set-points that leave the limits, or that do not begin where the axes stand.
 
@@ -40,15 +39,12 @@ def check_path(
     ----------
     path : ndarray, shape (n, n_axes)
         Set-points [rad or m].
-    axes : sequence of AxisDrive
-        In joint order, with the limits that hold.
+    axes : sequence of Axis
+        In joint order.
     here : sequence of float
         Where the axes stand [rad or m].
     period : float
         Time between two set-points [s].
-    own : sequence of mapping
-        Of each axis, see `drivers.commissioning.effective_limits.EffectiveLimits.own`; by default
-        none.
 
     Raises
     ------
@@ -62,25 +58,23 @@ def check_path(
     still = np.vstack([path[:1], path[:1], path, path[-1:], path[-1:]])
     speed = np.diff(still, axis=0) / period
     bend = np.diff(speed, axis=0) / period
-    for number, axis in enumerate(axes):
-        limits, unit = axis.limits, axis.unit
-        place = f"joint {number + 1} ({axis.name})"
-        whose = own[number] if own else NONE
-        _check_start(place, float(path[0, number]), here[number], axis.position_window, unit)
+    for axis in axes:
+        number, limits, unit = axis.index, axis.drive.limits, axis.drive.unit
+        place, window = joint_of(axis), axis.drive.position_window
+        _check_start(place, float(path[0, number]), here[number], window, unit)
         for what, values, low, high, per in (
             ("set-point", path[:, number], limits.q_min, limits.q_max, ""),
             ("velocity", speed[:, number], *_about(limits.velocity), "/s"),
             ("acceleration", bend[:, number], *_about(limits.acceleration), "/s^2"),
         ):
-            _check_range(place, what, values, (low, high), unit + per, period, whose)
+            _check_range(place, what, values, (low, high), unit + per, period, axis.own)
 
 
 def check_feed_forward(
     path: Array,
     fed: Sequence[Array],
-    axes: Sequence[AxisDrive],
+    axes: Sequence[Axis],
     period: float,
-    own: Sequence[Mapping[str, str]] = (),
 ) -> None:
     """Refuse what is fed forward beyond the limits, or without beginning and ending with zero.
 
@@ -90,7 +84,7 @@ def check_feed_forward(
         Set-points [rad or m].
     fed : three ndarrays, shape (n, n_axes)
         Velocity, torque, and what of it holds the axes [rad/s or m/s, N m or N].
-    axes, period, own
+    axes, period
         See `check_path`.
 
     Raises
@@ -105,12 +99,12 @@ def check_feed_forward(
                 f"{what} fed forward, of shape {values.shape}, must have the shape {path.shape} of"
                 " the path; give one for each set-point"
             )
-    for number, axis in enumerate(axes):
-        place, whose = f"joint {number + 1} ({axis.name})", own[number] if own else NONE
-        effort = (axis.limits.torque, axis.effort_unit)
-        bounds = ((axis.limits.velocity, f"{axis.unit}/s"), effort, effort)
+    for axis in axes:
+        place, number, drive = joint_of(axis), axis.index, axis.drive
+        effort = (drive.limits.torque, drive.effort_unit)
+        bounds = ((drive.limits.velocity, f"{drive.unit}/s"), effort, effort)
         for what, values, (limit, unit) in zip(names, fed, bounds, strict=True):
-            _check_fed_range(place, what, values[:, number], limit, unit, period, whose)
+            _check_fed_range(place, what, values[:, number], limit, unit, period, axis.own)
             _check_ends(place, what, values[:, number], limit, unit)
 
 

@@ -3,47 +3,37 @@
 The very code that configures drives (`commissioning`) runs on a layer over the object dictionary:
 reading goes to the drive, what is written stays in the layer and is read from there. So the list of
 what will change cannot part from what is done, but where a drive itself refuses a value. Only such
-a refusal shows that TPDO 1 takes two objects at most, so what is done then is found out too.
+a refusal shows that process data must go another way, so what is done then is found out too.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
-from canopen.sdo.exceptions import SdoAbortedError
-
-from drivers.canopen.communication import Communication
-from drivers.canopen.pdo_mapping import arrangements, mapping_count
-from drivers.canopen.pdo_set_up import set_up_pdos
-from drivers.canopen.vendor_objects import own_feed_forward
 from drivers.cia402 import objects
+from drivers.cia402.vendor_objects import own_feed_forward
 from drivers.commissioning.configure import check_identity, commission
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.commissioning.held_values import before
 from drivers.drive_bus import DriveRefused
-from drivers.fieldbus import Entry
+from drivers.remote_dictionary import AccessRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from drivers.canopen.sdo import RemoteDictionary, SdoClient
+    from drivers.commissioning.communication import Communication
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
+    from drivers.remote_dictionary import Access, RemoteDictionary
 
 Address = tuple[int, int]
 
-LATER = (
-    *objects.INTERPOLATION,
-    Entry(0x1801, 2, "u8", "transmission type of TPDO 2"),
-    mapping_count(0x1A01),
-)
-"""What may be written beside: where a path is streamed, where TPDO 1 turns out to be fixed."""
-FURTHEST: Address = (0x1A00, 3)
-"""The entry of TPDO 1 that drives with room for two objects refuse."""
-IF_SHORT = "if TPDO 1 takes fewer objects"
 _NO_ENTRY = 0x06090011
 _WRITE_ONLY = 0x06010001
 _SHOWN_BY = {objects.MODE: objects.MODE_DISPLAY}
@@ -84,8 +74,8 @@ class Announcement:
     found : mapping of Entry to int
         What the drive holds of all that will or may be written.
     changes : tuple of Change
-        In the order in which they are first written; then those of a drive whose TPDO 1 turns out
-        to take fewer objects.
+        In the order in which they are first written; then those of a drive that turns out to refuse
+        what its bus names as refusable.
     """
 
     limits: EffectiveLimits
@@ -98,10 +88,9 @@ def announce(
     axis: AxisDrive,
     drives: DrivesFile,
     period: float,
+    communication: Communication,
     find: Callable[[Entry], int | None] | None = None,
     later: Sequence[Entry] = (),
-    *,
-    feed_forward: bool = False,
 ) -> Announcement:
     """Find out what start-up will write to a drive; nothing is written.
 
@@ -113,12 +102,12 @@ def announce(
         What the drives file states.
     period : float
         Time between two SYNCs [s].
+    communication : Communication
+        How it will communicate; left as it is.
     find : callable, optional
         What an object held before any of our writes; by default what it holds.
     later : sequence of Entry
-        What will be written after start-up beside `LATER`.
-    feed_forward : bool
-        Velocity and torque will be fed forward.
+        What else will be written after start-up.
 
     Raises
     ------
@@ -129,30 +118,32 @@ def announce(
     usual = _Rehearsal(server, _Layer)
     compare_statements(usual.shown, axis)  # a limit in a wrong unit says nothing
     limits = effective_limits(find or server.find, axis, server.label)
-    communication = Communication.predefined(axis, server.label, feed_forward=feed_forward)
-    commission(usual.shown, axis, drives, period, lambda holds, _: holds(), limits, communication)
-    own = own_feed_forward(axis) if feed_forward else ()
-    for entry in (*LATER, *later, *own):
+    communicating = copy(communication)
+    commission(usual.shown, axis, drives, period, lambda holds, _: holds(), limits, communicating)
+    own = own_feed_forward(axis) if communication.feed_forward else ()
+    for entry in (*objects.INTERPOLATION, *communication.later, *later, *own):
         usual.found.update(before(usual.shown, entry))
     changes = list(usual.changes())
-    if FURTHEST in usual.written and len(arrangements(axis)) > 1:
-        shorter = _Rehearsal(server, usual.layer.shorter)
-        with suppress(DriveRefused):  # without it there is no other arrangement
-            set_up_pdos(shorter.shown, axis, feed_forward=feed_forward)
-            changes += [each.only(IF_SHORT) for each in shorter.changes(besides=usual.written)]
-        usual.found.update({e: v for e, v in shorter.found.items() if e not in usual.found})
+    refusable = communication.refusable(axis)
+    if refusable is not None and refusable.place in usual.written:
+        other = _Rehearsal(server, partial(usual.layer.refusing, refusable.place))
+        with suppress(DriveRefused):  # without it there is no other course
+            copy(communication).set_up_process_data(other.shown, axis)
+            more = other.changes(besides=usual.written)
+            changes += [each.only(refusable.condition) for each in more]
+        usual.found.update({e: v for e, v in other.found.items() if e not in usual.found})
     return Announcement(limits, usual.found, tuple(changes))
 
 
 class _Rehearsal:
     """What is written to a drive behind a layer, and what the drive holds of it."""
 
-    def __init__(self, server: RemoteDictionary, layer: Callable[[SdoClient], _Layer]) -> None:
+    def __init__(self, server: RemoteDictionary, layer: Callable[[Access], _Layer]) -> None:
         self.found: dict[Entry, int] = {}
         self._entries: dict[Address, Entry] = {}
 
-        def behind(client: SdoClient) -> SdoClient:
-            self.layer = layer(client)
+        def behind(access: Access) -> Access:
+            self.layer = layer(access)
             return self.layer
 
         self.shown = server.seen_through(behind)
@@ -181,22 +172,22 @@ class _Rehearsal:
 
 
 class _Layer:
-    """A client that keeps to itself what is written, and asks the drive for each object once."""
+    """An access that keeps to itself what is written, and asks the drive for each object once."""
 
-    def __init__(self, drive: SdoClient) -> None:
+    def __init__(self, drive: Access) -> None:
         self.written: dict[Address, bytes] = {}
         self._drive = drive
-        self._answers: dict[Address, bytes | SdoAbortedError] = {}
+        self._answers: dict[Address, bytes | AccessRefused] = {}
         self._shown = {(by.index, by.subindex): what for what, by in _SHOWN_BY.items()}
         self._lacks: frozenset[Address] = frozenset()
 
-    def shorter(self, _: SdoClient) -> _Layer:
-        """Return another one over the same drive, if its TPDO 1 took two objects only."""
+    def refusing(self, place: Address, _: Access) -> _Layer:
+        """Return another one over the same drive, if that lacked an object."""
         other = _Layer(self._drive)
-        other._answers, other._lacks = self._answers, frozenset({FURTHEST})
+        other._answers, other._lacks = self._answers, frozenset({place})
         return other
 
-    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
+    def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
         """Read an object: what was written to it, else what the drive holds."""
         source = self._shown.get((index, subindex))
         place = (source.index, source.subindex) if source else (index, subindex)
@@ -204,25 +195,35 @@ class _Layer:
             return self.written[place]
         return self._ask(index, subindex, size)
 
-    def download(self, index: int, subindex: int, data: bytes) -> None:
+    def write(self, index: int, subindex: int, data: bytes) -> None:
         """Keep a value; raise as the drive would where it lacks the object."""
         if (index, subindex) in self._lacks:
-            raise SdoAbortedError(_NO_ENTRY)
+            raise AccessRefused(_NO_ENTRY)
         try:
             self._ask(index, subindex, len(data))
-        except SdoAbortedError as error:
+        except AccessRefused as error:
             if error.code != _WRITE_ONLY:
                 raise
         self.written[index, subindex] = data
 
-    def _ask(self, index: int, subindex: int, size: int) -> bytes:
+    def order(self, index: int, subindex: int, data: bytes) -> None:
+        """Keep a value."""
+        self.written[index, subindex] = data
+
+    def go_operational(self) -> None:
+        """Do nothing, since nothing is sent."""
+
+    def leave_operational(self) -> None:
+        """Do nothing."""
+
+    def _ask(self, index: int, subindex: int, size: int | None) -> bytes:
         place = index, subindex
         if place not in self._answers:
             try:
-                self._answers[place] = self._drive.upload_number(index, subindex, size)
-            except SdoAbortedError as error:
+                self._answers[place] = self._drive.read(index, subindex, size)
+            except AccessRefused as error:
                 self._answers[place] = error
         answer = self._answers[place]
-        if isinstance(answer, SdoAbortedError):
+        if isinstance(answer, AccessRefused):
             raise answer
         return answer

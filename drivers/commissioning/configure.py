@@ -10,25 +10,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects as cia301
-from drivers.canopen.pdo_mapping import current_entry
-from drivers.canopen.sdo import Aborted
 from drivers.cia402 import objects
 from drivers.cia402.states import MODE_TIME, Mode
-from drivers.commissioning.communication_set_up import set_up_communication
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.readback import Readback
 from drivers.commissioning.requirements import DRIVE_PROFILE, OF_PROFILES
 from drivers.commissioning.values_set_up import write_values
 from drivers.drive_bus import DriveRefused
+from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from drivers.canopen.communication import Communication
-    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.commissioning.communication import Communication
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.remote_dictionary import RemoteDictionary
 
 
 def commission(
@@ -39,7 +36,7 @@ def commission(
     wait: Callable[[Callable[[], bool], float], bool],
     limits: EffectiveLimits,
     communication: Communication,
-) -> str:
+) -> tuple[str, Mode]:
     """Check and configure one drive that is off and pre-operational.
 
     Parameters
@@ -55,40 +52,41 @@ def commission(
     limits : EffectiveLimits
         Which hold on this axis.
     communication : Communication
-        What the drive sends and listens to; what is found is put in.
+        How it communicates; what is found is put in.
 
     Returns
     -------
-    str
-        The drive's identity.
+    str, Mode
+        The drive's identity, and in which mode it moves: profile position, or cyclic position, in
+        which the driver plans.
 
     Raises
     ------
     DriveRefused, NodeSilent
         Why the drive cannot serve.
     """
-    server.judge = Readback(axis, drives)
+    server.judge = Readback(axis, drives, communication.requirements)
     identity = check_identity(server, axis)
-    communication.mode = _take_mode(server, wait)
+    mode = _take_mode(server, wait)
     compare_statements(server, axis)
     _require_current(server, axis)
-    planned = communication.mode is Mode.CYCLIC_POSITION
+    planned = mode is Mode.CYCLIC_POSITION
     write_values(server, axis, drives, limits, without=OF_PROFILES if planned else frozenset())
-    set_up_communication(server, axis, drives, period, communication)
-    return identity
+    communication.set_up(server, axis, drives, period)
+    return identity, mode
 
 
 def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
     """Return the drive's identity (1018); refuse a drive that is another than the file states."""
-    profile = server.get(cia301.DEVICE_TYPE) & 0xFFFF
+    profile = server.get(objects.DEVICE_TYPE) & 0xFFFF
     if profile != DRIVE_PROFILE:
         raise DriveRefused(
             f"{server.label}: device profile {profile} is no CiA 402 drive; check the node number"
         )
     expected = axis.identity
     wanted = (expected.vendor, expected.product, expected.revision, expected.serial)
-    found = [server.find(entry) for entry in cia301.IDENTITY]
-    for entry, present, value in zip(cia301.IDENTITY, found, wanted, strict=True):
+    found = [server.find(entry) for entry in objects.IDENTITY]
+    for entry, present, value in zip(objects.IDENTITY, found, wanted, strict=True):
         if value is not None and present != value:
             shown = "missing" if present is None else f"{present:08X}h"
             raise DriveRefused(
@@ -97,7 +95,7 @@ def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
             )
     return " ".join(
         f"{entry.name} {value:08X}h"
-        for entry, value in zip(cia301.IDENTITY, found, strict=True)
+        for entry, value in zip(objects.IDENTITY, found, strict=True)
         if value is not None
     )
 
@@ -130,7 +128,7 @@ def _take_mode(server: RemoteDictionary, wait: Callable[[Callable[[], bool], flo
 
 def _require_current(server: RemoteDictionary, axis: AxisDrive) -> None:
     try:
-        server.get(current_entry(axis))
+        server.get(axis.current.entry)
     except Aborted as error:
         raise DriveRefused(
             f"{error}; torques cannot be measured without it: name the object that shows the "

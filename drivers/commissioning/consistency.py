@@ -25,11 +25,11 @@ from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_uni
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
     from drivers.rate_units import RateUnit
+    from drivers.remote_dictionary import RemoteDictionary
 
 POSITION = "position unit (6064)"
 GEAR = "gear (6091)"

@@ -4,20 +4,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen.pdo_mapping import mapping_count, mapping_slot
-from drivers.canopen.sdo import Aborted
+from drivers.fieldbus import Entry
+from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.fieldbus import Entry
+    from drivers.remote_dictionary import RemoteDictionary
 
 COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
 """Controlword and targets: they command, and are neither kept nor put back."""
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+"""Of RPDOs and of TPDOs (CiA 301); EtherCAT has them at the same places."""
 ENTRIES_MAX = 64
 """Most objects in a PDO (CiA 301)."""
+
+
+def mapping_count(index: int) -> Entry:
+    """Return the object that counts what a mapping (1600h and on, 1A00h and on) carries."""
+    return Entry(index, 0, "u8", f"number of objects in {_name(index)}")
+
+
+def mapping_slot(index: int, number: int) -> Entry:
+    """Return the object of a mapping that names the n-th object carried, from 1."""
+    return Entry(index, number, "u32", f"object {number} of {_name(index)}")
 
 
 def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
@@ -53,3 +63,7 @@ def read_if_held(server: RemoteDictionary, entry: Entry) -> int | None:
         return server.get(entry)
     except Aborted:  # missing or write-only: the write itself will say what is wrong with it
         return None
+
+
+def _name(mapping: int) -> str:
+    return f"TPDO {mapping - 0x19FF}" if mapping in MAPPINGS[1] else f"RPDO {mapping - 0x15FF}"

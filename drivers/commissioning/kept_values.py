@@ -4,10 +4,8 @@ A drive may round to its own resolution or clip to a bound of its own, and say n
 is no reason to refuse the drive where what it keeps protects as well: a lower speed, a smaller
 following error. Slower braking makes the way of a stop longer, and less torque makes a brake of an
 arm that sinks, so decelerations and torques may be rounded but not clipped. Software limits may lie
-further inside by any amount, and further outside by one increment. Time-outs of heartbeats follow
-from the drives file: a drive may send its own less often as long as two fit into
-`heartbeat_timeout`, and may wait for ours a little longer than that, but neither without end nor
-for less than two beats. Zero never serves in place of another value, since it often means "off".
+further inside by any amount, and further outside by one increment. Zero never serves in place of
+another value, since it often means "off".
 """
 
 from __future__ import annotations
@@ -24,12 +22,6 @@ if TYPE_CHECKING:
 ROUNDING = 0.01
 """Share of a value by which a drive may round it."""
 
-LONGER_WATCH = 1.5
-"""Times `heartbeat_timeout` that a drive may wait for our heartbeat at most."""
-
-NODE_SHIFT, TIME_MASK = 16, 0xFFFF
-"""A consumer heartbeat (1016): node and time [ms], which is 0 where the entry is not in use."""
-
 
 @dataclass(frozen=True, slots=True)
 class Kept:
@@ -45,11 +37,6 @@ class Kept:
 
     words: str
     accepts: Callable[[int, int, DrivesFile], bool]
-
-
-def watching_time(drives: DrivesFile) -> tuple[float, float]:
-    """Return how long a drive must wait for a sign of life from us, at least and at most [ms]."""
-    return 2000 * drives.heartbeat_period, LONGER_WATCH * 1000 * drives.heartbeat_timeout
 
 
 def _share(words: str, less: float, more: float) -> Kept:
@@ -73,24 +60,7 @@ def _inwards(direction: int) -> Kept:
     return Kept(words, accepts)
 
 
-def _beats(written: int, kept: int, drives: DrivesFile) -> bool:
-    del written
-    return 0 < kept <= 500 * drives.heartbeat_timeout
-
-
-def _watches(written: int, kept: int, drives: DrivesFile) -> bool:
-    least, most = watching_time(drives)
-    ours = kept >> NODE_SHIFT == written >> NODE_SHIFT
-    return ours and least <= kept & TIME_MASK <= most
-
-
-_TIMES = f"from two of our heartbeats up to {LONGER_WATCH:g} times `heartbeat_timeout`"
-
 EXACT = Kept("the value written", lambda written, kept, _: kept == written)
 LESS = _share(f"any smaller value above 0, or up to {100 * ROUNDING:g} % more", math.inf, ROUNDING)
 ROUNDED = _share(f"{100 * ROUNDING:g} % less or more", ROUNDING, ROUNDING)
 LOWER_END, UPPER_END = _inwards(1), _inwards(-1)
-BEATS = Kept("any time above 0 up to half of `heartbeat_timeout`", _beats)
-WATCHES = Kept(f"our node, and a time {_TIMES}", _watches)
-LIFE_TIME = Kept(f"their product in time, {_TIMES}", EXACT.accepts)
-"""Of two factors each is read back as it is; their product is what counts."""

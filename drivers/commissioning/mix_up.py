@@ -17,8 +17,8 @@ from drivers.drive_bus import DriveError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.remote_dictionary import RemoteDictionary
 
 
 def mixed_up(

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.canopen.vendor_objects import MAKERS
 from drivers.cia402 import objects
+from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.comparison import compared, unsettled
 from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.drives_file import Basis, TorqueUnit
@@ -21,7 +21,7 @@ from drivers.drives_file import Basis, TorqueUnit
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.canopen.vendor_objects import VendorObject
+    from drivers.cia402.vendor_objects import VendorObject
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry

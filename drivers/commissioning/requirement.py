@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, Flag, auto
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.commissioning.kept_values import EXACT, Kept
@@ -86,3 +87,8 @@ class Requirement:
     instead: tuple[Entry, ...] = ()
     served: str = ""
     fixed: str = ""
+
+
+refused, noted, silent = (
+    partial(Requirement, lack=lack) for lack in (Lack.REFUSED, Lack.NOTED, Lack.SILENT)
+)

@@ -17,9 +17,9 @@ from drivers.drive_bus import DriveRefused
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
+    from drivers.remote_dictionary import RemoteDictionary
 
 
 def write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:

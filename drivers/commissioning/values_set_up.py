@@ -10,21 +10,21 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from drivers.canopen.sdo import Aborted
 from drivers.cia402 import objects
 from drivers.commissioning.measures import Quantity, measures
 from drivers.commissioning.requirement import Lack
 from drivers.commissioning.requirements import REQUIREMENTS, reaction_for
 from drivers.commissioning.software_limits import write_range
 from drivers.drive_bus import DriveRefused
+from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
+    from drivers.remote_dictionary import RemoteDictionary
 
 _LIMITS = tuple(
     (entry, *REQUIREMENTS[entry].instead)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
+from drivers.commissioning.held_values import MAPPINGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -143,7 +144,7 @@ class Dictionary:
         return self.entries.get((index, subindex))
 
     def entry(self, entry: Entry) -> Declared | None:
-        """Return what is declared for one of `drivers.canopen.objects` (see `find`)."""
+        """Return what is declared for one of `drivers.cia402.objects` (see `find`)."""
         return self.find(entry.index, entry.subindex)
 
     def value(self, entry: Entry) -> int | None:
@@ -157,3 +158,19 @@ class Dictionary:
         """Yield what is declared of one object, by sub-index."""
         for key in sorted(key for key in self.entries if key[0] == index):
             yield self.entries[key]
+
+
+def carried(word: int) -> tuple[int, int, int]:
+    """Return index, sub-index and bits of a mapping entry."""
+    return word >> 16, word >> 8 & 0xFF, word & 0xFF
+
+
+def mapped_objects(entries: Mapping[Key, Declared]) -> frozenset[Key]:
+    """Return what any TPDO or RPDO carries as it stands: proof that it can be mapped."""
+    return frozenset(
+        carried(word)[:2]
+        for (index, subindex), member in entries.items()
+        if subindex and any(index in mappings for mappings in MAPPINGS)
+        for word in (member.default, member.value)
+        if word
+    )

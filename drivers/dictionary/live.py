@@ -10,23 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
-
-from drivers.canopen import objects as cia301
-from drivers.canopen.network import PumpedSdoClient
-from drivers.canopen.pdo_mapping import mapping_count, mapping_slot
-from drivers.canopen.sdo import ABSENT
-from drivers.canopen.vendor_objects import MAKERS
 from drivers.cia402 import objects
-from drivers.commissioning.requirements import REQUIREMENTS
-from drivers.dictionary.dictionary import Declared, Dictionary, Key
-from drivers.dictionary.mapping_review import mapped_objects
+from drivers.cia402.vendor_objects import MAKERS
+from drivers.commissioning.held_values import mapping_slot
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, mapped_objects
 from drivers.fieldbus import Entry
+from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from drivers.canopen.network import PumpedNetwork
+    from drivers.dictionary.bus_rules import BusRules
+    from drivers.remote_dictionary import Access
 
 DEVICE_NAME = 0x1008
 WRITE_ONLY, NO_DATA = 0x06010001, 0x08000024
@@ -35,8 +28,6 @@ PATIENCE = 5
 MAPPED = 8
 """Mapping entries that are looked at."""
 TEXT_LIMIT = 60
-EXCHANGES = 64
-"""Longest answer that is waited for [frames of 7 bytes]."""
 
 _CURRENTS = (
     objects.TORQUE,
@@ -44,40 +35,30 @@ _CURRENTS = (
 )
 
 
-def asked() -> Iterator[Entry]:
-    """Yield the objects that a drive is asked for, the decisive ones first."""
-    yield from REQUIREMENTS
-    yield from _CURRENTS
-    for record in (0x1400, 0x1800, 0x1801):
-        yield Entry(record, 1, "u32", "COB-ID")
-        yield Entry(record, 2, "u8", "transmission type")
-        yield mapping_count(record + 0x200)
-
-
-def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictionary:
+def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
     """Read from a drive what a review needs.
 
     Parameters
     ----------
-    network : PumpedNetwork
-        The network that the drive is on.
+    access : Access
+        To its objects.
     node : int
-        Its node number.
-    timeout : float
-        How long each answer may take [s].
+        Its number on the bus.
+    rules : BusRules
+        Of the bus.
     """
-    reading = _Reading(_BriefClient(network, node, timeout))
-    for entry in asked():
+    reading = _Reading(access)
+    for entry in (*rules.requirements, *_CURRENTS, *rules.asked):
         reading.ask(entry)
-    maker = MAKERS.get(reading.value(cia301.VENDOR) or 0)
+    maker = MAKERS.get(reading.value(objects.VENDOR) or 0)
     for entry in maker.entries if maker else ():
         reading.ask(entry)
-    for mapping in (0x1600, 0x1A00, 0x1A01):
+    for mapping in rules.mappings:
         count = reading.entries.get((mapping, 0))
         for number in range(1, min((count and count.value) or 0, MAPPED) + 1):
             reading.ask(mapping_slot(mapping, number))
     model = reading.text(DEVICE_NAME)
-    identity = [reading.value(entry) for entry in cia301.IDENTITY]
+    identity = [reading.value(entry) for entry in objects.IDENTITY]
     proved = mapped_objects(reading.entries)
     return Dictionary(
         f"node {node}",
@@ -96,30 +77,11 @@ def read_dictionary(network: PumpedNetwork, node: int, timeout: float) -> Dictio
     )
 
 
-class _BriefClient(PumpedSdoClient):
-    """Gives up on an answer without end."""
-
-    exchanges = 0
-
-    def upload(self, index: int, subindex: int) -> bytes:
-        """Read an object, as canopen does."""
-        self.exchanges = 0
-        data: bytes = super().upload(index, subindex)
-        return data
-
-    def request_response(self, sdo_request: bytes) -> bytes:
-        """Send a request and wait for its answer, unless there were too many already."""
-        self.exchanges += 1
-        if self.exchanges > EXCHANGES:
-            raise SdoCommunicationError(f"no end after {EXCHANGES} frames")
-        return super().request_response(sdo_request)
-
-
 @dataclass
 class _Reading:
     """A dictionary half read."""
 
-    client: PumpedSdoClient
+    access: Access
     entries: dict[Key, Declared] = field(default_factory=dict)
     unanswered: dict[Key, str] = field(default_factory=dict)
     silences: int = 0
@@ -133,24 +95,23 @@ class _Reading:
             self.unanswered[key] = "was not asked for any more"
             return
         try:
-            data = self.client.upload_number(*key, entry.size)
-        except SdoAbortedError as error:
-            self._denied(entry, error.code)
-        except SdoError:
+            data = self.access.read(*key, entry.size)
+        except AccessRefused as error:
+            self._denied(entry, error)
+        except NoAnswer:
             self.silences += 1
             self.unanswered[key] = "was not answered"
         else:
             self.entries[key] = _declared(entry, data)
 
-    def _denied(self, entry: Entry, code: int) -> None:
-        key = (entry.index, entry.subindex)
+    def _denied(self, entry: Entry, refusal: AccessRefused) -> None:
+        key, code = (entry.index, entry.subindex), refusal.code
         if code == WRITE_ONLY:
             self.entries[key] = Declared(*key, entry.name, entry.type, access="wo")
         elif code == NO_DATA:  # it is there and empty, as a history (1003) without errors
             self.entries[key] = Declared(*key, entry.name, entry.type)
         elif code not in ABSENT:
-            what = SdoAbortedError.CODES.get(code, "unknown abort code")
-            self.unanswered[key] = f"was refused with {code:08X} ({what})"
+            self.unanswered[key] = f"was refused with {code:08X} ({refusal})"
 
     def value(self, entry: Entry) -> int | None:
         """Return what was read, None where nothing was."""
@@ -162,8 +123,8 @@ class _Reading:
         if self.silences >= PATIENCE:
             return ""
         try:
-            data: bytes = self.client.upload(index, 0)
-        except SdoError:
+            data = self.access.read(index, 0)
+        except (AccessRefused, NoAnswer):
             return ""
         text = data[:TEXT_LIMIT].decode("latin-1").strip("\0 ")
         return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -12,19 +12,17 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.commissioning.requirement import Lack, Use
-from drivers.commissioning.requirements import (
-    REQUIREMENTS,
-    STATE_WHAT_STOPS,
-    is_set,
-    reaction_for,
-)
+from drivers.commissioning.requirements import STATE_WHAT_STOPS, is_set, reaction_for
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from drivers.commissioning.requirement import Requirement
     from drivers.dictionary.dictionary import Declared, Dictionary
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
+
+    Table = Mapping[Entry, Requirement]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +50,10 @@ class Finding:
         return f"{self.about} {self.problem}: {self.consequence}"
 
 
-def gaps(dictionary: Dictionary, row: Requirement, axis: AxisDrive | None) -> Iterator[Finding]:
-    """Yield what a dictionary lacks of an object.
+def gaps(
+    dictionary: Dictionary, row: Requirement, axis: AxisDrive | None, table: Table
+) -> Iterator[Finding]:
+    """Yield what a dictionary lacks of the object of a row of the table.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def gaps(dictionary: Dictionary, row: Requirement, axis: AxisDrive | None) -> It
     about, declared = str(row.entry), dictionary.entry(row.entry)
     refused = dictionary.unanswered.get((row.entry.index, row.entry.subindex))
     if declared is not None:
-        if not _is_spare(dictionary, row):
+        if not _is_spare(dictionary, row, table):
             yield from _flaws(dictionary, declared, row)
     elif row.lack is Lack.SILENT:
         pass
@@ -93,9 +93,9 @@ def _consequence(row: Requirement, axis: AxisDrive | None) -> tuple[str, bool]:
     return f"{row.without}: {STATE_WHAT_STOPS}", axis is not None
 
 
-def _is_spare(dictionary: Dictionary, row: Requirement) -> bool:
+def _is_spare(dictionary: Dictionary, row: Requirement, table: Table) -> bool:
     """Whether it does in place of other objects alone, and these are there."""
-    served = [each for each in REQUIREMENTS.values() if row.entry in each.instead]
+    served = [each for each in table.values() if row.entry in each.instead]
     written = Use.WRITE in row.use and row.lack is Lack.SILENT
     return written and bool(served) and all(dictionary.entry(each.entry) for each in served)
 

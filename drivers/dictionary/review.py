@@ -11,17 +11,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from drivers.canopen import objects as cia301
 from drivers.cia402 import objects
 from drivers.cia402.states import Mode
 from drivers.commissioning.requirements import DRIVE_PROFILE, OF_PROFILES, REQUIREMENTS
 from drivers.dictionary.current_candidates import current_candidates
-from drivers.dictionary.mapping_review import Mapping, review_mapping
 from drivers.dictionary.missing_objects import Finding, fixed_at, gaps
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from drivers.dictionary.bus_rules import BusRules
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Dictionary
     from drivers.drives_file import AxisDrive
@@ -58,8 +57,8 @@ class Review:
         Objects that may show the motor current, the most suitable first.
     current : CurrentCandidate or None
         The one to be used.
-    mapping : Mapping
-        What can be said of its PDOs.
+    tpdos : tuple of tuple of int or None
+        What process data carry, where that is not what we would have.
     findings : tuple of Finding
         The fatal ones first.
     """
@@ -69,7 +68,7 @@ class Review:
     modes: tuple[Mode, ...] | None
     currents: tuple[CurrentCandidate, ...]
     current: CurrentCandidate | None
-    mapping: Mapping
+    tpdos: tuple[tuple[int, ...], ...] | None
     findings: tuple[Finding, ...]
 
     @property
@@ -83,13 +82,15 @@ class Review:
         return tuple(finding for finding in self.findings if finding.fatal)
 
 
-def review(dictionary: Dictionary, axis: AxisDrive | None = None) -> Review:
+def review(dictionary: Dictionary, rules: BusRules, axis: AxisDrive | None = None) -> Review:
     """Judge a dictionary.
 
     Parameters
     ----------
     dictionary : Dictionary
         Of a data sheet or of a live drive.
+    rules : BusRules
+        Of the bus that the drive is for.
     axis : AxisDrive, optional
         What a drives file states of the drive: which object shows its current, and what else stops
         the axis. Without one a drive is not refused for what a file may state.
@@ -109,27 +110,35 @@ def review(dictionary: Dictionary, axis: AxisDrive | None = None) -> Review:
     modes = _modes(dictionary)
     candidates = current_candidates(dictionary)
     usable = [candidate for candidate in candidates if candidate.usable]
-    mapping, current, obstacles = review_mapping(dictionary, usable)
+    carried = rules.review_process_data(dictionary, usable)
     findings = [
         *supposed,
         *(
             finding
-            for row in REQUIREMENTS.values()
+            for row in rules.requirements.values()
             if row.entry not in OF_PROFILES or modes is None or Mode.PROFILE_POSITION in modes
-            for finding in gaps(dictionary, row, axis)
+            for finding in gaps(dictionary, row, axis, rules.requirements)
         ),
         *_wrong_mode(modes),
         *_no_range(dictionary),
-        *_counted(dictionary),
+        *(Finding(*each) for each in rules.remarks(dictionary)),
         *(() if axis else _no_current(dictionary, candidates, usable)),
-        *(Finding(about, problem, so, fatal) for about, problem, so, fatal in obstacles),
+        *(Finding(*each) for each in carried.obstacles),
     ]
     findings.sort(key=lambda finding: not finding.fatal)
-    return Review(dictionary.source, profile, modes, candidates, current, mapping, tuple(findings))
+    return Review(
+        dictionary.source,
+        profile,
+        modes,
+        candidates,
+        carried.current,
+        carried.words,
+        tuple(findings),
+    )
 
 
 def _profile(dictionary: Dictionary) -> int | None:
-    declared = dictionary.entry(cia301.DEVICE_TYPE)
+    declared = dictionary.entry(objects.DEVICE_TYPE)
     if declared is None:
         return None
     # 0 as a default says that the maker's tool left it open.
@@ -139,14 +148,14 @@ def _profile(dictionary: Dictionary) -> int | None:
 
 def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
     """Find a data sheet whose default of 1000 is no drive's though it has a drive's objects."""
-    declared = dictionary.entry(cia301.DEVICE_TYPE)
+    declared = dictionary.entry(objects.DEVICE_TYPE)
     by_default = declared is not None and declared.value is None
     if profile in {None, DRIVE_PROFILE} or not by_default:
         return
     if all(dictionary.entry(entry) is not None for entry in _OF_DRIVES):
         problem = f"is by default that of profile {profile}, and the objects are those of a drive"
         so = "taken for a CiA 402 drive; what the drive itself answers counts"
-        yield Finding(str(cia301.DEVICE_TYPE), problem, so, fatal=False)
+        yield Finding(str(objects.DEVICE_TYPE), problem, so, fatal=False)
 
 
 def _commandless(dictionary: Dictionary) -> bool:
@@ -158,7 +167,7 @@ def _commandless(dictionary: Dictionary) -> bool:
 def _no_drive(source: str, profile: int | None, problem: str) -> Review:
     so = "it is no CiA 402 drive and is left alone"
     finding = Finding("the device", problem, so, fatal=True)
-    return Review(source, profile, None, (), None, Mapping(None, None, None), (finding,))
+    return Review(source, profile, None, (), None, None, (finding,))
 
 
 def _modes(dictionary: Dictionary) -> tuple[Mode, ...] | None:
@@ -194,14 +203,6 @@ def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
     if low is not None and high is not None and low >= high:
         so = REQUIREMENTS[objects.SOFTWARE_LIMIT_MIN].without
         yield Finding("607D", f"is fixed at {low} and {high}, off", so, fatal=True)
-
-
-def _counted(dictionary: Dictionary) -> Iterator[Finding]:
-    """A counter that a live drive expects in SYNC; whether it can be changed start-up shows."""
-    declared = dictionary.entry(cia301.SYNC_COUNTER)
-    if declared is not None and declared.writable is None and declared.value:
-        so = "it expects a counter in SYNC, and ours has none: start-up sets it to 0"
-        yield Finding(str(cia301.SYNC_COUNTER), f"is {declared.value}", so, fatal=False)
 
 
 def _no_current(

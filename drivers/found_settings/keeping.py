@@ -31,9 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
+    from drivers.found_settings.restoring import RestoringOrder
+    from drivers.remote_dictionary import RemoteDictionary
 
 
 class SettingsKeeper:
@@ -199,7 +200,7 @@ class SettingsKeeper:
             raise LookupError(f"{server.label}: nothing was kept")
         return kept
 
-    def restore(self, server: RemoteDictionary) -> None:
+    def restore(self, server: RemoteDictionary, order: RestoringOrder) -> None:
         """Put back what a drive held that is shown off, and note it; `close` brings that to disk.
 
         Raises
@@ -207,7 +208,7 @@ class SettingsKeeper:
         DriveRefused, NodeSilent, BusUnavailable
             See `drivers.found_settings.restoring.restore_drive`.
         """
-        restore_drive(server, self.drive(server))
+        restore_drive(server, self.drive(server), order)
         self._note_restored(server)
 
     def close(

@@ -17,9 +17,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from checked_files.names import ShownName
 from checked_files.yaml_file import FileModel, load_yaml
-from drivers.canopen import objects as cia301
-from drivers.canopen.vendor_objects import VELOCITY_FEED_FORWARDS
 from drivers.cia402 import objects
+from drivers.cia402.vendor_objects import VELOCITY_FEED_FORWARDS
 from drivers.commissioning.held_values import COMMANDS
 from drivers.commissioning.requirement import Use
 from drivers.commissioning.requirements import REQUIREMENTS
@@ -30,11 +29,13 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
-    from drivers.canopen.sdo import RemoteDictionary
+    from drivers.remote_dictionary import RemoteDictionary
 
 NAME = "found-settings.yaml"
 """How the file is called in the folder of a run."""
 
+_COMMUNICATION = frozenset({0x1005, 0x1006, 0x100C, 0x100D, 0x1016, 0x1017, 0x1019})
+"""Index of what sessions write of a bus's own objects, beside PDOs."""
 _PDOS = range(0x1400, 0x1C00)
 _SET = [
     row for row in REQUIREMENTS.values() if Use.WRITE in row.use and row.entry.index not in COMMANDS
@@ -42,6 +43,7 @@ _SET = [
 SETTINGS = frozenset(
     {
         *(row.entry.index for row in _SET),
+        *_COMMUNICATION,
         *_PDOS,
         *(entry.index for entry in (*objects.HOMING, *objects.INTERPOLATION)),
         *(entry.index for entry in VELOCITY_FEED_FORWARDS.values()),
@@ -140,7 +142,7 @@ class FoundIdentity(FileModel):
     serial: U32 | None = None
 
 
-IDENTITY = dict(zip(FoundIdentity.model_fields, cia301.IDENTITY, strict=True))
+IDENTITY = dict(zip(FoundIdentity.model_fields, objects.IDENTITY, strict=True))
 
 
 class FoundDrive(FileModel):

@@ -14,8 +14,6 @@ from functools import cache, partial
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen.bus_load import MAX_LOAD, cycle_time
-from drivers.canopen.sdo import SDO_TIMEOUT, RemoteDictionary
 from drivers.cia402 import objects
 from drivers.cia402.supervision import Supervision
 from drivers.commissioning.announcement import announce
@@ -34,22 +32,20 @@ from drivers.operator_tools.check_reactions import check_reactions
 from drivers.operator_tools.check_scaling import check_scaling
 from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.reset_faults import check_state
-from drivers.operator_tools.scan import NODES, scan_bus
-from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
 
-    import can
-
-    from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.sync_clock import PacingName
-    from drivers.dictionary.dictionary import Dictionary
+    from drivers.commissioning.communication import Communication
+    from drivers.dictionary.bus_rules import BusRules
+    from drivers.dictionary.missing_objects import Finding
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.operator_tools.check_gravity import Gravity
     from drivers.operator_tools.check_powered import SmallMoves
     from drivers.operator_tools.operator import Operator
+    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.connection import Fieldbus, UnpoweredDrives
 
 IDENTITY = "identity (1018)"
 _BY_NODE = frozenset({IDENTITY, CURRENT, TORQUE, POSITION, GEAR})
@@ -57,11 +53,10 @@ _BY_NODE = frozenset({IDENTITY, CURRENT, TORQUE, POSITION, GEAR})
 
 
 def check(
-    bus: can.BusABC,
+    bus: Fieldbus,
     drives: DrivesFile,
     moves: SmallMoves,
     operator: Operator,
-    pacing: PacingName = "auto",
     keeper: SettingsKeeper | None = None,
     gravity: Gravity | None = None,
 ) -> Generator[Verdict, None, None]:
@@ -69,7 +64,7 @@ def check(
 
     Parameters
     ----------
-    bus : can.BusABC
+    bus : Fieldbus
         An open bus.
     drives : DrivesFile
         The axes to check, in joint order.
@@ -77,10 +72,8 @@ def check(
         How far and how fast.
     operator : Operator
         Who agrees to motion, can stop it, and is asked which way it went.
-    pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_sync_clock`.
     keeper : SettingsKeeper, optional
-        See `drivers.canopen_bus.CanopenDriveBus`.
+        See `drivers.session.servo_axes.ServoAxes`.
     gravity : callable, optional
         Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
 
@@ -92,7 +85,7 @@ def check(
     stop = False
     keeper = keeper or SettingsKeeper()
     keeper.open(drives)
-    for verdict in _unpowered(UnpoweredDrives(bus, drives, pacing), drives, keeper):
+    for verdict in _unpowered(bus, drives, keeper):
         stop |= verdict.grade is Grade.REFUSED
         yield verdict
     if stop:
@@ -105,18 +98,17 @@ def check(
         )
         return
     require_consent(operator, _intent(drives, moves))
-    yield from check_powered(bus, drives, moves, operator, pacing, keeper, gravity)
-    yield from _brakes(UnpoweredDrives(bus, drives, pacing), drives.axes)
+    yield from check_powered(bus, drives, moves, operator, keeper, gravity)
+    yield from _brakes(bus.unpowered(drives), drives.axes)
 
 
-def _unpowered(
-    unpowered: UnpoweredDrives, drives: DrivesFile, keeper: SettingsKeeper
-) -> Iterator[Verdict]:
+def _unpowered(bus: Fieldbus, drives: DrivesFile, keeper: SettingsKeeper) -> Iterator[Verdict]:
+    unpowered = bus.unpowered(drives)
     pairs = list(zip(unpowered.servers, drives.axes, strict=True))
-    strangers = cache(partial(_strangers, unpowered, drives))
-    for server, axis in pairs:
+    strangers = cache(partial(_strangers, bus, drives))
+    for (server, axis), communication in zip(pairs, unpowered.communications, strict=True):
         serves = True
-        for verdict in _ask(unpowered.network, server, axis, strangers):
+        for verdict in _ask(bus.rules, server, axis, strangers):
             if verdict.grade is Grade.REFUSED:
                 serves = False
                 another = mixed_up(server, axis, pairs) if verdict.check in _BY_NODE else None
@@ -124,15 +116,17 @@ def _unpowered(
             else:
                 yield verdict
         if serves:
-            yield from _written(server, axis, drives, partial(keeper.found, server))
-    yield _load(drives)
+            held = partial(keeper.found, server)
+            yield from _written(server, axis, drives, communication, held)
+    yield _load(bus, drives)
 
 
-def _strangers(unpowered: UnpoweredDrives, drives: DrivesFile) -> list[RemoteDictionary]:
+def _strangers(bus: Fieldbus, drives: DrivesFile) -> Sequence[RemoteDictionary]:
     """Return drives on the bus that the drives file does not name."""
-    network, own = unpowered.network, {axis.node for axis in drives.axes}
-    found = scan_bus(network.channel, only=tuple(node for node in NODES if node not in own)).nodes
-    return [RemoteDictionary(network, node, "a drive") for node in found if found[node].dictionary]
+    own = {axis.node for axis in drives.axes}
+    found = bus.scan(besides=own).nodes
+    named = [(node, "a drive") for node in found if found[node].dictionary]
+    return bus.servers(named, drives.sdo_timeout)
 
 
 def _misnumbered(strangers: Sequence[RemoteDictionary], axis: AxisDrive) -> str:
@@ -150,11 +144,12 @@ def _written(
     server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
+    communication: Communication,
     find: Callable[[Entry], int | None],
 ) -> Iterator[Verdict]:
     """State what powering on will write to the drive, with the values there; write nothing."""
     try:
-        changes = announce(server, axis, drives, drives.sync_period, find).changes
+        changes = announce(server, axis, drives, drives.sync_period, communication, find).changes
     except DriveError as error:
         yield refused(server.label, "configuration", error)
         return
@@ -168,10 +163,10 @@ def _written(
 
 
 def _ask(
-    network: PumpedNetwork,
+    rules: BusRules,
     server: RemoteDictionary,
     axis: AxisDrive,
-    strangers: Callable[[], list[RemoteDictionary]],
+    strangers: Callable[[], Sequence[RemoteDictionary]],
 ) -> Iterator[Verdict]:
     """What can be asked without power; the first error ends it, for it would only repeat."""
     try:
@@ -188,7 +183,8 @@ def _ask(
     try:
         yield Verdict(Grade.OK, server.label, IDENTITY, identity)
         yield check_state(server, Supervision([server]))
-        yield from _offer(read_dictionary(network, axis.node, SDO_TIMEOUT), server.label, axis)
+        dictionary = read_dictionary(server.access, axis.node, rules)
+        yield from _offer(review(dictionary, rules, axis).findings, server.label)
         yield from check_scaling(server, axis)
         yield from check_limits(server, axis)
         yield from check_reactions(server, axis)
@@ -196,10 +192,9 @@ def _ask(
         yield refused(server.label, "answers", error)
 
 
-def _offer(dictionary: Dictionary, place: str, axis: AxisDrive) -> Iterator[Verdict]:
+def _offer(findings: Sequence[Finding], place: str) -> Iterator[Verdict]:
     """State what the dictionary lacks."""
     check = "objects that measuring needs"
-    findings = review(dictionary, axis).findings
     for finding in findings:
         grade = Grade.REFUSED if finding.fatal else Grade.WARNING
         found = f"{finding.about} {finding.problem}"
@@ -230,16 +225,17 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
         )
 
 
-def _load(drives: DrivesFile) -> Verdict:
-    load = cycle_time(drives) / drives.sync_period
+def _load(bus: Fieldbus, drives: DrivesFile) -> Verdict:
+    cycle, most = bus.load(drives)
+    load = cycle / drives.sync_period
     return graded(
-        load <= MAX_LOAD,
+        load <= most,
         Grade.REFUSED,
         "bus",
         "load",
         f"{load:.1%} at {1 / drives.sync_period:.4g} Hz and {drives.bitrate // 1000} kbit/s",
-        f"at most {MAX_LOAD:.0%}",
-        f"lengthen sync_period to {cycle_time(drives) / MAX_LOAD:.4g} s",
+        f"at most {most:.0%}",
+        f"lengthen sync_period to {cycle / most:.4g} s",
     )
 
 

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import motor_torque_per_count
-from drivers.canopen.pdo_mapping import current_entry
 from drivers.cia402 import objects
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.drive_bus import DriveRefused
@@ -33,9 +32,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
     from drivers.operator_tools.small_move import Stroke
+    from drivers.remote_dictionary import RemoteDictionary
 
 CHECK = "unit of the current"
 LEAST_COUNTS = 10.0
@@ -67,7 +66,7 @@ class CurrentReadings:
 
     def __init__(self, server: RemoteDictionary, axis: AxisDrive) -> None:
         self._server = server
-        self._entries = (objects.TORQUE, current_entry(axis))
+        self._entries = (objects.TORQUE, axis.current.entry)
         alone = axis.current.index == objects.TORQUE.index
         self._next = math.inf if alone else -math.inf
         self._pairs: list[tuple[int, int]] = []

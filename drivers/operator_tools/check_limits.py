@@ -20,8 +20,8 @@ from drivers.commissioning.verdict import Grade, Verdict, graded
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.remote_dictionary import RemoteDictionary
 
 
 def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:

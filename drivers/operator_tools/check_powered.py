@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
-from drivers.canopen_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.drive_bus import DriveError, SampleFlag
 from drivers.operator_tools.check_current import CurrentReadings, judge_current_unit
@@ -22,26 +20,26 @@ from drivers.operator_tools.check_gravity import judge_direction
 from drivers.operator_tools.check_motion import judge_rest, judge_strokes
 from drivers.operator_tools.operator import StoppedByOperator, answer, supervised_sample
 from drivers.operator_tools.small_move import small_move, travel
+from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import can
     from numpy.typing import NDArray
 
-    from drivers.canopen.sync_clock import PacingName
     from drivers.drive_bus import Sample
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.operator_tools.check_gravity import Gravity
     from drivers.operator_tools.operator import Operator
+    from drivers.session.connection import Fieldbus, TimedFieldbus
 
 REST_TIME = 1.0
 """How long axes are watched at rest, powered and unpowered [s]."""
 HELD_TIME = 0.1
 """How long an axis is watched holding its load before it moves [s]."""
 ANSWERED = 0.99
-"""Share of the SYNCs that must be answered, and in the time that the rate is computed from."""
+"""Share of the SYNCs that must be answered."""
 _GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
 
 
@@ -70,11 +68,10 @@ class SmallMoves:
 
 
 def check_powered(
-    bus: can.BusABC,
+    bus: Fieldbus,
     drives: DrivesFile,
     moves: SmallMoves,
     operator: Operator,
-    pacing: PacingName,
     keeper: SettingsKeeper | None = None,
     gravity: Gravity | None = None,
 ) -> Iterator[Verdict]:
@@ -82,16 +79,16 @@ def check_powered(
     step = "power-on"
     try:
         with (
-            StopwatchBus(bus, drives) as timed,
-            CanopenDriveBus(timed, drives, pacing=pacing, keeper=keeper) as axes,
+            bus.timed(drives) as timed,
+            ServoAxes(timed, drives, keeper=keeper) as axes,
         ):
             step = "holding position"
             yield from _notes(axes)
             yield from _rest(axes, drives, operator)
-            yield _rate(timed, axes, drives)
-            for number, axis in enumerate(axes.limited_axes):
-                step = f"small move of {axis.name}"
-                yield from _move(axes, number, axis, moves, operator, gravity)
+            yield _rate(timed, axes)
+            for number, axis in enumerate(axes.held):
+                step = f"small move of {axis.drive.name}"
+                yield from _move(axes, number, axis.drive, moves, operator, gravity)
     except StoppedByOperator:
         raise
     except DriveError as error:
@@ -106,7 +103,7 @@ def _ended(drives: DrivesFile, step: str, error: DriveError) -> Iterator[Verdict
         yield Verdict(Grade.REFUSED, place, step, line.removeprefix(f"{place}: "))
 
 
-def _notes(axes: CanopenDriveBus) -> Iterator[Verdict]:
+def _notes(axes: ServoAxes) -> Iterator[Verdict]:
     """State what was found on the way to power, but what had shown without it."""
     configured = {str(note): note for server in axes.servers for note in server.notes}
     for text in axes.notes:
@@ -117,7 +114,7 @@ def _notes(axes: CanopenDriveBus) -> Iterator[Verdict]:
             yield Verdict(Grade.WARNING, note.place, "configuration", note.text)
 
 
-def _rest(axes: CanopenDriveBus, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:
+def _rest(axes: ServoAxes, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:
     count = round(REST_TIME / axes.period)
     samples = [supervised_sample(axes, operator) for _ in range(count)]
     q = np.array([sample.q for sample in samples])
@@ -142,7 +139,7 @@ def _regularity(place: str, gaps: NDArray[np.int64], period: float) -> Verdict:
 
 
 def _move(
-    axes: CanopenDriveBus,
+    axes: ServoAxes,
     number: int,
     drive: AxisDrive,
     moves: SmallMoves,
@@ -174,13 +171,13 @@ def _move(
     yield _direction(axes, label, drive, way, operator)
 
 
-def _hold(axes: CanopenDriveBus, operator: Operator) -> list[Sample]:
+def _hold(axes: ServoAxes, operator: Operator) -> list[Sample]:
     """Return samples of a short rest."""
     return [supervised_sample(axes, operator) for _ in range(math.ceil(HELD_TIME / axes.period))]
 
 
 def _direction(
-    axes: CanopenDriveBus, label: str, drive: AxisDrive, way: float, operator: Operator
+    axes: ServoAxes, label: str, drive: AxisDrive, way: float, operator: Operator
 ) -> Verdict:
     """Which way the joint turned, and how far, only eyes can see."""
     moved, check = shown_way(drive, way), "sign and size of the motion"
@@ -202,12 +199,9 @@ def _direction(
     return graded(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))
 
 
-def _rate(timed: StopwatchBus, axes: CanopenDriveBus, drives: DrivesFile) -> Verdict:
+def _rate(timed: TimedFieldbus, axes: ServoAxes) -> Verdict:
     """Highest rate of SYNC that bus and drives carry; in lock-step answers take no time."""
-    slowest = 0.0
-    if not timed.capabilities.lock_step:
-        slowest = float(np.quantile(timed.answers, ANSWERED))
-    rate = achievable_rate(drives, slowest, axes.transmitted)
+    rate, slowest = timed.achievable_rate()
     took = f"slowest answer {1000 * slowest:.2g} ms" if slowest else "answers are not timed here"
     return graded(
         1 / axes.period <= rate * (1 + 1e-9),

@@ -11,16 +11,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen.vendor_objects import MAKERS
 from drivers.cia402 import objects
 from drivers.cia402.supervision import safe_torque_off
+from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.verdict import Grade, Verdict, graded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive
+    from drivers.remote_dictionary import RemoteDictionary
 
 COASTS, GOES_ON = "takes the torque away", "does nothing"
 _RAMPS = {1: "slows down on the ramp", 2: "slows down on the quick stop ramp"}

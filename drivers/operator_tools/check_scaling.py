@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.canopen.pdo_mapping import current_entry
 from drivers.cia402 import objects
 from drivers.commissioning.comparison import Agreement
 from drivers.commissioning.consistency import (
@@ -28,9 +27,9 @@ from drivers.drives_file import Basis
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
+    from drivers.remote_dictionary import RemoteDictionary
 
 CONSISTENT = 0.1
 """Rated torque may differ from torque constant times rated current by this share."""
@@ -159,7 +158,7 @@ def _polarity(server: RemoteDictionary) -> Verdict:
 
 
 def _current(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
-    entry = current_entry(axis)
+    entry = axis.current.entry
     return Verdict(
         Grade.OK,
         server.label,

@@ -15,10 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import UNSTATED
-from drivers.canopen import objects as cia301
-from drivers.canopen.vendor_objects import MAKERS
-from drivers.commissioning.requirements import REQUIREMENTS
-from drivers.dictionary.mapping_review import other_tpdos
+from drivers.cia402.vendor_objects import MAKERS
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import TorqueUnit
 from drivers.operator_tools.draft_hints import (
@@ -33,6 +30,7 @@ from drivers.operator_tools.draft_ratings import Ratings
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from drivers.dictionary.bus_rules import BusRules
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Dictionary
     from drivers.dictionary.review import Review
@@ -55,13 +53,15 @@ class DraftedAxis:
     node: int | None
 
 
-def draft_drives(axes: Sequence[DraftedAxis], bitrate: int | None = None) -> str:
+def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | None = None) -> str:
     """Write a drives file for these drives, in joint order.
 
     Parameters
     ----------
     axes : sequence of DraftedAxis
         The drives.
+    rules : BusRules
+        Of the bus that they are for.
     bitrate : int, optional
         Of the bus, if it is known [bit/s].
 
@@ -81,7 +81,7 @@ def draft_drives(axes: Sequence[DraftedAxis], bitrate: int | None = None) -> str
         "axes:",
     ]
     for number, axis in enumerate(axes, start=1):
-        lines += _axis(number, axis)
+        lines += _axis(number, axis, rules)
     return "\n".join(lines) + "\n"
 
 
@@ -121,7 +121,7 @@ def _shared(axes: Sequence[DraftedAxis], bitrate: int | None) -> Iterator[str]:
     yield "quick_stop_option: 2 # 605A, a choice: quick stop ramp, then off"
 
 
-def _axis(number: int, axis: DraftedAxis) -> Iterator[str]:
+def _axis(number: int, axis: DraftedAxis, rules: BusRules) -> Iterator[str]:
     dictionary = axis.dictionary
     device = ", ".join(filter(None, (dictionary.maker, dictionary.model))) or "unnamed device"
     yield from _comment(f"{device} ({dictionary.source})")
@@ -139,7 +139,7 @@ def _axis(number: int, axis: DraftedAxis) -> Iterator[str]:
         *(f"  {_drafted(key, limits[key])}" for key in _LIMITS),
         *(_drafted(key, limits[key]) for key in _WINDOWS),
         *_brake(dictionary),
-        *_watch(dictionary),
+        *_watch(dictionary, rules),
         *_tpdos(axis.review),
     ]
     yield f"  - {body[0]}"
@@ -222,23 +222,18 @@ def _brake(dictionary: Dictionary) -> Iterator[str]:
         yield _line("brake_delay", f"{delay.value(counts):g}", said, "")
 
 
-def _watch(dictionary: Dictionary) -> Iterator[str]:
-    """Ask for a reason where the drive cannot watch our heartbeat, and cannot be guarded."""
-    watch = REQUIREMENTS[cia301.CONSUMER_HEARTBEAT]
-    if all(map(dictionary.entry, watch.instead)):
-        return
-    declared = dictionary.entry(watch.entry)
-    place = (cia301.CONSUMER_HEARTBEAT.index, cia301.CONSUMER_HEARTBEAT.subindex)
-    if declared is None and place not in dictionary.unanswered:
-        hint = "what else stops the axis when our process dies, in words: the drive has no 1016"
+def _watch(dictionary: Dictionary, rules: BusRules) -> Iterator[str]:
+    """Ask for a reason where the drive cannot watch us."""
+    why = rules.unwatched(dictionary)
+    if why is not None:
+        hint = f"what else stops the axis when our process dies, in words: {why}"
         yield _line("allow_no_heartbeat", None, "", hint)
 
 
 def _tpdos(review: Review) -> Iterator[str]:
     """State what the TPDOs carry, where that is fixed or does not fit into one."""
-    found = other_tpdos(review.mapping, review.current)
-    if found is not None:
-        words = (", ".join(f"0x{word:08X}" for word in each) for each in found)
+    if review.tpdos is not None:
+        words = (", ".join(f"0x{word:08X}" for word in each) for each in review.tpdos)
         yield f"tpdos: [{', '.join(f'[{each}]' for each in words)}] # 1A00, 1A01"
 
 

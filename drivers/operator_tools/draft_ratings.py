@@ -11,14 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from drivers.canopen.vendor_objects import MAKERS
 from drivers.cia402 import objects
+from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.ratings import NEWTON_METRE, torque_unit
 from drivers.drives_file import TorqueUnit
 from drivers.operator_tools.draft_hints import also_named, default_of
 
 if TYPE_CHECKING:
-    from drivers.canopen.vendor_objects import VendorObject
+    from drivers.cia402.vendor_objects import VendorObject
     from drivers.dictionary.dictionary import Dictionary
 
 CONSTANT_MAX = 20.0

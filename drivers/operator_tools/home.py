@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
-from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
 from drivers.cia402.states import MODE_TIME, Control, Mode, Status
@@ -20,17 +19,15 @@ from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.operator_tools.jog import SLOW, shown
 from drivers.operator_tools.operator import STOP_KEYS, StoppedByOperator, require_consent
-from drivers.operator_tools.unpowered import UnpoweredDrives
+from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import can
-
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.canopen.sync_clock import PacingName
     from drivers.drives_file import AxisDrive, DrivesFile, Homing
     from drivers.operator_tools.operator import Operator
+    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.connection import Fieldbus
 
 POLLED = 0.05
 """Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
@@ -40,21 +37,20 @@ _ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR
 
 
 def home(
-    bus: can.BusABC,
+    bus: Fieldbus,
     drives: DrivesFile,
     axis: AxisDrive,
     homing: Homing,
     operator: Operator,
     *,
     patience: float,
-    pacing: PacingName = "auto",
     keeper: SettingsKeeper | None = None,
 ) -> float:
     """Home one axis and return where it stands then [rad or m]; it is off afterwards.
 
     Parameters
     ----------
-    bus : can.BusABC
+    bus : Fieldbus
         An open bus.
     drives : DrivesFile
         The file that the axis is in.
@@ -66,10 +62,8 @@ def home(
         Who agrees to it and may stop it.
     patience : float
         How long it may take [s].
-    pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_sync_clock`.
     keeper : SettingsKeeper, optional
-        See `drivers.canopen_bus.CanopenDriveBus`.
+        See `drivers.session.servo_axes.ServoAxes`.
 
     Raises
     ------
@@ -83,7 +77,7 @@ def home(
         The axis is stopped and off.
     """
     alone = drives.model_copy(update={"axes": (axis,)})
-    (server,) = UnpoweredDrives(bus, alone, pacing).servers
+    (server,) = bus.unpowered(alone).servers
     _refuse(server, effective_limits(server.find, axis, server.label).of(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
@@ -92,7 +86,7 @@ def home(
     require_consent(operator, intent)
     keeper = keeper or SettingsKeeper()
     keeper.later = objects.HOMING
-    with CanopenDriveBus(bus, alone, pacing=pacing, anywhere=True, keeper=keeper) as axes:
+    with ServoAxes(bus, alone, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
         _configure(session.server, axis, homing)
         session.change_mode(Mode.HOMING)
@@ -138,7 +132,7 @@ def _configure(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> Non
 class _Session:
     """One powered axis in the drive's own hands."""
 
-    def __init__(self, axes: CanopenDriveBus, operator: Operator) -> None:
+    def __init__(self, axes: ServoAxes, operator: Operator) -> None:
         self.server = axes.servers[0]
         self._axes = axes
         self._operator = operator

@@ -10,44 +10,40 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.axis import AxisScale
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.axis import Axis
 from drivers.cia402 import objects
 from drivers.cia402.set_point_limits import check_move
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import LimitExceeded
 from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.small_move import small_move, travel
-from drivers.operator_tools.unpowered import UnpoweredDrives
+from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
-    import can
-
-    from drivers.canopen.sync_clock import PacingName
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.operator_tools.operator import Operator
     from drivers.operator_tools.small_move import Stroke
+    from drivers.session.connection import Fieldbus
 
 SLOW = 0.2
 """Share of its velocity limit at which an axis may jog."""
 
 
 def jog(
-    bus: can.BusABC,
+    bus: Fieldbus,
     drives: DrivesFile,
     axis: AxisDrive,
     way: float,
     velocity: float,
     operator: Operator,
-    pacing: PacingName = "auto",
     keeper: SettingsKeeper | None = None,
 ) -> Stroke:
     """Move one axis and return what was seen of it; the axis is off afterwards.
 
     Parameters
     ----------
-    bus : can.BusABC
+    bus : Fieldbus
         An open bus.
     drives : DrivesFile
         The file that the axis is in.
@@ -57,10 +53,8 @@ def jog(
         Signed [rad or m], and at most `SLOW` of the limit [rad/s or m/s].
     operator : Operator
         Who agrees to it and may stop it.
-    pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_sync_clock`.
     keeper : SettingsKeeper, optional
-        See `drivers.canopen_bus.CanopenDriveBus`.
+        See `drivers.session.servo_axes.ServoAxes`.
 
     Raises
     ------
@@ -70,24 +64,25 @@ def jog(
         The axis is stopped and off.
     """
     alone = drives.model_copy(update={"axes": (axis,)})
-    (server,) = UnpoweredDrives(bus, alone, pacing).servers
+    (server,) = bus.unpowered(alone).servers
     limits = effective_limits(server.find, axis, server.label)
     held = limits.of(axis)
-    scale, fastest = AxisScale.of(axis), SLOW * held.limits.velocity
+    named = Axis(drives.axes.index(axis), axis, held, server, limits.own)
+    fastest = SLOW * held.limits.velocity
     if velocity > fastest:
         raise LimitExceeded(
             f"{axis.name}: {shown(axis, velocity)}/s must be at most {shown(axis, fastest)}/s, "
             f"{SLOW:.0%} of its limit; jog more slowly"
         )
-    start = scale.position_from_counts(float(server.get(objects.POSITION)))
+    start = named.scale.position_from_counts(float(server.get(objects.POSITION)))
     move = small_move(held, start + way, velocity)
-    check_move(move, held, scale, drives.axes.index(axis) + 1, limits.own)
+    check_move(move, named)
     intent = (
         f"Power on {axis.name} alone and move it from {shown(axis, start)} to "
         f"{shown(axis, move.target)} at {shown(axis, move.velocity)}/s?"
     )
     require_consent(operator, intent)
-    with CanopenDriveBus(bus, alone, pacing=pacing, keeper=keeper) as axes:
+    with ServoAxes(bus, alone, keeper=keeper) as axes:
         return travel(axes, 0, held, move, operator)
 
 

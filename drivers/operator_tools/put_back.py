@@ -10,9 +10,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.sdo import RemoteDictionary
-from drivers.canopen.sync_clock import choose_sync_clock
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 from drivers.found_settings.restoring import NotTakenBack, refuse_energised, restore_drive
 from drivers.found_settings.settings_file import difference, read_identity
@@ -20,14 +17,11 @@ from drivers.found_settings.settings_file import difference, read_identity
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    import can
-
-    from drivers.canopen.sync_clock import PacingName
     from drivers.fieldbus import Entry
+    from drivers.found_settings.restoring import RestoringOrder
     from drivers.found_settings.settings_file import FoundDrive, FoundSettings
-
-PERIOD = 0.004
-"""Has no effect, since no SYNC is sent [s]."""
+    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.connection import Fieldbus
 
 
 class Returned(NamedTuple):
@@ -55,19 +49,15 @@ class Returned(NamedTuple):
     problem: str
 
 
-def put_back(
-    bus: can.BusABC, settings: FoundSettings, pacing: PacingName = "auto"
-) -> Iterator[Returned]:
+def put_back(bus: Fieldbus, settings: FoundSettings) -> Iterator[Returned]:
     """Put back what drives held; those that hold it again already are left alone.
 
     Parameters
     ----------
-    bus : can.BusABC
+    bus : Fieldbus
         An open bus on which nobody commands the drives.
     settings : FoundSettings
         What they held.
-    pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_sync_clock`.
 
     Yields
     ------
@@ -79,15 +69,12 @@ def put_back(
     NodeSilent, DriveRefused
         A drive is missing, another one, or energised, a line each; nothing was written.
     """
-    synchronous = choose_sync_clock(bus, pacing, PERIOD).synchronous
-    network = PumpedNetwork(bus, synchronous=synchronous)
-    pairs = [
-        (RemoteDictionary(network, drive.node, drive.name, settings.sdo_timeout), drive)
-        for drive in settings.unrestored
-    ]
+    left = settings.unrestored
+    servers = bus.servers([(drive.node, drive.name) for drive in left], settings.sdo_timeout)
+    pairs = list(zip(servers, left, strict=True))
     _refuse(pairs)
     for server, drive in pairs:
-        yield _returned(server, drive)
+        yield _returned(server, drive, bus.rules)
 
 
 def _refuse(pairs: Sequence[tuple[RemoteDictionary, FoundDrive]]) -> None:
@@ -113,7 +100,7 @@ def _refuse_other(server: RemoteDictionary, drive: FoundDrive) -> None:
         )
 
 
-def _returned(server: RemoteDictionary, drive: FoundDrive) -> Returned:
+def _returned(server: RemoteDictionary, drive: FoundDrive, order: RestoringOrder) -> Returned:
     written: tuple[tuple[Entry, int | None, int], ...] = ()
     left: tuple[str, ...] = ()
     try:
@@ -127,7 +114,7 @@ def _returned(server: RemoteDictionary, drive: FoundDrive) -> Returned:
         ours = tuple(each for each in drive.objects if each not in anew)
         rows = ((each.entry, present[each], each.value) for each in ours)
         written = tuple(row for row in rows if row[1] != row[2])
-        restore_drive(server, drive.model_copy(update={"objects": ours}))
+        restore_drive(server, drive.model_copy(update={"objects": ours}), order)
     except NotTakenBack as error:
         return Returned(server.label, drive.done(error.places), written, left, str(error))
     except DriveError as error:

@@ -16,17 +16,14 @@ from drivers.cia402.supervision import RESET, Supervision
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
 from drivers.drive_bus import DriveError
 from drivers.operator_tools.operator import require_consent
-from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import can
-
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.canopen.sync_clock import PacingName
     from drivers.drives_file import DrivesFile
     from drivers.operator_tools.operator import Operator
+    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.connection import Fieldbus
 
 _STATE = "state (6041)"
 
@@ -47,21 +44,17 @@ def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
     return graded(healthy, Grade.REFUSED, server.label, _STATE, found, "", RESET)
 
 
-def reset_faults(
-    bus: can.BusABC, drives: DrivesFile, operator: Operator, pacing: PacingName = "auto"
-) -> Iterator[Verdict]:
+def reset_faults(bus: Fieldbus, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:
     """State the fault of each drive; where the operator agrees, reset those that are in one.
 
     Parameters
     ----------
-    bus : can.BusABC
+    bus : Fieldbus
         An open bus on which nobody commands the drives.
     drives : DrivesFile
         The axes whose drives are asked.
     operator : Operator
         Who agrees.
-    pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_sync_clock`.
 
     Yields
     ------
@@ -73,7 +66,7 @@ def reset_faults(
     StoppedByOperator
         The operator does not agree; nothing was written.
     """
-    unpowered = UnpoweredDrives(bus, drives, pacing)
+    unpowered = bus.unpowered(drives)
     supervision = Supervision(unpowered.servers)
     power = Power(unpowered.process_data, unpowered.servers, supervision)
     faulty = []

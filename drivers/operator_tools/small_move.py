@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.canopen_bus import CanopenDriveBus
     from drivers.drives_file import AxisDrive
     from drivers.operator_tools.operator import Operator
+    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.servo_axes import ServoAxes
 
 SPEED_TIME = 0.04
 """Speed is taken from positions this far apart [s]."""
@@ -93,7 +93,7 @@ def small_move(axis: AxisDrive, target: float, velocity: float) -> Move:
 
 
 def travel(
-    bus: CanopenDriveBus,
+    bus: ServoAxes,
     number: int,
     drive: AxisDrive,
     move: Move,
@@ -104,7 +104,7 @@ def travel(
 
     Parameters
     ----------
-    bus : CanopenDriveBus
+    bus : ServoAxes
         Entered.
     number : int
         The axis on `bus`, from 0.

@@ -3,11 +3,11 @@
 Nothing is sent and no drive takes part. For some seconds the process does what the driver does
 between two SYNCs: it waits for the next deadline of an absolute grid, on the same bus. How late it
 comes is noted for every deadline, also for those that passed while it slept on. The driver leaves
-out a SYNC that is later than `drivers.canopen.sync_clock.TOO_LATE` of the period, so the highest
+out a SYNC that is later than `drivers.fieldbus.TOO_LATE` of the period, so the highest
 rate is the one at which hardly any is.
 
-Where the kernel sends SYNC (`drivers.can_bus.kernel_sync`) its deadlines are kept without us; a
-late wake-up delays there only what we see and how soon we react.
+Where SYNC comes by itself, as from the kernel, its deadlines are kept without us; a late wake-up
+delays there only what we see and how soon we react.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.can_bus.capabilities import capabilities_of
-from drivers.canopen.sync_clock import TOO_LATE
 from drivers.commissioning.verdict import Grade, Verdict, graded
+from drivers.fieldbus import TOO_LATE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import can
     from numpy.typing import NDArray
+
+    from drivers.session.connection import Fieldbus
 
 RATES = (1000.0, 500.0, 250.0, 200.0, 125.0, 100.0, 50.0, 25.0)
 """Usual rates of SYNC, highest first [Hz]."""
@@ -98,11 +98,11 @@ def measure_wake_ups(
     return WakeUps(period, late)
 
 
-def wake_ups_on(bus: can.BusABC, period: float, duration: float) -> WakeUps | None:
+def wake_ups_on(bus: Fieldbus, period: float, duration: float) -> WakeUps | None:
     """Measure on an open bus, whose frames are dropped; None in lock-step, where nothing waits."""
-    if capabilities_of(bus).lock_step:
+    if bus.lock_step:
         return None
-    return measure_wake_ups(period, duration, bus.recv)
+    return measure_wake_ups(period, duration, bus.wait)
 
 
 def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) -> Verdict:

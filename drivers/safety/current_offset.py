@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.axis import AxisScale
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from drivers.drives_file import AxisDrive
+    from drivers.axis import Axis
     from drivers.fieldbus import ProcessData
 
 SYNCS = 10
@@ -26,7 +24,7 @@ OFFSET = 0.02
 
 
 def offsets(
-    process_data: ProcessData, axes: Sequence[AxisDrive], cycle: Callable[[], object], when: str
+    process_data: ProcessData, axes: Sequence[Axis], cycle: Callable[[], object], when: str
 ) -> list[str]:
     """Let some SYNCs pass with all power stages off; return which sensors do not read zero.
 
@@ -34,7 +32,7 @@ def offsets(
     ----------
     process_data : ProcessData
         Of all axes.
-    axes : sequence of AxisDrive
+    axes : sequence of Axis
         In joint order.
     cycle : callable
         Lets one SYNC pass.
@@ -47,10 +45,9 @@ def offsets(
         rows.append(process_data.currents)
     found = []
     for axis, current in zip(axes, np.mean(rows, axis=0), strict=True):
-        torque = abs(float(current) * AxisScale.of(axis).torque)
-        if torque > OFFSET * axis.limits.torque:
-            unit = axis.effort_unit
-            bound = OFFSET * axis.limits.torque
+        torque, bound = abs(float(current) * axis.scale.torque), OFFSET * axis.stated.limits.torque
+        if torque > bound:
+            unit = axis.stated.effort_unit
             found.append(
                 f"{axis.label}: {when} its current reads {torque:.3g} {unit}, at "
                 f"most {bound:.3g} {unit} may be; the torques of this axis carry that offset: have "

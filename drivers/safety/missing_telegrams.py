@@ -15,7 +15,7 @@ from drivers.drive_bus import NodeSilent, SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from drivers.fieldbus import Objects
+    from drivers.axis import Axis
 
 BLIND = 10
 """SYNCs in a row without an axis's TPDO after which all axes are stopped."""
@@ -29,8 +29,8 @@ class MissingTelegrams:
 
     Parameters
     ----------
-    servers : sequence of Objects
-        The drives in joint order.
+    axes : sequence of Axis
+        In joint order.
     collect_late : callable
         Takes telegrams off the bus that are merely late; called after a gap.
     period : float
@@ -43,13 +43,13 @@ class MissingTelegrams:
     """
 
     def __init__(
-        self, servers: Sequence[Objects], collect_late: Callable[[], None], period: float
+        self, axes: Sequence[Axis], collect_late: Callable[[], None], period: float
     ) -> None:
         self._busy = max(BLIND, math.ceil(BUSY / period))
         self.open = False
-        self._servers = servers
+        self._axes = axes
         self._collect_late = collect_late
-        self._counts = [0] * len(servers)
+        self._counts = [0] * len(axes)
 
     @property
     def blind(self) -> bool:
@@ -65,17 +65,13 @@ class MissingTelegrams:
             This computer was late just now.
         """
         most = self._busy if busy else BLIND
-        missing = [bool(flag & SampleFlag.MISSING) for flag in flags]
-        pairs = zip(self._counts, missing, strict=True)
-        self._counts = [count + 1 if gone else 0 for count, gone in pairs]
-        self.open = any(missing)
+        for axis in self._axes:
+            gone = flags[axis.index] & SampleFlag.MISSING
+            self._counts[axis.index] = self._counts[axis.index] + 1 if gone else 0
+        self.open = any(self._counts)
         if self.open:
             self._collect_late()
-        blind = [
-            server.label
-            for server, count in zip(self._servers, self._counts, strict=True)
-            if count >= most
-        ]
+        blind = [axis.label for axis in self._axes if self._counts[axis.index] >= most]
         if not blind:
             return None
         return NodeSilent(

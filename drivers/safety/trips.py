@@ -21,13 +21,12 @@ from __future__ import annotations
 from operator import gt, lt, sub
 from typing import TYPE_CHECKING
 
-from drivers.axis import AxisScale
 from drivers.drive_bus import Tripped
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from drivers.drives_file import AxisDrive
+    from drivers.axis import Axis
     from drivers.fieldbus import ProcessData
 
 TORQUE_SHARE = 0.95
@@ -47,37 +46,29 @@ class Trips:
 
     Parameters
     ----------
-    axes : sequence of AxisDrive
+    axes : sequence of Axis
         In joint order.
     period : float
         Time between two SYNCs [s].
     """
 
-    def __init__(self, axes: Sequence[AxisDrive], period: float) -> None:
+    def __init__(self, axes: Sequence[Axis], period: float) -> None:
         self._axes = axes
         self._period = period
-        self._scales = [AxisScale.of(axis) for axis in axes]
-        self._windows = [
-            axis.following_error_window / abs(scale.position)
-            for axis, scale in zip(axes, self._scales, strict=True)
-        ]
-        self._velocities = [
-            (axis.trip.velocity or SPEED_SHARE * axis.limits.velocity) / abs(scale.position)
-            for axis, scale in zip(axes, self._scales, strict=True)
-        ]
+        self._velocities = [fastest(axis) / axis.per_count for axis in axes]
         self._steps = [2 * velocity * period for velocity in self._velocities]
         self._currents = [
-            (axis.trip.torque or TORQUE_SHARE * axis.limits.torque) / abs(scale.torque)
-            for axis, scale in zip(axes, self._scales, strict=True)
+            (axis.drive.trip.torque or TORQUE_SHARE * axis.drive.limits.torque)
+            / abs(axis.scale.torque)
+            for axis in axes
         ]
         self._since: dict[int, float] = {}
         self._turn = 0
 
     def arm(self, time: float, positions: Sequence[int]) -> None:
         """Begin to look: all axes rest at `positions` [increments]."""
-        pairs = list(zip(positions, self._windows, strict=True))
-        self._lows = [position - window for position, window in pairs]
-        self._highs = [position + window for position, window in pairs]
+        self._lows = [positions[axis.index] - axis.window for axis in self._axes]
+        self._highs = [positions[axis.index] + axis.window for axis in self._axes]
         self._last, self._last_time = tuple(positions), time
         self._since.clear()
 
@@ -87,7 +78,7 @@ class Trips:
         An axis that is still `moving` may overrun on its way to another target, so it keeps the
         corridor that it has as well.
         """
-        counts, window = self._scales[axis].position_to_counts(target), self._windows[axis]
+        counts, window = self._axes[axis].scale.position_to_counts(target), self._axes[axis].window
         low, high = min(position, counts) - window, max(position, counts) + window
         self._lows[axis] = min(low, self._lows[axis]) if moving else low
         self._highs[axis] = max(high, self._highs[axis]) if moving else high
@@ -122,26 +113,26 @@ class Trips:
 
     def _outside(self, positions: Sequence[int]) -> Tripped:
         bounds = zip(positions, self._lows, self._highs, strict=True)
-        axis = next(i for i, (p, low, high) in enumerate(bounds) if not low <= p <= high)
-        to_joint = self._scales[axis].position_from_counts
-        ends = sorted((to_joint(self._lows[axis]), to_joint(self._highs[axis])))
-        unit = self._axes[axis].unit
+        n = next(i for i, (p, low, high) in enumerate(bounds) if not low <= p <= high)
+        axis, unit = self._axes[n], self._axes[n].drive.unit
+        to_joint = axis.scale.position_from_counts
+        ends = sorted((to_joint(self._lows[n]), to_joint(self._highs[n])))
         return Tripped(
-            f"{self._axes[axis].label}: at {to_joint(positions[axis]):.4g} {unit}, outside"
+            f"{axis.label}: at {to_joint(positions[n]):.4g} {unit}, outside"
             f" {ends[0]:.4g} ... {ends[1]:.4g} {unit}, where its set-point leads (following error"
-            f" window {self._axes[axis].following_error_window:g} {unit}); check sign, gear ratio,"
+            f" window {axis.drive.following_error_window:g} {unit}); check sign, gear ratio,"
             " brake, encoder and load"
         )
 
     def _judge_speed(
         self, elapsed: float, positions: Sequence[int], last: Sequence[int]
     ) -> Tripped | None:
-        for axis, velocity in enumerate(self._velocities):
-            way = abs(positions[axis] - last[axis])
+        for axis, velocity in zip(self._axes, self._velocities, strict=True):
+            way = abs(positions[axis.index] - last[axis.index])
             if way > velocity * (elapsed + JITTER * self._period):
-                per_count, unit = abs(self._scales[axis].position), self._axes[axis].unit
+                per_count, unit = axis.per_count, axis.drive.unit
                 return Tripped(
-                    f"{self._axes[axis].label}: {way * per_count:.4g} {unit} in {elapsed:.3g} s is"
+                    f"{axis.label}: {way * per_count:.4g} {unit} in {elapsed:.3g} s is"
                     f" {way * per_count / elapsed:.4g} {unit}/s, at most"
                     f" {velocity * per_count:.4g} {unit}/s may be (trip.velocity); the axis runs"
                     " away or its encoder jumps: check encoder cable and tuning"
@@ -149,18 +140,22 @@ class Trips:
         return None
 
     def _judge_torque(self, time: float, currents: Sequence[int]) -> Tripped | None:
-        for axis, (current, bound) in enumerate(zip(currents, self._currents, strict=True)):
+        for axis, current, bound in zip(self._axes, currents, self._currents, strict=True):
             if abs(current) <= bound:
-                self._since.pop(axis, None)
+                self._since.pop(axis.index, None)
                 continue
-            lasted = time - self._since.setdefault(axis, time)
-            if lasted > self._axes[axis].trip.torque_time:
-                per_count = abs(self._scales[axis].torque)
-                unit = self._axes[axis].effort_unit
+            lasted = time - self._since.setdefault(axis.index, time)
+            if lasted > axis.drive.trip.torque_time:
+                per_count, unit = abs(axis.scale.torque), axis.drive.effort_unit
                 return Tripped(
-                    f"{self._axes[axis].label}: {abs(current) * per_count:.4g} {unit} for"
+                    f"{axis.label}: {abs(current) * per_count:.4g} {unit} for"
                     f" {lasted:.3g} s, more than {bound * per_count:.4g} {unit} may not last longer"
-                    f" than {self._axes[axis].trip.torque_time:g} s (trip.torque); the axis is"
+                    f" than {axis.drive.trip.torque_time:g} s (trip.torque); the axis is"
                     " blocked or overloaded: check brake, load and obstacles"
                 )
         return None
+
+
+def fastest(axis: Axis) -> float:
+    """Return the speed that an axis may not reach [rad/s or m/s]."""
+    return axis.drive.trip.velocity or SPEED_SHARE * axis.drive.limits.velocity

@@ -12,56 +12,46 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
-from drivers.axis import AxisScale
-from drivers.canopen.communication import find_collisions
+from drivers.axis import Axis
+from drivers.cia402.states import Mode
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import commission
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.commissioning.mix_up import mixed_up
-from drivers.drive_bus import AxisInfo, DriveError, DriveFault, DriveRefused, NodeSilent
+from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from drivers.canopen.communication import Communication
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.cia402.power import Power
     from drivers.commissioning.announcement import Announcement
     from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.found_settings.keeping import SettingsKeeper
+    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.connection import Connection
 
 _Result = TypeVar("_Result")
 
 
 def check_and_configure(
-    servers: Sequence[RemoteDictionary],
+    connection: Connection,
     drives: DrivesFile,
     period: float,
-    power: Power,
-    commissioned: list[RemoteDictionary],
-    communications: Sequence[Communication],
     keeper: SettingsKeeper,
     *,
     reset_faults: bool,
-) -> tuple[tuple[AxisInfo, ...], tuple[EffectiveLimits, ...]]:
-    """Check and configure all drives, leaving them off and pre-operational.
+) -> tuple[Axis, ...]:
+    """Check and configure all drives, leaving them off and exchanging no process data.
 
     Parameters
     ----------
-    servers : sequence of RemoteDictionary
-        The drives in joint order.
+    connection : Connection
+        To the drives; `written` grows by each as soon as something may have been written to it.
     drives : DrivesFile
         What is stated of them.
     period : float
         Time between two SYNCs [s].
-    power : Power
-        Switches them off first.
-    commissioned : list of RemoteDictionary
-        Extended by each drive as soon as something may have been written to it.
-    communications : sequence of Communication
-        By drive; what is found is put in.
     keeper : SettingsKeeper
         Keeps what they hold before that.
     reset_faults : bool
@@ -69,8 +59,8 @@ def check_and_configure(
 
     Returns
     -------
-    tuple of AxisInfo, tuple of EffectiveLimits
-        What the drives are, and which limits hold.
+    tuple of Axis
+        With the limits that hold.
 
     Raises
     ------
@@ -80,18 +70,16 @@ def check_and_configure(
         What they hold cannot be kept; nothing was written.
     """
     keeper.open(drives)
+    servers, communications = connection.servers, connection.communications
     pairs = list(zip(servers, drives.axes, strict=True))
     at = {server.node: place for place, server in enumerate(servers)}
 
     def look(server: RemoteDictionary, axis: AxisDrive) -> Announcement:
-        server.enter_pre_operational()
-        power.make_safe(server, reset_fault=reset_faults)
-        held = partial(keeper.found, server)
-        feeds = communications[at[server.node]].feed_forward
+        server.access.leave_operational()
+        connection.power.make_safe(server, reset_fault=reset_faults)
+        held, communication = partial(keeper.found, server), communications[at[server.node]]
         try:
-            announcement = announce(
-                server, axis, drives, period, held, keeper.later, feed_forward=feeds
-            )
+            announcement = announce(server, axis, drives, period, communication, held, keeper.later)
         except DriveRefused as error:
             raise _explained(error, server, axis, pairs) from error
         planned = {change.entry: change.value for change in announcement.changes}
@@ -101,20 +89,30 @@ def check_and_configure(
     expected = tuple(each.limits for each in _all(look, pairs))
     keeper.announced(servers)
 
-    def configure(server: RemoteDictionary, axis: AxisDrive) -> tuple[AxisInfo, EffectiveLimits]:
+    def configure(server: RemoteDictionary, axis: AxisDrive) -> Axis:
         place = at[server.node]
-        commissioned.append(server)
+        connection.written.append(server)
         holding, communication = expected[place], communications[place]
-        identity = commission(server, axis, drives, period, power.wait, holding, communication)
+        wait = connection.power.wait
+        identity, mode = commission(server, axis, drives, period, wait, holding, communication)
         held = _held(server, axis, holding)
-        return _described(axis, identity, held), held
+        return Axis(
+            place,
+            axis,
+            held.of(axis),
+            server,
+            own=held.own,
+            stop_deceleration=held.stop_deceleration,
+            identity=identity,
+            planned=mode is not Mode.PROFILE_POSITION,
+        )
 
     configured = _all(configure, pairs)
-    collisions = find_collisions(communications, drives.master_node)
-    if collisions:
-        raise _joined(collisions)
+    conflicts = connection.conflicts()
+    if conflicts:
+        raise _joined(conflicts)
     keeper.configured(servers)
-    return tuple(info for info, _ in configured), tuple(held for _, held in configured)
+    return tuple(configured)
 
 
 def _explained(
@@ -155,22 +153,6 @@ def _all(
     if problems:
         raise _joined(problems)
     return results
-
-
-def _described(axis: AxisDrive, identity: str, holding: EffectiveLimits) -> AxisInfo:
-    scale, limits = AxisScale.of(axis), holding.limits
-    return AxisInfo(
-        name=axis.name,
-        identity=identity,
-        q_min=limits.q_min,
-        q_max=limits.q_max,
-        velocity_max=limits.velocity,
-        acceleration_max=limits.acceleration,
-        torque_resolution=abs(scale.torque),
-        position_resolution=abs(scale.position),
-        own_limits=holding.own,
-        unit=axis.unit,
-    )
 
 
 def _joined(problems: Sequence[DriveError]) -> DriveError:

@@ -1,159 +1,91 @@
-"""What connecting builds: all that is needed to talk to the drives, complete or absent.
-
-Nothing is sent while it is built. Where a part cannot be built, what stands on the bus already is
-taken away again and nothing is left; the bus itself belongs to the caller.
-"""
+"""What a session stands on, whichever bus it is: connections to drives, and the open bus itself."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
-from drivers.canopen.communication import Communication
-from drivers.canopen.emergency import Emergencies
-from drivers.canopen.heartbeat import Heartbeats
-from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.pdo_mapping import answers
-from drivers.canopen.process_data import SyncProcessData
-from drivers.canopen.sdo import RemoteDictionary
-from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
 from drivers.cia402.power import Power
-from drivers.cia402.supervision import Supervision
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Sequence
+    from contextlib import AbstractContextManager
     from typing import Self
 
-    import can
-
-    from drivers.can_bus.kernel_sync import KernelSync
-    from drivers.canopen.sync_clock import PacingName, SyncClock
+    from drivers.cia402.picture import Picture
+    from drivers.cia402.supervision import Supervision
+    from drivers.commissioning.communication import Communication
+    from drivers.dictionary.bus_rules import BusRules
+    from drivers.dictionary.found_nodes import Scan
+    from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
+    from drivers.fieldbus import LifeSign, ProcessData
+    from drivers.remote_dictionary import RemoteDictionary
 
 
-@dataclass(frozen=True, eq=False)
-class Connection:
-    """The services of all drives on one bus, in joint order.
+class Connection(ABC):
+    """The services of all drives on one bus, in joint order; each bus makes its own.
 
-    Attributes
+    Parameters
     ----------
-    kernel : KernelSync or None
-        What stands on the bus where the kernel sends SYNC.
-    clock : SyncClock
-        Where SYNC's time comes from.
-    network : PumpedNetwork
-        Receives, and keeps our heartbeat going meanwhile.
     servers : tuple of RemoteDictionary
         The drives' object dictionaries.
     communications : tuple of Communication
-        Identifiers and PDOs of each; what is found is put in.
+        How each drive communicates; what is found is put in.
     supervision : Supervision
         Judges statuswords and emergencies.
-    emergencies : Emergencies
-        Where these come from.
-    process_data : SyncProcessData
+    process_data : ProcessData
         Of all axes.
-    heartbeats : Heartbeats
+    life_sign : LifeSign
         Ours and theirs.
+
+    Attributes
+    ----------
     power : Power
         Switches drives on and off.
     written : list of RemoteDictionary
         Drives to which something may have been written; grows.
     """
 
-    kernel: KernelSync | None
-    clock: SyncClock
-    network: PumpedNetwork
-    servers: tuple[RemoteDictionary, ...]
-    communications: tuple[Communication, ...]
-    supervision: Supervision
-    emergencies: Emergencies
-    process_data: SyncProcessData
-    heartbeats: Heartbeats
-    power: Power
-    written: list[RemoteDictionary] = field(default_factory=list)
+    def __init__(
+        self,
+        servers: tuple[RemoteDictionary, ...],
+        communications: tuple[Communication, ...],
+        supervision: Supervision,
+        process_data: ProcessData,
+        life_sign: LifeSign,
+    ) -> None:
+        self.servers, self.communications = servers, communications
+        self.supervision, self.process_data, self.life_sign = supervision, process_data, life_sign
+        self.power = Power(process_data, servers, supervision)
+        self.written: list[RemoteDictionary] = []
 
-    @classmethod
-    def on(
-        cls,
-        bus: can.BusABC,
-        drives: DrivesFile,
-        period: float,
-        pacing: PacingName,
-        *,
-        feed_forward: bool = False,
-    ) -> Self:
-        """Build everything on an open bus, or nothing.
+    @abstractmethod
+    def conflicts(self) -> Sequence[DriveRefused]:
+        """Return which drives cannot share the bus, once all are configured."""
 
-        Parameters
-        ----------
-        bus : can.BusABC
-        drives : DrivesFile
-            The axes in joint order.
-        period : float
-            Time between two SYNCs [s].
-        pacing : {"auto", "lock-step", "wall-clock"}
-            See `drivers.canopen.sync_clock.choose_sync_clock`.
-        feed_forward : bool
-            The drives are to take offsets of velocity and torque.
+    @abstractmethod
+    def start(self) -> None:
+        """Expect what each drive sends as it has been set up, and command all to send it."""
+
+    @abstractmethod
+    def await_answers(self) -> None:
+        """Watch drives that have just been commanded to start, until each answers SYNC.
+
+        Raises
+        ------
+        NodeSilent
+            Which do not, or whose life sign stays away.
         """
-        expected = [cob_id for axis in drives.axes for cob_id in answers(axis)]
-        kernel = kernel_sync(bus, pacing, period, expected)
-        if kernel is None:
-            clock = choose_sync_clock(bus, pacing, period)
-            return cls._through(bus, None, clock, drives, feed_forward=feed_forward)
-        try:
-            paced = KernelClock(kernel, period)
-            return cls._through(kernel, kernel, paced, drives, feed_forward=feed_forward)
-        except BaseException:
-            kernel.shutdown()
-            raise
 
-    @classmethod
-    def _through(
-        cls,
-        channel: can.BusABC,
-        kernel: KernelSync | None,
-        clock: SyncClock,
-        drives: DrivesFile,
-        *,
-        feed_forward: bool,
-    ) -> Self:
-        network = PumpedNetwork(channel, synchronous=clock.synchronous)
-        if kernel is not None:
-            kernel.deliver = network.dispatch
-        servers = tuple(
-            RemoteDictionary(network, axis.node, axis.name, drives.sdo_timeout)
-            for axis in drives.axes
-        )
-        supervision = Supervision(servers)
-        communications = tuple(
-            Communication.predefined(axis, server.label, feed_forward=feed_forward)
-            for axis, server in zip(drives.axes, servers, strict=True)
-        )
-        process_data = SyncProcessData(network, drives.axes, clock, communications)
-        heartbeats = Heartbeats(
-            network,
-            drives.master_node,
-            {server.node: server.label for server in servers},
-            drives.heartbeat_period,
-            drives.heartbeat_timeout,
-            clock.now,
-        )
-        network.idle = heartbeats.beat
-        return cls(
-            kernel=kernel,
-            clock=clock,
-            network=network,
-            servers=servers,
-            communications=communications,
-            supervision=supervision,
-            emergencies=Emergencies(
-                network, [server.node for server in servers], supervision.take_emergency
-            ),
-            process_data=process_data,
-            heartbeats=heartbeats,
-            power=Power(process_data, servers, supervision),
-        )
+    @abstractmethod
+    def collect_late(self) -> None:
+        """Take telegrams off the bus that are merely late."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Take away what was put on the bus, which stays open."""
 
     def cycle(self) -> None:
         """Let one SYNC pass.
@@ -161,24 +93,127 @@ class Connection:
         Raises
         ------
         NodeSilent, BusUnavailable
-            A drive's heartbeat stays away; the bus does not serve any more.
+            A drive's life sign stays away; the bus does not serve any more.
         """
         self.process_data.sync()
-        self.heartbeats.service()
-        if self.heartbeats.trouble:
-            raise self.heartbeats.trouble
+        self.life_sign.service()
+        if self.life_sign.trouble:
+            raise self.life_sign.trouble
 
     def beating_cycle(self) -> None:
-        """Let one SYNC pass, whoever's heartbeat stays away."""
+        """Let one SYNC pass, whoever's life sign stays away."""
         self.process_data.sync()
-        self.heartbeats.beat()
+        self.life_sign.beat()
 
-    def collect_late(self) -> None:
-        """Take telegrams off the bus that are merely late: with our heartbeat they come."""
-        self.heartbeats.hurry()
-        self.network.pump(0.0)
 
-    def close(self) -> None:
-        """Take away what was put on the bus, which stays open."""
-        if self.kernel is not None:
-            self.kernel.shutdown()
+@dataclass(frozen=True)
+class UnpoweredDrives:
+    """Drives that are asked what they are, or watched when they are off; nothing watches them.
+
+    Attributes
+    ----------
+    servers : tuple of RemoteDictionary
+        The drives' object dictionaries in joint order.
+    communications : tuple of Communication
+        How they would communicate.
+    process_data : ProcessData
+        Lets time pass; the drives send none.
+    """
+
+    servers: tuple[RemoteDictionary, ...]
+    communications: tuple[Communication, ...]
+    process_data: ProcessData
+
+    def wait(self, duration: float) -> None:
+        """Let time pass [s]."""
+        ends = self.process_data.now() + duration
+        while self.process_data.now() < ends:
+            self.process_data.tick()
+
+
+class Fieldbus(Protocol):
+    """An open bus with drives on it, and a context manager that closes it.
+
+    Attributes
+    ----------
+    rules : BusRules
+        Its own in their object dictionaries.
+    lock_step : bool
+        Time is counted in SYNCs, which wait for nobody.
+    keeps_time : bool
+        SYNC comes by itself, however late this process is.
+    recorded : bool
+        No drives are behind it that could be left switched on.
+    """
+
+    @property
+    def rules(self) -> BusRules: ...  # noqa: D102 - an attribute
+
+    @property
+    def lock_step(self) -> bool: ...  # noqa: D102 - an attribute
+
+    @property
+    def keeps_time(self) -> bool: ...  # noqa: D102 - an attribute
+
+    @property
+    def recorded(self) -> bool: ...  # noqa: D102 - an attribute
+
+    def __enter__(self) -> Self:
+        """Have it open."""
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+
+    def connect(
+        self, drives: DrivesFile, period: float, *, feed_forward: bool = False
+    ) -> Connection:
+        """Build all that is needed to talk to drives, or nothing; nothing is sent.
+
+        Parameters
+        ----------
+        drives : DrivesFile
+            The axes in joint order.
+        period : float
+            Time between two SYNCs [s].
+        feed_forward : bool
+            The drives are to take offsets of velocity and torque.
+        """
+
+    def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
+        """Reach drives as they are before or after a session."""
+
+    def servers(
+        self, named: Iterable[tuple[int, str]], timeout: float
+    ) -> tuple[RemoteDictionary, ...]:
+        """Reach drives by number and name, which may take `timeout` to answer [s]."""
+
+    def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
+        """Find the nodes of some numbers (by default all) and what they offer, writing nothing.
+
+        Raises
+        ------
+        BusUnavailable
+            The bus takes no frames or has gone.
+        """
+
+    def wait(self, timeout: float) -> object:
+        """Wait as for the next SYNC, for so long at most [s]; what is received is dropped."""
+
+    def timed(self, drives: DrivesFile) -> AbstractContextManager[TimedFieldbus]:
+        """Stand in for this bus and note how long drives take to answer."""
+
+    def picture(self, drives: DrivesFile, *, inputs: bool = False) -> Picture:
+        """Show what is seen by listening alone, and digital inputs (60FD) by asking for them."""
+
+    def load(self, drives: DrivesFile) -> tuple[float, float]:
+        """Return the time of a cycle on the bus [s], and the share of the period it may take."""
+
+    def shutdown(self) -> None:
+        """Close it."""
+
+
+class TimedFieldbus(Fieldbus, Protocol):
+    """An open bus that notes how long drives take to answer."""
+
+    def achievable_rate(self) -> tuple[float, float]:
+        """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 if not timed."""

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field
-from time import monotonic
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
+from drivers.cia402.deadline import Deadline
+from drivers.session.session import SessionState
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.found_settings.keeping import SettingsKeeper
+    from drivers.found_settings.restoring import RestoringOrder
+    from drivers.remote_dictionary import RemoteDictionary
     from drivers.session.connection import Connection
     from drivers.session.session import Session
 
@@ -51,7 +53,12 @@ class Outcome:
         return f"powering off{incomplete}: {'; '.join(self.problems)}"
 
 
-def leave(connection: Connection, session: Session | None, keeper: SettingsKeeper) -> Outcome:
+def leave(
+    connection: Connection,
+    session: Session | None,
+    keeper: SettingsKeeper,
+    order: RestoringOrder,
+) -> Outcome:
     """Stop and switch off all drives, put back what they held, and take our part off the bus.
 
     Parameters
@@ -62,14 +69,16 @@ def leave(connection: Connection, session: Session | None, keeper: SettingsKeepe
         None where not all drives were configured.
     keeper : SettingsKeeper
         Knows what they held.
+    order : RestoringOrder
+        Of the bus.
     """
     outcome = Outcome()
-    if session is not None and session.running:
+    if session is not None and session.state is not SessionState.CHECKED:
         _switch_off_running(session, outcome)
     else:
         _switch_off_unpowered(connection, outcome)
     outcome.complete = set(connection.written) <= outcome.off
-    _restore(connection, keeper, outcome)
+    _restore(connection, keeper, order, outcome)
     try:
         outcome.notes += keeper.close(connection.servers, connection.written)
     except FileError as error:  # the axes are off, and what was kept before is on the disk
@@ -85,8 +94,8 @@ def _switch_off_running(session: Session, outcome: Outcome) -> None:
         with suppress(Exception):
             session.note_offsets("after power-off")
     outcome.notes += shutdown.conclude()
-    pairs = zip(session.connection.servers, shutdown.off, strict=True)
-    outcome.off = {server for server, off in pairs if off}
+    servers = session.connection.servers
+    outcome.off = {server for server, off in zip(servers, shutdown.off, strict=True) if off}
     outcome.problems += shutdown.problems
 
 
@@ -97,16 +106,18 @@ def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:
             connection.power.switch_off(server)
             outcome.off.add(server)
         except Exception as error:
-            connection.heartbeats.cease()
+            connection.life_sign.cease()
             outcome.problems.append(
                 f"{server.label}: not shown to be off ({error}); its watchdog stays armed and "
-                "our heartbeat has ceased"
+                f"{connection.life_sign.name} has ceased"
             )
 
 
-def _restore(connection: Connection, keeper: SettingsKeeper, outcome: Outcome) -> None:
-    ends = monotonic() + RESTORING
+def _restore(
+    connection: Connection, keeper: SettingsKeeper, order: RestoringOrder, outcome: Outcome
+) -> None:
+    over = Deadline(RESTORING)
     for server in connection.written:
-        if server in outcome.off and monotonic() < ends:
+        if server in outcome.off and not over.passed:
             with suppress(Exception):  # what is not put back is reported by `SettingsKeeper.close`
-                keeper.restore(server)
+                keeper.restore(server, order)

@@ -8,39 +8,33 @@ Trouble stops all axes before it is raised, and latches. How a session is left i
 
 from __future__ import annotations
 
+import enum
 import math
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from drivers.axis import AxisScale
-from drivers.canopen.vendor_objects import own_feed_forward
 from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
 from drivers.cia402.set_point_limits import check_move
-from drivers.cia402.states import Mode, State
+from drivers.cia402.states import State
 from drivers.cia402.stream_limits import check_feed_forward, check_path
 from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
 from drivers.safety.missing_telegrams import MissingTelegrams
 from drivers.safety.trips import Trips
-from drivers.session.start import (
-    await_answers,
-    listen_as_found,
-    refuse_outside,
-    refuse_unwatched,
-)
+from drivers.session.start import refuse_outside, refuse_unwatched
 from drivers.session.stopping import Stopping
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from drivers.commissioning.effective_limits import EffectiveLimits
-    from drivers.drive_bus import AxisInfo, Move, Sample
+    from drivers.axis import Axis
+    from drivers.drive_bus import Move, Sample
     from drivers.drives_file import DrivesFile
     from drivers.session.connection import Connection
 
@@ -50,6 +44,15 @@ LATE = 0.5
 """Time after a late SYNC in which it is the first cause to look at where the axes must stop [s]."""
 UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
+
+
+class SessionState(enum.Enum):
+    """How far a session has come."""
+
+    CHECKED = "every drive has passed, and none exchanges process data"
+    READY = "all drives exchange process data"
+    STOPPED = "all axes were stopped, for a reason that latches"
+    LEFT = "all that could be was stopped, switched off and put back"
 
 
 class Session:
@@ -63,10 +66,10 @@ class Session:
         The axes in joint order.
     period : float
         Time between two SYNCs [s].
-    axes : tuple of AxisInfo
-        What the drives are.
-    limits : tuple of EffectiveLimits
-        Which limits hold.
+    axes : tuple of Axis
+        In joint order.
+    watchdogs : collection of int
+        Index of the objects of drives that watch us.
     note : callable
         Takes what the operator should know though it stops nothing.
     anywhere : bool
@@ -76,14 +79,10 @@ class Session:
 
     Attributes
     ----------
-    axes, limits, connection
+    axes, connection
         As given.
-    limited : tuple of AxisDrive
-        What the drives file states of the axes, with the limits that hold.
     stopping : Stopping
         Stops all axes, and remembers why.
-    running : bool
-        All drives have been commanded to exchange process data.
     """
 
     def __init__(
@@ -91,49 +90,46 @@ class Session:
         connection: Connection,
         drives: DrivesFile,
         period: float,
-        axes: tuple[AxisInfo, ...],
-        limits: tuple[EffectiveLimits, ...],
+        axes: tuple[Axis, ...],
+        watchdogs: Collection[int],
         note: Callable[[Iterable[str]], None],
         *,
         anywhere: bool,
         feed_forward: bool = False,
     ) -> None:
+        self._state = SessionState.CHECKED
         self.connection = connection
         self.axes = axes
-        self.limits = limits
-        pairs = zip(limits, drives.axes, strict=True)
-        self.limited = limited = tuple(holding.of(axis) for holding, axis in pairs)
-        self.running = False
-        self._stated = drives.axes
         self._period = period
         self._note = note
         self._anywhere = anywhere
         self._feed_forward = feed_forward
-        self._clock, self._servers = connection.clock, connection.servers
+        self._watchdogs = watchdogs
+        self._planned = any(axis.planned for axis in axes)
         self._process_data = data = connection.process_data
-        self._heartbeats, self._power = connection.heartbeats, connection.power
+        self._life_sign, self._power = connection.life_sign, connection.power
         self._supervision = connection.supervision
         self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * period)
-        self._words: tuple[int, ...] = ()
+        self._words: Sequence[int] = ()
         self._late = (-math.inf, 0.0)
-        self._scales = [AxisScale.of(axis) for axis in drives.axes]
-        self._samples = SampleReader(drives.axes)
-        self._missing = MissingTelegrams(self._servers, connection.collect_late, period)
-        self._profile_position = ProfilePosition(data, self._servers, limited, period)
-        self._trips = Trips(limited, period)
-        self._cyclic_position = CyclicPosition(
-            data,
-            self._servers,
-            limited,
-            self._trips,
-            period,
-            self.follow,
-            [own_feed_forward(axis) for axis in drives.axes],
-            note,
+        self._samples = SampleReader(axes)
+        self._missing = MissingTelegrams(axes, connection.collect_late, period)
+        self._profile_position = profile = ProfilePosition(data, axes, period)
+        self._trips = Trips(axes, period)
+        self._cyclic_position = cyclic = CyclicPosition(
+            data, axes, self._trips, period, self.follow, note
         )
-        self.stopping = Stopping(
-            connection, drives, period, limits, self._profile_position, self._cyclic_position
-        )
+        self.stopping = Stopping(connection, axes, period, profile, cyclic)
+
+    @property
+    def state(self) -> SessionState:
+        """How far it has come."""
+        stopped = self._state is SessionState.READY and self.stopping.trip is not None
+        return SessionState.STOPPED if stopped else self._state
+
+    def leave(self) -> None:
+        """Take note that nothing can be commanded any more."""
+        self._state = SessionState.LEFT
 
     def start(self) -> None:
         """Start process data and power all axes on.
@@ -143,34 +139,28 @@ class Session:
         DriveRefused, LimitExceeded, NodeSilent, DriveFault, BusUnavailable
             Why not.
         """
-        listen_as_found(self.connection)
-        for server in self._servers:
-            server.enter_operational()
-        self.running = True
-        await_answers(self.connection)
+        self.connection.start()
+        self._state = SessionState.READY
+        self.connection.await_answers()
         self.power_on()
 
     def power_on(self) -> None:
         """Energise all axes together, where they stand."""
-        refuse_unwatched(self._servers)
+        refuse_unwatched(self.connection.servers, self._watchdogs)
         if not self._anywhere:
-            refuse_outside(self.limited, self._process_data.positions)
+            refuse_outside(self.axes, self._process_data.positions)
         self._power.walk(State.SWITCHED_ON, self.connection.cycle)
         self.note_offsets("before power-on")
         self._power.walk(State.OPERATION_ENABLED, self.connection.cycle)
-        self._clock.skipped = 0
-        self._trips.arm(self._clock.now(), self._process_data.positions)
+        self._process_data.skipped = 0
+        self._trips.arm(self._process_data.now(), self._process_data.positions)
         if self._planned:
-            here = self._samples.sample(self._clock.now(), self._process_data, reached=True).q
+            here = self._samples.sample(
+                self._process_data.now(), self._process_data, reached=True
+            ).q
             self._cyclic_position.begin(np.array([here, here]))
             while self._cyclic_position.moving:
                 self.sample()
-
-    @property
-    def _planned(self) -> bool:
-        """The driver plans the ways of all axes, since some drive has no profile position."""
-        modes = {drive.mode for drive in self.connection.communications}
-        return Mode.PROFILE_POSITION not in modes or len(modes) > 1
 
     def move(self, moves: Mapping[int, Move]) -> None:
         """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
@@ -178,8 +168,7 @@ class Session:
         if self._planned and self._cyclic_position.streaming:
             raise MoveFailed("a move can only begin where no path is streamed; wait until reached")
         for axis, move in moves.items():
-            own = self.limits[axis].own
-            check_move(move, self.limited[axis], self._scales[axis], axis + 1, own)
+            check_move(move, self.axes[axis])
         try:
             if self._planned:
                 return self._cyclic_position.move(moves)
@@ -205,10 +194,9 @@ class Session:
         self.stopping.refuse()
         if self._moving:
             raise MoveFailed("a path can only begin where all axes rest; wait until reached")
-        here = self._samples.sample(self._clock.now(), self._process_data, reached=True).q
+        here = self._samples.sample(self._process_data.now(), self._process_data, reached=True).q
         points = np.asarray(path, dtype=float)
-        own = [limits.own for limits in self.limits]
-        check_path(points, self.limited, here, self._period, own)
+        check_path(points, self.axes, here, self._period)
         offsets = self._offsets(points, velocity, torque, holding)
         try:
             self._cyclic_position.begin(points, offsets)
@@ -226,10 +214,10 @@ class Session:
             if time - before > LEFT_OUT * self._period:
                 self._late = time, time - before
                 cyclic.left_out(time - before)
-            if time >= self._heartbeats.due:
-                self._heartbeats.service()
+            if time >= self._life_sign.due:
+                self._life_sign.service()
             words = data.words
-            if words != self._words or self._supervision.emergency or self._heartbeats.trouble:
+            if words != self._words or self._supervision.emergency or self._life_sign.trouble:
                 self._attend(words)
             if data.irregular or self._missing.open:
                 busy = time - self._late[0] <= LATE
@@ -259,7 +247,7 @@ class Session:
             self.stopping.supervise()
         try:
             time = self._process_data.sync()
-            self._heartbeats.service()
+            self._life_sign.service()
             self._attend(self._process_data.words)
         except DriveError as error:
             self.stopping.fail(error)
@@ -286,11 +274,11 @@ class Session:
         if self.stopping.trip is None:
             return
         self.stopping.end(self._note)
-        self._heartbeats.watch()
+        self._life_sign.watch()
         self._supervision.forget()
         self._words = ()
         try:
-            for server in self._servers:
+            for server in self.connection.servers:
                 self._power.make_safe(server, reset_fault=True)
             self.connection.cycle()
             self.power_on()
@@ -299,7 +287,7 @@ class Session:
 
     def note_offsets(self, when: str) -> None:
         """Note current sensors that do not read zero, with all power stages off."""
-        self._note(offsets(self._process_data, self._stated, self.connection.beating_cycle, when))
+        self._note(offsets(self._process_data, self.axes, self.connection.beating_cycle, when))
 
     @property
     def along(self) -> float:
@@ -327,26 +315,25 @@ class Session:
             np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
             for values in stated
         ]
-        own = [limits.own for limits in self.limits]
-        check_feed_forward(points, fed, self.limited, self._period, own)
-        return offsets_in_counts(fed, self._scales)
+        check_feed_forward(points, fed, self.axes, self._period)
+        return offsets_in_counts(fed, self.axes)
 
-    def _attend(self, words: tuple[int, ...]) -> None:
+    def _attend(self, words: Sequence[int]) -> None:
         self._words = words
         self._samples.note_limits(words)
-        if self._heartbeats.trouble:
-            self.stopping.fail(self._heartbeats.trouble)
+        if self._life_sign.trouble:
+            self.stopping.fail(self._life_sign.trouble)
         lost = self._supervision.lost(words)
         if lost is not None:
             self.stopping.stop()
             self.stopping.shutdown.await_rest()  # before the drive may be asked for the reason
-            self._fail(self._supervision.diagnose(self._servers[lost], words[lost]))
+            self._fail(self._supervision.diagnose(self.axes[lost].server, words[lost]))
         self._note(self._supervision.warnings())
 
     def _fail(self, trouble: DriveError) -> NoReturn:
         """Stop all axes; where SYNCs were late just before, that is said first."""
         at, gap = self._late
-        ago = self._clock.now() - at
+        ago = self._process_data.now() - at
         if ago <= LATE:
             trouble = type(trouble)(
                 f"{1e3 * ago:.2g} ms before this a SYNC came {1e3 * gap:.3g} ms after the last one"

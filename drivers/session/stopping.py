@@ -11,22 +11,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NoReturn
 
-from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.shutdown import Shutdown
 from drivers.commissioning.effective_limits import SLOWEST_STOP
 from drivers.drive_bus import DriveFault, Tripped
 from drivers.interrupts import interrupts_held
-from drivers.safety.trips import SPEED_SHARE
+from drivers.safety.trips import fastest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from drivers.axis import Axis
     from drivers.cia402.cyclic_position import CyclicPosition
     from drivers.cia402.profile_position import ProfilePosition
-    from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drive_bus import DriveError
-    from drivers.drives_file import DrivesFile
     from drivers.session.connection import Connection
 
 
@@ -37,13 +35,11 @@ class Stopping:
     ----------
     connection : Connection
         To the drives.
-    drives : DrivesFile
-        The axes as they are stated.
+    axes : sequence of Axis
+        In joint order.
     period : float
         Time between two SYNCs [s].
-    limits : sequence of EffectiveLimits
-        Those that hold.
-    profile_position, cyclic_position
+    profile, cyclic
         What may be moving the axes.
 
     Attributes
@@ -57,39 +53,30 @@ class Stopping:
     def __init__(
         self,
         connection: Connection,
-        drives: DrivesFile,
+        axes: Sequence[Axis],
         period: float,
-        limits: Sequence[EffectiveLimits],
-        profile_position: ProfilePosition,
-        cyclic_position: CyclicPosition,
+        profile: ProfilePosition,
+        cyclic: CyclicPosition,
     ) -> None:
         self.trip: DriveError | None = None
         self.shutdown = Shutdown(
             connection.process_data,
-            connection.heartbeats,
-            connection.servers,
-            drives.axes,
+            connection.life_sign,
+            axes,
             period,
-            drives.heartbeat_timeout,
             connection.power.switch_off,
         )
-        self._process_data = connection.process_data
-        self._servers = connection.servers
-        self._stated = drives.axes
-        self._limits = limits
-        self._limited = [limit.of(axis) for limit, axis in zip(limits, drives.axes, strict=True)]
-        self._profile_position = profile_position
-        self._cyclic_position = cyclic_position
+        self._connection, self._axes = connection, axes
+        self._profile, self._cyclic = profile, cyclic
 
     def stop(self) -> None:
         """Command all axes to stop, once; from then on `shutdown` sees to it."""
         if self.shutdown.begun:
             return
-        axes = range(len(self._stated))
-        decelerations = [self._deceleration(axis) for axis in axes]
+        decelerations = [self._deceleration(axis) for axis in self._axes]
         speeds = self._speeds()
-        self._profile_position.active.clear()
-        self._cyclic_position.abandon()
+        self._profile.active.clear()
+        self._cyclic.abandon()
         self.shutdown.begin(speeds, decelerations)
 
     def fail(self, trouble: DriveError) -> NoReturn:
@@ -135,8 +122,7 @@ class Stopping:
             self.stop()
             self.shutdown.switch_off()
             note(self.shutdown.conclude())
-        pairs = zip(self._servers, self.shutdown.off, strict=True)
-        left = [server.label for server, off in pairs if not off]
+        left = [axis.label for axis in self._axes if not self.shutdown.off[axis.index]]
         if left:
             raise DriveFault(
                 f"{', '.join(left)}: not shown to be off, so nothing is powered on again; leave, "
@@ -149,28 +135,24 @@ class Stopping:
     def _speeds(self) -> list[float]:
         """Return how fast each axis may be [rad/s or m/s]: as measured, or commanded if faster."""
         try:
-            measured = self._process_data.speeds()
-            return [self._speed(axis, counts) for axis, counts in enumerate(measured)]
+            seen = self._connection.process_data.speeds()
+            return [self._speed(axis, seen[axis.index]) for axis in self._axes]
         except Exception:  # nothing may keep the axes from being stopped
-            return [axis.limits.velocity for axis in self._limited]
+            return [axis.drive.limits.velocity for axis in self._axes]
 
-    def _speed(self, axis: int, counts: float) -> float:
+    def _speed(self, axis: Axis, counts: float) -> float:
         """Return the speed of one axis whose encoder shows `counts` [increments/s], inf: unseen."""
-        drive = self._limited[axis]
-        limit = drive.limits.velocity
-        seen = limit if math.isinf(counts) else counts * abs(AxisScale.of(drive).position)
-        fastest = drive.trip.velocity or SPEED_SHARE * limit  # a jump of the encoder is none
-        planned = self._cyclic_position.velocity(axis), self._profile_position.velocity(axis)
-        return max(*planned, min(seen, fastest))
+        seen = axis.drive.limits.velocity if math.isinf(counts) else counts * axis.per_count
+        commanded = (each.velocity(axis.index) for each in (self._cyclic, self._profile))
+        return max(*commanded, min(seen, fastest(axis)))  # a jump of the encoder is none
 
-    def _deceleration(self, axis: int) -> float:
+    def _deceleration(self, axis: Axis) -> float:
         """Return how an axis slows down in a quick stop [rad/s^2 or m/s^2].
 
         As the drives file states it, as the drive has it, or as the axis was moved.
         """
-        stated, holding, server = self._stated[axis], self._limits[axis], self._servers[axis]
-        slowest = SLOWEST_STOP * stated.limits.acceleration
-        ours = max(holding.stop_deceleration or holding.limits.acceleration, slowest)
-        if server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
-            ours = min(ours, self._profile_position.deceleration(axis))  # it may take that of 6084
-        return stated.quick_stop_deceleration or ours
+        slowest = SLOWEST_STOP * axis.stated.limits.acceleration
+        ours = max(axis.stop_deceleration or axis.drive.limits.acceleration, slowest)
+        if axis.server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
+            ours = min(ours, self._profile.deceleration(axis.index))  # it may take that of 6084
+        return axis.stated.quick_stop_deceleration or ours

@@ -10,8 +10,8 @@ import typer
 
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
-from drivers.can_bus.opening import open_can_bus
 from drivers.drives_file import load_drives
+from drivers.opening import open_fieldbus
 from hil.cli.arguments import bus_options, refuse_no_channel
 from hil.cli.realtime import real_time
 from hil.model.robot import ROBOTS
@@ -22,9 +22,8 @@ from hil.terminal.keys import Keys, TerminalOperator
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import can
-
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.session.connection import Fieldbus
     from hil.cli.arguments import DrivesBus
 
 SUFFIX = ".drives.yaml"
@@ -95,18 +94,16 @@ def _product(axis: AxisDrive) -> tuple[int, int, int]:
     return axis.node, axis.identity.vendor, axis.identity.product
 
 
-def opened_bus(name: str, drives: DrivesFile, where: DrivesBus) -> can.BusABC:
+def opened_bus(name: str, drives: DrivesFile, where: DrivesBus) -> Fieldbus:
     """Open the bus of a drives file, by default that of the plant with these drives."""
     refuse_no_channel(where.interface, where.channel)
     channel = where.channel or _plant_of(drives, name)
     return opened(where.interface, channel, drives.bitrate, where.bus_option)
 
 
-def opened(
-    interface: str, channel: str, bitrate: int | None, pairs: list[str] | None
-) -> can.BusABC:
+def opened(interface: str, channel: str, bitrate: int | None, pairs: list[str] | None) -> Fieldbus:
     """Open a bus with the options of the command line, to be shut down by a with statement."""
-    return open_can_bus(interface, channel, {"bitrate": bitrate, **bus_options(pairs)})
+    return open_fieldbus(interface, channel, {"bitrate": bitrate, **bus_options(pairs)})
 
 
 @contextmanager

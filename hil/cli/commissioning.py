@@ -24,13 +24,13 @@ from hil.terminal.console import out, say
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    import can
     from rich.console import Console
 
     from drivers.commissioning.verdict import Verdict
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.operator_tools.wake_ups import WakeUps
+    from drivers.session.connection import Fieldbus
     from hil.arrays import Array
     from hil.terminal.keys import TerminalOperator
 
@@ -77,7 +77,7 @@ def check(
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
         _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
-        bus_access.real_time_if(realtime, lock_step=getattr(bus, "lock_step", False)) as granted,
+        bus_access.real_time_if(realtime, lock_step=bus.lock_step) as granted,
         closing(
             check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
         ) as verdicts,
@@ -179,7 +179,7 @@ def reset_faults(
 @contextmanager
 def _commanded(
     drives_file: str, drives: DrivesFile, where: DrivesBus, *, agreed: bool
-) -> Iterator[tuple[can.BusABC, TerminalOperator, SettingsKeeper]]:
+) -> Iterator[tuple[Fieldbus, TerminalOperator, SettingsKeeper]]:
     """Have the bus open, an operator at the terminal, and what the drives held kept."""
     from hil.cli import bus_access
     from hil.cli.drive_settings import keeper_of_bus
@@ -205,20 +205,19 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
     return model.gravity
 
 
-def _wake_ups(bus: can.BusABC, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
+def _wake_ups(bus: Fieldbus, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
     """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
-    from drivers.can_bus.capabilities import capabilities_of
     from drivers.operator_tools import wake_ups
 
-    if duration and not capabilities_of(bus).lock_step:
+    if duration and not bus.lock_step:
         # in words alone: a line that moves would itself keep the computer from waking up in time
         say(f"measuring this computer's wake-ups for {duration:g} s")
     found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
     if found is None:
         return []
     show_wake_ups(found, wake_ups.IN_TIME, out)
-    by_kernel = capabilities_of(bus).kernel_sync
-    return [wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=by_kernel)]
+    judged = wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=bus.keeps_time)
+    return [judged]
 
 
 def _si(drive: AxisDrive, value: float) -> float:

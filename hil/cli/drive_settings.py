@@ -21,7 +21,6 @@ from drivers.commissioning.announcement import announce
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import NAME, load_found_settings
-from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil.cli.bus_state import BusState, left_behind
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import file_errors, write_file
@@ -30,10 +29,9 @@ from hil.terminal.console import out, say
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    import can
-
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import Entry
+    from drivers.session.connection import Fieldbus
 
 REPLAY = "replay"
 
@@ -116,7 +114,7 @@ def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
             )
 
 
-def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) -> None:
+def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> None:
     """List what a session would write to each drive; nothing is written.
 
     Raises
@@ -126,11 +124,13 @@ def show_changes(drives: DrivesFile, bus: can.BusABC, keeper: SettingsKeeper) ->
     """
     keeper.open(drives)
     problems: list[DriveError] = []
-    for server, axis in zip(UnpoweredDrives(bus, drives).servers, drives.axes, strict=True):
+    unpowered, period = bus.unpowered(drives), drives.sync_period
+    for server, axis, communication in zip(
+        unpowered.servers, drives.axes, unpowered.communications, strict=True
+    ):
+        held = partial(keeper.found, server)
         try:
-            found = announce(
-                server, axis, drives, drives.sync_period, partial(keeper.found, server)
-            )
+            found = announce(server, axis, drives, period, communication, held)
         except DriveError as error:
             problems.append(error)
             continue

@@ -26,8 +26,8 @@ from hil.terminal.console import out, say, working
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from drivers.dictionary.found_nodes import FoundNode, Scan
     from drivers.operator_tools.draft import DraftedAxis
-    from drivers.operator_tools.scan import FoundNode, Scan
 
 commands = typer.Typer()
 drives_commands = typer.Typer(
@@ -81,6 +81,7 @@ def new(
 ) -> None:
     """Write a first drives file from data sheets, and list what is to be stated in it."""
     from checked_files.yaml_file import UNSTATED
+    from drivers.opening import RULES
     from drivers.operator_tools.draft import draft_drives
     from hil.runs.atomic_file import write_file
 
@@ -91,7 +92,7 @@ def new(
     else:
         bitrate = bitrate or BITRATE
         axes = _from_bus(interface, channel, bus_option, bitrate, _numbers(nodes))
-    text = draft_drives(axes, bitrate)
+    text = draft_drives(axes, RULES, bitrate)
     write_file(output, text.encode())
     choices: dict[str, list[str]] = {}
     for number, axis in enumerate(axes, start=1):
@@ -106,8 +107,8 @@ def new(
 
 def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
     """Read data sheets: one for all nodes, or as many as there are nodes."""
-    from drivers.dictionary.eds_file import read_eds
     from drivers.dictionary.review import review
+    from drivers.opening import RULES, read_eds
     from drivers.operator_tools.draft import DraftedAxis
 
     if nodes and len(files) == 1:
@@ -120,7 +121,7 @@ def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedA
     axes = []
     for number, file in enumerate(files):
         dictionary = read_eds(file, nodes[number] if nodes else None)
-        axes.append(DraftedAxis(dictionary, review(dictionary), dictionary.node))
+        axes.append(DraftedAxis(dictionary, review(dictionary, RULES), dictionary.node))
     return axes
 
 
@@ -158,7 +159,6 @@ def _scanned(
     bitrate: int,
     nodes: tuple[int, ...],
 ) -> Scan:
-    from drivers.operator_tools.scan import NODES, scan_bus
     from hil.cli import bus_access
 
     refuse_no_channel(interface, channel)
@@ -167,7 +167,7 @@ def _scanned(
         working(f"asking {len(nodes) or HIGHEST_NODE} nodes on {interface} {channel}"),
         bus_access.opened(interface, channel, bitrate, pairs) as bus,
     ):
-        found = scan_bus(bus, only=nodes or NODES)
+        found = bus.scan(nodes or None)
     if not found.nodes:
         asked = f"node {', '.join(map(str, nodes))}" if nodes else "any of 127 node numbers"
         raise NodeSilent(

@@ -161,7 +161,7 @@ def measure(
     from functools import partial
 
     with working("passing the plan's motions through the limits"):
-        from drivers.open_drive_bus import open_drive_bus
+        from drivers.opening import open_drive_bus
         from hil.cli import bus_access, drive_settings
         from hil.cli.run_session import carry_out, prepare_folder, refuse_unusable
         from hil.planning.plan import repeated

@@ -21,13 +21,12 @@ from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    import can
     from rich.console import Console
 
+    from drivers.cia402.picture import AxisPicture, Picture
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.operator_tools.monitor import AxisPicture, BusPicture
 
 commands = typer.Typer()
 
@@ -52,18 +51,17 @@ def monitor(
     ] = False,
 ) -> None:
     """Show states, positions, torques and emergencies live; sends nothing unless asked to."""
-    from drivers.operator_tools.monitor import BusPicture, questions
     from hil.cli import bus_access
 
     drives = bus_access.selected(drives_file)
-    picture, asked = BusPicture(drives), questions(drives) if inputs else ()
     with (
         bus_access.opened_bus(drives_file, drives, where) as bus,
         interruptible(lambda: "stopped watching"),
         Keys() as keys,
     ):
+        picture = bus.picture(drives, inputs=inputs)
         follow(
-            lambda duration: _listen(bus, picture, duration, asked),
+            picture.listen,
             lambda hint: _table(picture, drives, hint),
             keys,
             out,
@@ -117,19 +115,7 @@ def follow(
             live.update(shown, refresh=True)
 
 
-def _listen(
-    bus: can.BusABC, picture: BusPicture, duration: float, asked: Sequence[can.Message]
-) -> None:
-    for question in asked:
-        bus.send(question)
-    ends = time.monotonic() + duration
-    while (left := ends - time.monotonic()) > 0:
-        frame = bus.recv(left)
-        if frame is not None:
-            picture.take(frame, time.monotonic())
-
-
-def _table(picture: BusPicture, drives: DrivesFile, hint: str) -> Table:
+def _table(picture: Picture, drives: DrivesFile, hint: str) -> Table:
     """What was seen until now, a row an axis."""
     rate = picture.sync_rate(time.monotonic())
     drawn = Table(title=f"SYNC at {rate:.4g} Hz" if rate else "no SYNC", caption=hint)

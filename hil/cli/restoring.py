@@ -14,9 +14,8 @@ from hil.terminal.console import say
 from hil.terminal.interruption import interruptible
 
 if TYPE_CHECKING:
-    import can
-
     from drivers.found_settings.settings_file import FoundSettings
+    from drivers.session.connection import Fieldbus
 
 
 def restore(
@@ -62,7 +61,7 @@ def restore(
         raise typer.Exit(1)
 
 
-def _put_back(bus: can.BusABC, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
+def _put_back(bus: Fieldbus, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
     """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
     from drivers.found_settings.settings_file import dump_found_settings
     from drivers.operator_tools.put_back import put_back

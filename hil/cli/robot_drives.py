@@ -14,8 +14,6 @@ import numpy as np
 
 from checked_files.yaml_file import FileError, read_text, refuse
 from drivers.axis import AxisScale
-from drivers.canopen.bus_load import MAX_LOAD, cycle_time, time_on_bus
-from drivers.canopen.pdo_mapping import transmitted
 from drivers.drives_file import load_drives
 from hil.estimation.consistent.likely_bodies import sized_bodies
 from hil.measuring.feeding import DELAY
@@ -176,19 +174,13 @@ def bus_cycle(
     feeds : bool
         Velocity and torque are fed forward to the drives of the file.
     """
+    from drivers.opening import cycle_on_bus
+
     streamed = any(measurement.streamed for measurement in plan.measurements)
-    set_points = f" and {(1 + feeds) * n_axes} RPDOs" if streamed else ""
-    if drives is None:
-        rate = bitrate or BITRATE
-        sizes = [8] * n_axes * (2 if streamed else 1)
-        frames = f"SYNC, {n_axes} TPDOs of 8 bytes{set_points} assumed without a drives file"
-        return BusCycle(time_on_bus(sizes, rate), rate, frames, MAX_LOAD)
-    if bitrate is not None:
-        drives = drives.model_copy(update={"bitrate": bitrate})
-    count = sum(len(transmitted(axis)) for axis in drives.axes)
-    frames = f"SYNC, {count} TPDOs{set_points} by the drives file"
-    time = cycle_time(drives, streamed=streamed, feed_forward=feeds)
-    return BusCycle(time, drives.bitrate, frames, MAX_LOAD)
+    rate = bitrate or (drives.bitrate if drives else BITRATE)
+    found = cycle_on_bus(drives, n_axes, rate, streamed=streamed, feed_forward=feeds)
+    duration, frames, most = found
+    return BusCycle(duration, rate, frames, most)
 
 
 def following_of(drives: DrivesFile | None, period: float | None = None) -> Following | None:

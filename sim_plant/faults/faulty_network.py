@@ -146,10 +146,6 @@ class FaultyNetwork:
             return held + self._passed_on(self._network.receive(identifier, data))
         return held + answer + self._unheard(sync=sync)
 
-    def answer(self, identifier: int, data: bytes) -> tuple[list[CanFrame], bytes]:
-        """Do as `receive`; no frames come as a block here, each may meet its fault."""
-        return self.receive(identifier, data), b""
-
     def receive_remote(self, identifier: int) -> list[CanFrame]:
         """Take a remote frame; return what the drives send.
 

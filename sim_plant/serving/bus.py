@@ -6,14 +6,12 @@ channel share it and see each other's frames as well as the drives', so that a l
 beside a master.
 
 `PlantBus.lock_step` states whether the plant keeps step with a master's SYNC: whatever the drives
-have to say to a frame is in the receive queue before `send` returns. Such a master may also take
-the answers to a SYNC as one block, the way a kernel delivers frames: see `PlantBus.recv_block`.
+have to say to a frame is in the receive queue before `send` returns.
 """
 
 from __future__ import annotations
 
 import queue
-from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -25,8 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from can.typechecking import AutoDetectedConfig, CanFilters, Channel
-
-    from sim_plant.serving.plant_channel import Block
 
 CHANNEL = "manutec-r15"
 
@@ -49,8 +45,6 @@ class PlantBus(can.BusABC):
     ----------
     lock_step : bool
         Whether the plant's time advances by SYNC alone.
-    idle : callable
-        Returns whether no frame waits that has not been looked at.
 
     Raises
     ------
@@ -66,12 +60,10 @@ class PlantBus(can.BusABC):
         receive_own_messages: bool = False,
         **options: Any,
     ) -> None:
-        self._inbox: queue.SimpleQueue[can.Message | Block] = queue.SimpleQueue()
-        self._unpacked: deque[can.Message] = deque()
+        self._inbox: queue.SimpleQueue[can.Message] = queue.SimpleQueue()
         self._echo = receive_own_messages
         self._plant: PlantChannel | None = open_channel(str(channel), self._inbox, options)
         self._direct = True
-        self.idle = self._inbox.empty
         self.lock_step = self._plant.options.clock == "sync"
         self.channel_info = f"simulated plant {channel}"
         super().__init__(channel, can_filters)
@@ -93,48 +85,22 @@ class PlantBus(can.BusABC):
         """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
         if self._direct:
             try:
-                return self._next(0)
+                return self._inbox.get_nowait()
             except queue.Empty:
                 if timeout == 0:
                     return None
         return super().recv(timeout)
 
-    def recv_block(self) -> bytes | None:
-        """Take frames that wait, as consecutive ``struct can_frame`` of 16 bytes each.
-
-        Returns
-        -------
-        bytes or None
-            The whole answer to a SYNC, if that is what comes next and no filter is set; what is
-            not handed out as a block comes through `recv`.
-        """
-        if not self._direct or self._unpacked or self._inbox.empty():
-            return None
-        item = self._inbox.get_nowait()
-        if isinstance(item, tuple):
-            return item[1]
-        self._unpacked.append(item)
-        return None
-
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         self._opened()
         try:
-            message = self._next(None if timeout is None else max(0.0, timeout))
+            message = self._inbox.get(timeout=None if timeout is None else max(0.0, timeout))
             # recv(0) of the base class would give up at the first frame that its filters drop
             while not self._matches_filters(message):
-                message = self._next(0)
+                message = self._inbox.get_nowait()
         except queue.Empty:
             return None, False
         return message, True
-
-    def _next(self, timeout: float | None) -> can.Message:
-        while not self._unpacked:
-            item = self._inbox.get(timeout=timeout)
-            if isinstance(item, tuple):
-                self._unpacked.extend(self._opened().messages(item))
-            else:
-                self._unpacked.append(item)
-        return self._unpacked.popleft()
 
     def shutdown(self) -> None:
         """Leave the channel; the last one to leave switches the plant off."""

@@ -2,14 +2,13 @@
 
 Every bus has an inbox. A frame sent by one goes to the other buses' inboxes and to the drives, and
 the drives' answers to all inboxes, all within the sender's call and under one lock. Time stamps are
-the plant's time plus the time that the frames before took on the wire. The frames that answer a
-SYNC stay one block until somebody reads them one by one.
+the plant's time plus the time that the frames before took on the wire.
 """
 
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import can
 
@@ -19,11 +18,8 @@ from sim_plant.faults.faulty_network import FaultyNetwork
 from sim_plant.faults.frame_faults import NotSent
 from sim_plant.serving.plant_options import PlantOptions
 from sim_plant.serving.wall_clock import TICK, WallClock
-from sim_plant.slave_network import FRAME, SlaveNetwork
+from sim_plant.slave_network import SlaveNetwork
 from sim_plant.switch_on import load_machine
-
-Block: TypeAlias = tuple[float, bytes]
-"""Frames that follow each other on the wire: when they begin [s], consecutive ``can_frame``s."""
 
 if TYPE_CHECKING:
     import queue
@@ -31,7 +27,7 @@ if TYPE_CHECKING:
 
     from sim_plant.slave_network import CanFrame
 
-    Inbox = queue.SimpleQueue[can.Message | Block]
+    Inbox = queue.SimpleQueue[can.Message]
 
 _channels: dict[str, PlantChannel] = {}
 _channels_lock = threading.Lock()
@@ -48,8 +44,6 @@ class PlantChannel:
         self._network = _network(name, options)
         self._durations = [(47 + 8 * n) / options.bitrate for n in range(9)]
         self._wire_free = 0.0
-        self._block_sizes = b""
-        self._block_duration = 0.0
         self._stop = threading.Event()
         self._follower = threading.Thread(target=self._follow_wall, name=name, daemon=True)
 
@@ -79,11 +73,7 @@ class PlantChannel:
                 if message.is_remote_frame:
                     self._deliver(network.receive_remote(message.arbitration_id))
                 else:
-                    frames, block = network.answer(message.arbitration_id, bytes(message.data))
-                    if frames:
-                        self._deliver(frames)
-                    if block:
-                        self._deliver_block(block)
+                    self._deliver(network.receive(message.arbitration_id, bytes(message.data)))
             except NotSent as refused:
                 self._deliver(refused.frames)
                 raise
@@ -111,26 +101,6 @@ class PlantChannel:
             for inbox in inboxes:
                 inbox.put(_message(free, identifier, data, name))
         self._wire_free = free
-
-    def _deliver_block(self, frames: bytes) -> None:
-        now, free = self._network.time, self._wire_free
-        start = free if free > now else now
-        for inbox in self.inboxes:
-            inbox.put((start, frames))
-        sizes = frames[4 :: FRAME.size]
-        if sizes != self._block_sizes:
-            self._block_sizes = sizes
-            self._block_duration = sum(self._durations[size] for size in sizes)
-        self._wire_free = start + self._block_duration
-
-    def messages(self, block: Block) -> list[can.Message]:
-        """Take a block apart."""
-        free, frames = block
-        messages = []
-        for identifier, size, data in FRAME.iter_unpack(frames):
-            free += self._durations[size]
-            messages.append(_message(free, identifier, data[:size], self.name))
-        return messages
 
     def _occupy(self, time: float, size: int) -> float:
         """End of a frame that is ready at `time`: the wire carries one after the other."""

@@ -8,7 +8,7 @@ import local_drives
 import pytest
 from local_bench import NODES, drives_file
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from local_bench import NODES, all_off, build, drives_file, never_energised, refused
 
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.process_data import DOUBT
-from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402.states import State, decode_state
 from drivers.drive_bus import (
     BusUnavailable,
@@ -33,7 +33,7 @@ from drivers.drive_bus import (
     SampleFlag,
 )
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from sim_plant.plant import load_plant
 from sim_plant.serving.server import serve
 

@@ -14,7 +14,7 @@ import yaml
 from personalities import PLANT, drives_for, plant_file
 
 from drivers.axis import AxisScale
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.cia402.objects import TORQUE_OFFSET
 from drivers.drive_bus import DriveError, DriveRefused, LimitExceeded, Move
 from drivers.drives_file import load_drives

@@ -11,7 +11,7 @@ import pytest
 import stated_axis
 from foreign_drive import FRICTION, ForeignDrive
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveFault, Move, SampleFlag
 from drivers.drives_file import DrivesFile
 from hil.runs.recording import Recorder

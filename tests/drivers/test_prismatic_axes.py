@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 import local_drives
 import numpy as np
 import pytest
+from fake_fieldbus import axes_of
 from local_bench import NODES, drives_file
 
 from drivers.axis import AxisScale
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.cia402.stream_limits import check_path
 from drivers.commissioning.readback import Readback
@@ -153,13 +155,13 @@ def test_software_limits_that_are_fixed_are_stated_in_metres() -> None:
 )
 def test_paths_are_refused_in_metres(path: list[float], words: str) -> None:
     with pytest.raises(LimitExceeded) as caught:
-        check_path(np.array([path]).T, DRIVES.axes[:1], [0.0], 0.004)
+        check_path(np.array([path]).T, axes_of(DRIVES.axes[:1]), [0.0], 0.004)
     assert words in str(caught.value)
     assert not OF_ROTATION.search(str(caught.value))
 
 
 def test_what_a_drive_keeps_instead_is_stated_in_metres() -> None:
-    readback = Readback(DRIVES.axes[0], DRIVES)
+    readback = Readback(DRIVES.axes[0], DRIVES, REQUIREMENTS)
     counts = 2 * round(PER_METRE), round(PER_METRE)
     for entry, unit in (
         (objects.SOFTWARE_LIMIT_MAX, "m"),

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from two_processes import BUSES, open_bus, plant_process, slow_drives, wake
 
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.sdo import RemoteDictionary
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.sdo import server_of
 from drivers.cia402 import objects
 from drivers.drive_bus import DriveFault, Move, SampleFlag
 from drivers.fieldbus import Entry
@@ -115,7 +115,7 @@ def test_a_short_campaign_loses_nothing_that_is_not_flagged(
 def test_a_fault_stops_all_axes_and_switches_them_off(place: Place, bus: can.BusABC) -> None:
     with open_bus(place) as other:
         network = PumpedNetwork(other, synchronous=False)
-        servers = [RemoteDictionary(network, node, f"axis {node}", 5.0) for node in range(1, 7)]
+        servers = [server_of(network, node, f"axis {node}", 5.0) for node in range(1, 7)]
 
         def follow_too_closely() -> None:
             with CanopenDriveBus(bus, slow_drives(PERIOD), reset_faults=True) as axes:
@@ -157,7 +157,7 @@ def test_if_our_process_is_killed_the_drives_stop_by_themselves(
     os.kill(driver.pid, signal.SIGKILL)
     driver.join()
     assert network.pump(20.0, lambda: HEARTBEAT_LOST in emergencies)
-    server = RemoteDictionary(network, 1, "axis 1", 5.0)
+    server = server_of(network, 1, "axis 1", 5.0)
     assert network.pump(20.0, lambda: server.get(VELOCITY) == 0)
     assert not server.get(STATUSWORD) & OPERATION_ENABLED
 

@@ -12,7 +12,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import Move
 from drivers.drives_file import load_drives
 from hil.model.robot import ROBOTS

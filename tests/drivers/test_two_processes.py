@@ -11,11 +11,11 @@ import pytest
 from two_processes import BUSES, DRIVES, open_bus, plant_process, slow_drives, wake
 
 from drivers.canopen import sync_clock
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.sync_clock import PAUSE, TOO_LATE
-from drivers.canopen_bus import CanopenDriveBus
 from drivers.drive_bus import Move, NodeSilent, SampleFlag
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 
 if TYPE_CHECKING:
     from two_processes import Place

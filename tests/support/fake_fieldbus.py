@@ -6,15 +6,21 @@ dictionary. SYNC moves time on by one period; what was commanded counts from the
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from drivers.axis import Axis
 from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
 from drivers.cia402.states import Control, Mode, State, Status
 from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent, SampleFlag
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.drive_bus import DriveError
+    from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
 
 PERIOD = 0.004
@@ -160,6 +166,9 @@ class FakeFieldbus:
         self.irregular = False
         self.on_arrival: tuple[int, ...] = ()
         self.time = 0.0
+        self.skipped = 0
+        self.name, self.timeout, self.due = "our heartbeat", 0.5, math.inf
+        self.trouble: DriveError | None = None
         self.silent: set[int] = set()
         self.alive = True
         self.commanded: Counter[tuple[int, int]] = Counter()
@@ -224,6 +233,16 @@ class FakeFieldbus:
     def hurry(self, hurried: bool) -> None:
         """Nothing is waited for here."""
 
+    def speeds(self) -> list[float]:
+        """No axis is seen."""
+        return [math.inf] * len(self.drives)
+
+    def watch(self) -> None:
+        """All drives are with us."""
+
+    def service(self) -> None:
+        """Give our sign of life."""
+
     def beat(self) -> None:
         """Give our sign of life."""
 
@@ -232,3 +251,8 @@ class FakeFieldbus:
         self.alive = False
         for drive in self.drives:
             drive.state = State.SWITCH_ON_DISABLED
+
+
+def axes_of(drives: Sequence[AxisDrive]) -> tuple[Axis, ...]:
+    """Return axes of a session with fake drives."""
+    return Axis.all(drives, FakeFieldbus(len(drives)).drives)

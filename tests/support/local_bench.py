@@ -8,7 +8,7 @@ import local_drives
 import pytest
 import stated_axis
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 
 if TYPE_CHECKING:
     from drivers.drive_bus import DriveError

@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drivers.canopen.requirements import REQUIREMENTS
 from drivers.commissioning.kept_values import EXACT
 from drivers.commissioning.requirement import Lack, Use
-from drivers.commissioning.requirements import REQUIREMENTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -22,12 +22,13 @@ from personalities import UNFIT, drives_for, plant_file
 from probing_bench import Scripted
 from sdo_transcript import transcript
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
+from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.scan import scan_bus
 from drivers.drive_bus import DriveRefused, Move
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_powered import SmallMoves
 from drivers.operator_tools.operator import StoppedByOperator
-from drivers.operator_tools.scan import scan_bus
 from sim_plant.personality import PLAIN, packaged_personalities
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def checked(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
     """hil check: the operator does not agree to power"""
     del name
     with suppress(StoppedByOperator):
-        for _ in check(bus, drives, SmallMoves(), Scripted(agreed=False)):
+        for _ in check(CanopenBus(bus), drives, SmallMoves(), Scripted(agreed=False)):
             pass
 
 

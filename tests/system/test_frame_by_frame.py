@@ -11,7 +11,7 @@ import pytest
 from probing_bench import DRIVES, bench
 
 from drivers.can_bus.capabilities import capabilities_of
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drives_file import load_drives
 from hil.measuring.events import Recorded
 from hil.measuring.sequencer import measure

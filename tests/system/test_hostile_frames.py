@@ -21,9 +21,9 @@ from hypothesis import strategies as st
 
 from drivers.canopen.emergency import Emergencies
 from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.objects import DEVICE_TYPE
-from drivers.canopen.sdo import RemoteDictionary
+from drivers.canopen.sdo import server_of
 from drivers.cia402.error_codes import decode_emergency
+from drivers.cia402.objects import DEVICE_TYPE
 from drivers.cia402.supervision import Supervision
 from drivers.drive_bus import NodeSilent
 from sim_plant.serving.bus import PlantBus
@@ -210,13 +210,13 @@ IMPOSTORS = [
 
 def test_an_sdo_answer_of_another_length_or_object_is_not_taken_for_ours() -> None:
     with Scripted([*IMPOSTORS, HONEST]) as bus:
-        server = RemoteDictionary(PumpedNetwork(bus, synchronous=True), 1, "axis")
+        server = server_of(PumpedNetwork(bus, synchronous=True), 1, "axis")
         assert server.get(DEVICE_TYPE) == 0x00020192
 
 
 def test_impostors_alone_are_no_answer() -> None:
     with Scripted(IMPOSTORS) as bus:
-        server = RemoteDictionary(PumpedNetwork(bus, synchronous=True), 1, "axis")
+        server = server_of(PumpedNetwork(bus, synchronous=True), 1, "axis")
         with pytest.raises(NodeSilent):
             server.get(DEVICE_TYPE)
 
@@ -239,8 +239,8 @@ def test_a_node_that_never_falls_silent_keeps_nobody_waiting_for_ever() -> None:
 def test_an_emergency_without_a_code_takes_no_other_back(length: int) -> None:
     with Scripted([]) as bus:
         network = PumpedNetwork(bus, synchronous=True)
-        supervision = Supervision([RemoteDictionary(network, 1, "axis")])
+        supervision = Supervision([server_of(network, 1, "axis")])
         Emergencies(network, [1], supervision.take_emergency)
         network.notify(0x81, bytearray(b"\x10\x23"), 0.0)
         network.notify(0x81, bytearray(length), 0.0)
-        assert "2310" in str(supervision.diagnose(RemoteDictionary(network, 1, "axis"), 0x08))
+        assert "2310" in str(supervision.diagnose(server_of(network, 1, "axis"), 0x08))

@@ -22,7 +22,7 @@ from hypothesis import strategies as some
 from outage_sweep.draws import DIRECTIONS, LONGEST, SHORTEST, draw
 from outage_sweep.session import frames_sent, happen
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import Move
 from sim_plant.faults.fault_plan import Fault, FaultPlan, Span, What, When
 from sim_plant.faults.faulty_network import FaultyNetwork

@@ -17,7 +17,7 @@ import pytest
 import yaml
 from personalities import FIT, UNFIT, drives_for, plant_file
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused
 from hil.estimation.identify import estimate
 from hil.measuring.checks.axis_limits import limited

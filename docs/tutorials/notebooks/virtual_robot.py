@@ -43,7 +43,7 @@ print(f"{len(plan.measurements)} measurements, {checked.duration / 60:.1f} min o
 
 # %%
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.model.robot import ROBOTS
 from hil.runs.journal import BusName

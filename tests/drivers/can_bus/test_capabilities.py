@@ -30,11 +30,10 @@ def test_a_stock_bus_has_none() -> None:
         assert capabilities_of(bus) == Capabilities(clock=time.perf_counter)
 
 
-def test_the_plant_keeps_step_and_has_blocks() -> None:
+def test_the_plant_keeps_step() -> None:
     with can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus:
         able = capabilities_of(bus)
     assert able.lock_step
-    assert able.blocks is bus
     assert not able.recorded
 
 
@@ -56,7 +55,7 @@ def virtual() -> SocketcanLike:
     return SocketcanLike(can.Bus(interface="virtual", channel="inner"))
 
 
-def test_the_stopwatch_passes_all_on_but_blocks() -> None:
+def test_the_stopwatch_passes_all_on() -> None:
     with virtual() as inner, StopwatchBus(inner, drives_of(1)) as bus:
         assert capabilities_of(bus).kernel_sync
     with (
@@ -64,7 +63,6 @@ def test_the_stopwatch_passes_all_on_but_blocks() -> None:
         StopwatchBus(plant, drives_of(1)) as bus,
     ):
         assert capabilities_of(bus).lock_step
-        assert capabilities_of(bus).blocks is None
 
 
 def test_a_log_leaves_sync_to_the_driver_whose_frames_can_be_done_again(tmp_path: Path) -> None:

@@ -15,10 +15,10 @@ from checked_files.yaml_file import FileError
 from drivers.can_bus.frame_log import FrameLog
 from drivers.can_bus.replay_bus import ReplayBus
 from drivers.can_bus.replay_log import ReplayLog
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import BusUnavailable
 from drivers.drives_file import DrivesFile, load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.cli import main
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Recorded

@@ -12,8 +12,8 @@ from ideal_machine import IdealMachine
 from local_bench import build, never_energised
 from personalities import drives_for, plant_file
 
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.process_data import SYNC
-from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402.states import State, decode_state
 from drivers.drive_bus import DriveRefused, Move, NodeSilent
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort

@@ -9,7 +9,7 @@ import pytest
 from fake_fieldbus import PERIOD, FakeFieldbus
 from local_bench import drives_file
 
-from drivers.axis import AxisScale
+from drivers.axis import Axis, AxisScale
 from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.objects import MODE_DISPLAY
 from drivers.cia402.power import Power
@@ -42,7 +42,7 @@ def power_of(bus: FakeFieldbus) -> Power:
 def shutdown_of(bus: FakeFieldbus) -> Shutdown:
     life_sign: LifeSign = bus
     off = power_of(bus).switch_off
-    return Shutdown(bus, life_sign, bus.drives, AXES, PERIOD, 0.5, off)
+    return Shutdown(bus, life_sign, Axis.all(AXES, bus.drives), PERIOD, off)
 
 
 def powered(bus: FakeFieldbus) -> None:
@@ -76,9 +76,9 @@ def test_a_drive_in_a_fault_is_named_and_left_off(bus: FakeFieldbus) -> None:
 
 def test_axes_reach_their_targets_by_the_handshake_of_profile_position(bus: FakeFieldbus) -> None:
     powered(bus)
-    motion = ProfilePosition(bus, bus.drives, AXES, PERIOD)
+    motion = ProfilePosition(bus, Axis.all(AXES, bus.drives), PERIOD)
     motion.start({axis: Move(0.2, 1.0, 10.0) for axis in range(len(AXES))})
-    reader = SampleReader(AXES)
+    reader = SampleReader(Axis.all(AXES, bus.drives))
     while motion.active:
         assert motion.advance(bus.sync(), bus) is None
         assert bus.time < 60
@@ -90,11 +90,13 @@ def test_axes_follow_a_path_in_cyclic_position_and_their_corridor_with_them(
     bus: FakeFieldbus,
 ) -> None:
     powered(bus)
-    trips = Trips(AXES, PERIOD)
+    trips = Trips(Axis.all(AXES, bus.drives), PERIOD)
     trips.arm(bus.time, bus.positions)
-    motion = CyclicPosition(bus, bus.drives, AXES, trips, PERIOD, bus.sync)
+    motion = CyclicPosition(bus, Axis.all(AXES, bus.drives), trips, PERIOD, bus.sync)
     path = np.outer(np.linspace(0.0, 0.05, 50), np.ones(len(AXES)))
-    motion.begin(path + SampleReader(AXES).sample(bus.time, bus, reached=True).q)
+    motion.begin(
+        path + SampleReader(Axis.all(AXES, bus.drives)).sample(bus.time, bus, reached=True).q
+    )
     assert motion.cyclic
     before = bus.positions
     while motion.moving:
@@ -112,10 +114,10 @@ def test_what_is_fed_forward_goes_with_each_set_point_and_is_taken_back_by_a_sto
     bus: FakeFieldbus,
 ) -> None:
     powered(bus)
-    trips = Trips(AXES, PERIOD)
+    trips = Trips(Axis.all(AXES, bus.drives), PERIOD)
     trips.arm(bus.time, bus.positions)
-    motion = CyclicPosition(bus, bus.drives, AXES, trips, PERIOD, bus.sync)
-    here = SampleReader(AXES).sample(bus.time, bus, reached=True).q
+    motion = CyclicPosition(bus, Axis.all(AXES, bus.drives), trips, PERIOD, bus.sync)
+    here = SampleReader(Axis.all(AXES, bus.drives)).sample(bus.time, bus, reached=True).q
     offsets = np.zeros((20, len(AXES), 3))
     offsets[1:-1, 1] = 30, -7, 0
     motion.begin(np.tile(here, (20, 1)), offsets)
@@ -131,7 +133,7 @@ def test_what_is_fed_forward_goes_with_each_set_point_and_is_taken_back_by_a_sto
 
 def test_axes_in_motion_are_stopped_and_switched_off(bus: FakeFieldbus) -> None:
     powered(bus)
-    motion = ProfilePosition(bus, bus.drives, AXES, PERIOD)
+    motion = ProfilePosition(bus, Axis.all(AXES, bus.drives), PERIOD)
     motion.start({0: Move(1.0, 1.0, 10.0)})
     for _ in range(10):
         motion.advance(bus.sync(), bus)

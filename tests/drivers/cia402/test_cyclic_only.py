@@ -10,13 +10,13 @@ from local_bench import refused
 from personalities import drives_for, plant_file
 
 from drivers.drive_bus import DriveRefused, Move, MoveFailed, Tripped
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from drivers.canopen_bus import CanopenDriveBus
+    from drivers.canopen.drive_bus import CanopenDriveBus
 
 PERIOD = 0.004
 

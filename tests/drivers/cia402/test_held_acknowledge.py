@@ -10,7 +10,7 @@ import pytest
 import yaml
 from personalities import drives_for, plant_file
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveFault, Move, MoveFailed
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import pytest
 from fake_fieldbus import FakeFieldbus
 from local_bench import drives_file
 
-from drivers.axis import AxisScale
+from drivers.axis import Axis, AxisScale
 from drivers.cia402.samples import SampleReader
 from drivers.cia402.states import Status
 from drivers.drive_bus import SampleFlag
@@ -25,7 +25,7 @@ def bus() -> FakeFieldbus:
 
 
 def test_positions_count_from_zero_and_currents_are_torques(bus: FakeFieldbus) -> None:
-    sample = SampleReader(AXES).sample(0.1, bus, reached=True)
+    sample = SampleReader(Axis.all(AXES, bus.drives)).sample(0.1, bus, reached=True)
     scales = [AxisScale.of(axis) for axis in AXES]
     expected = [s.position_from_counts(p) for s, p in zip(scales, bus.positions, strict=True)]
     assert sample.q == pytest.approx(expected)
@@ -36,7 +36,7 @@ def test_positions_count_from_zero_and_currents_are_torques(bus: FakeFieldbus) -
 def test_an_axis_is_at_its_limit_from_when_that_is_noted_until_it_is_noted_that_it_is_not(
     bus: FakeFieldbus,
 ) -> None:
-    reader, shown = SampleReader(AXES), []
+    reader, shown = SampleReader(Axis.all(AXES, bus.drives)), []
     shown.append(reader.sample(0.0, bus, reached=True).flags)
     for words in ((0x27, 0x27 | Status.INTERNAL_LIMIT, 0x27), (0x27, 0x27, 0x27)):
         reader.note_limits(words)
@@ -45,7 +45,7 @@ def test_an_axis_is_at_its_limit_from_when_that_is_noted_until_it_is_noted_that_
 
 
 def test_an_axis_whose_telegram_is_missing_has_no_values_and_both_flags(bus: FakeFieldbus) -> None:
-    reader = SampleReader(AXES)
+    reader = SampleReader(Axis.all(AXES, bus.drives))
     reader.note_limits((0x27, Status.INTERNAL_LIMIT, 0x27))
     bus.flags, bus.irregular = (0, MISSING, 0), True
     sample = reader.sample(0.0, bus, reached=False)

@@ -8,7 +8,7 @@ import pytest
 from fake_fieldbus import PERIOD, FakeFieldbus
 from local_bench import drives_file
 
-from drivers.axis import AxisScale
+from drivers.axis import Axis, AxisScale
 from drivers.cia402.profile_position import GRACE, ProfilePosition
 from drivers.cia402.states import State
 from drivers.drive_bus import Move, MoveFailed
@@ -28,7 +28,7 @@ def bus() -> FakeFieldbus:
 
 def moving_on(bus: FakeFieldbus, **changes: Any) -> ProfilePosition:
     axes = drives_file(acknowledge_timeout=PATIENCE, **changes).axes
-    return ProfilePosition(bus, bus.drives, axes, PERIOD)
+    return ProfilePosition(bus, Axis.all(axes, bus.drives), PERIOD)
 
 
 def failure(bus: FakeFieldbus, motion: ProfilePosition) -> tuple[float, MoveFailed]:

@@ -15,8 +15,7 @@ import local_drives
 import pytest
 from local_bench import NODES, all_off, drives_file, never_energised
 
-from drivers import canopen_bus
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import (
     BusUnavailable,
     DriveError,
@@ -25,6 +24,7 @@ from drivers.drive_bus import (
     Move,
     Tripped,
 )
+from drivers.session import servo_axes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -447,7 +447,7 @@ def test_outside_a_session_nothing_can_be_commanded(
 def test_two_signals_at_once_keep_nothing_powered(
     can_bus: Any, drive_bus: CanopenDriveBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    held = canopen_bus.interrupts_held
+    held = servo_axes.interrupts_held
     pressed: list[int] = []
 
     @contextmanager
@@ -458,7 +458,7 @@ def test_two_signals_at_once_keep_nothing_powered(
         with held():
             yield
 
-    monkeypatch.setattr(canopen_bus, "interrupts_held", late)
+    monkeypatch.setattr(servo_axes, "interrupts_held", late)
     with pytest.raises(KeyboardInterrupt), drive_bus:
         drive_bus.move(MOVES)
         samples(drive_bus, 5)

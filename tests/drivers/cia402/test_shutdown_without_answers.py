@@ -9,7 +9,8 @@ import pytest
 from fake_fieldbus import PERIOD, FakeDrive, FakeFieldbus
 from local_bench import drives_file
 
-from drivers.cia402 import shutdown as shutdown_module
+from drivers.axis import Axis
+from drivers.cia402 import deadline
 from drivers.cia402.power import Power
 from drivers.cia402.shutdown import LONGEST, Shutdown
 from drivers.cia402.states import State
@@ -62,7 +63,7 @@ class Bus(FakeFieldbus):
 
 def shut_down(bus: Bus, axes: tuple[AxisDrive, ...]) -> Shutdown:
     off = Power(bus, bus.drives, Supervision(bus.drives)).switch_off
-    shutdown = Shutdown(bus, bus, bus.drives, axes, PERIOD, 0.5, off)
+    shutdown = Shutdown(bus, bus, Axis.all(axes, bus.drives), PERIOD, off)
     shutdown.begin([1.0] * 3, [10.0] * 3)
     shutdown.switch_off()
     return shutdown
@@ -73,7 +74,7 @@ def test_a_stop_whose_syncs_hardly_pass_is_given_up_later_where_brakes_close_slo
     monkeypatch: pytest.MonkeyPatch, brake_delay: float
 ) -> None:
     clock = Clock(per_sync=0.5)
-    monkeypatch.setattr(shutdown_module, "monotonic", clock)
+    monkeypatch.setattr(deadline, "monotonic", clock)
     bus = Bus(clock)
     bus.silent = {0, 1, 2}
     shut_down(bus, tuple(drives_file(brake_delay=brake_delay).axes))

@@ -9,7 +9,7 @@ import pytest
 from fake_fieldbus import PERIOD, FakeFieldbus
 from local_bench import drives_file
 
-from drivers.axis import AxisScale
+from drivers.axis import Axis, AxisScale
 from drivers.cia402.cyclic_position import GRACE, CyclicPosition
 from drivers.cia402.states import State
 from drivers.safety.trips import Trips
@@ -27,9 +27,9 @@ def end(away: list[float]) -> tuple[float, MoveFailed | None]:
     bus = FakeFieldbus(len(AXES))
     for drive in bus.drives:
         drive.state = State.OPERATION_ENABLED
-    trips = Trips(AXES, PERIOD)
+    trips = Trips(Axis.all(AXES, bus.drives), PERIOD)
     trips.arm(0.0, bus.positions)
-    motion = CyclicPosition(bus, bus.drives, AXES, trips, PERIOD, bus.sync)
+    motion = CyclicPosition(bus, Axis.all(AXES, bus.drives), trips, PERIOD, bus.sync)
     rest = [-AxisScale.of(axis).position * AxisScale.of(axis).zero for axis in AXES]
     motion.begin(np.tile(rest, (3, 1)))
     begin, turn = bus.time, 0

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from personalities import drives_for, plant_file
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import Tripped
 from sim_plant.slave_network import SlaveNetwork
 from sim_plant.switch_on import load_machine

@@ -7,7 +7,7 @@ import pytest
 from fake_fieldbus import PERIOD, FakeFieldbus
 from local_bench import drives_file
 
-from drivers.axis import AxisScale
+from drivers.axis import Axis, AxisScale
 from drivers.cia402.cyclic_position import DELAY, CyclicPosition
 from drivers.cia402.states import State
 from drivers.safety.trips import Trips
@@ -22,9 +22,9 @@ def streaming(steps: list[int]) -> CyclicPosition:
     bus = FakeFieldbus(len(AXES))
     for drive in bus.drives:
         drive.state = State.OPERATION_ENABLED
-    trips = Trips(AXES, PERIOD)
+    trips = Trips(Axis.all(AXES, bus.drives), PERIOD)
     trips.arm(0.0, bus.positions)
-    motion = CyclicPosition(bus, bus.drives, AXES, trips, PERIOD, bus.sync)
+    motion = CyclicPosition(bus, Axis.all(AXES, bus.drives), trips, PERIOD, bus.sync)
     path = np.zeros((len(steps) + 1, len(AXES)))
     path[1:, 0] = STEP * np.cumsum(steps)
     motion.begin(path)

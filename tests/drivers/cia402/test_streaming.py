@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from fake_fieldbus import axes_of
 from local_bench import drives_file
 
 from drivers.axis import AxisScale
 from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.drive_bus import DriveRefused, LimitExceeded, Move, StreamingBus, Tripped
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from drivers.safety.trips import Trips
 from hil.measuring.checks.recording_checks import check
 from hil.measuring.streaming import pass_slowly, stream
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from desk import Desk
     from ideal_machine import IdealMachine
 
-    from drivers.canopen_bus import CanopenDriveBus
+    from drivers.canopen.drive_bus import CanopenDriveBus
 
 PERIOD = 0.004
 TRAJECTORY = Trajectory(
@@ -210,11 +211,11 @@ def test_an_axis_may_be_six_periods_and_its_window_behind_what_was_sent(
     axis: int, behind: int, trips: bool
 ) -> None:
     axes = drives_file().axes
-    corridor = Trips(axes, PERIOD)
+    corridor = Trips(axes_of(axes), PERIOD)
     silent: Any = SimpleNamespace(
         lead=lambda *_: None, command=lambda *_: None, time=0.0, on_arrival=()
     )
-    streams = CyclicPosition(silent, (), axes, corridor, PERIOD, lambda: None)
+    streams = CyclicPosition(silent, axes_of(axes), corridor, PERIOD, lambda: None)
     streams.cyclic = True
     path = np.full((100, 3), 0.4 * PERIOD) * np.arange(100)[:, None]
     q = path[50].copy()

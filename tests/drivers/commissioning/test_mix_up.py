@@ -10,7 +10,8 @@ import stated_axis
 from local_bench import axis, never_energised
 from probing_bench import Scripted
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.drive_bus import DriveRefused
 from drivers.operator_tools.check import check
@@ -32,7 +33,7 @@ def drives(*ampere: float) -> Any:
 
 
 def refused(bus: Any, file: Any) -> list[Verdict]:
-    verdicts = list(check(bus, file, SmallMoves(), Scripted(agreed=False)))
+    verdicts = list(check(CanopenBus(bus), file, SmallMoves(), Scripted(agreed=False)))
     assert never_energised(bus)
     return [each for each in verdicts if each.grade is Grade.REFUSED and each.place != "all axes"]
 

@@ -8,6 +8,7 @@ import pytest
 from local_bench import build, drives_file, never_energised
 
 from drivers.canopen import objects as cia301
+from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.commissioning.readback import Readback
 from drivers.drive_bus import DriveRefused
@@ -20,7 +21,7 @@ TIMEOUT = 127 << 16 | 500
 def readback() -> Readback:
     """Of joint 1, whose heartbeat period is 0.1 s and time-out 0.5 s."""
     drives = drives_file()
-    return Readback(drives.axes[0], drives)
+    return Readback(drives.axes[0], drives, REQUIREMENTS)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,10 @@ import pytest
 from local_bench import build
 from requirement_tables import DOCS, TABLES, with_tables
 
+from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.commissioning.requirement import Lack, Use
-from drivers.commissioning.requirements import OWN_LIMITS, REQUIREMENTS, reaction_for
+from drivers.commissioning.requirements import OWN_LIMITS, reaction_for
 from drivers.rate_units import ACCELERATIONS, VELOCITIES
 
 if TYPE_CHECKING:

@@ -15,15 +15,16 @@ from unit_dictionaries import HABITS, Habit, as_sheet, words
 
 from checked_files.yaml_file import UNSTATED
 from drivers.axis import AxisScale
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
+from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.eds_file import parse_eds
+from drivers.canopen.rules import RULES
 from drivers.commissioning.verdict import Grade, Verdict
-from drivers.dictionary.eds_file import parse_eds
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import DrivesFile
 from drivers.operator_tools.check_scaling import check_scaling
 from drivers.operator_tools.draft import DraftedAxis, draft_drives
-from drivers.operator_tools.unpowered import UnpoweredDrives
 
 NAMES = tuple(HABITS)
 KEYS = (
@@ -46,7 +47,7 @@ def drives(habit: Habit, **changes: Any) -> DrivesFile:
 def checked(habit: Habit, **changes: Any) -> list[Verdict]:
     stated = drives(habit, **changes)
     with local_drives.LocalBus(1, {1: habit.objects}) as bus:
-        (server,) = UnpoweredDrives(bus, stated).servers
+        (server,) = CanopenBus(bus).unpowered(stated).servers
         return list(check_scaling(server, stated.axes[0]))
 
 
@@ -54,7 +55,7 @@ def checked(habit: Habit, **changes: Any) -> list[Verdict]:
 def test_a_draft_states_what_the_drive_proves_and_nothing_else(name: str) -> None:
     habit = HABITS[name]
     dictionary = parse_eds(sheet(as_sheet(habit.objects)).encode(), "drive.dcf", 1)
-    text = draft_drives([DraftedAxis(dictionary, review(dictionary), 1)])
+    text = draft_drives([DraftedAxis(dictionary, review(dictionary, RULES), 1)], RULES)
     marked = set(re.findall(rf"(\w+): {UNSTATED}", text))
     read = yaml.safe_load(re.sub(rf"{UNSTATED} .*", "0", text))["axes"][0]
     stated = {key: None if key in marked else str(read[key]) for key in habit.drafted}

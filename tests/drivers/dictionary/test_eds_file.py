@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from checked_files.yaml_file import FileError
-from drivers.dictionary.eds_file import parse_eds, read_eds
+from drivers.canopen.eds_file import parse_eds, read_eds
+from drivers.canopen.rules import RULES
 from drivers.dictionary.review import review
 
 if TYPE_CHECKING:
@@ -109,8 +110,8 @@ def lower(text: str) -> str:
     ],
 )
 def test_harmless_habits_change_nothing(habit: Callable[[str], bytes]) -> None:
-    plain = review(parsed(sheet()))
-    found = review(parse_eds(habit(sheet()), "drive.eds"))
+    plain = review(parsed(sheet()), RULES)
+    found = review(parse_eds(habit(sheet()), "drive.eds"), RULES)
     assert found.serves
     assert found.modes == plain.modes
     assert found.findings == plain.findings
@@ -126,7 +127,7 @@ def test_a_section_that_stands_twice_is_merged_and_noted() -> None:
 def test_a_section_that_contradicts_itself_is_refused_when_it_is_needed() -> None:
     found = parsed(sheet() + "\n[6041]\nDataType=0x0007\n")
     with pytest.raises(FileError, match=r"drive\.eds:\d+: \[6041\] stands twice: DataType=0x0006"):
-        review(found)
+        review(found, RULES)
 
 
 @pytest.mark.parametrize(
@@ -144,13 +145,13 @@ def test_what_cannot_be_understood_is_told_with_file_line_and_section(
     text = sheet({(0x6081, 0): {key: value}})
     line = text.splitlines().index("[6081]") + 1
     with pytest.raises(FileError) as stated:
-        review(parsed(text))
+        review(parsed(text), RULES)
     assert str(stated.value).startswith(f"drive.eds:{line}: [6081] ")
     assert message in str(stated.value)
 
 
 def test_nonsense_about_an_object_that_nobody_needs_harms_nobody() -> None:
-    assert review(parsed(sheet({(0x2345, 0): {"DataType": "real"}}))).serves
+    assert review(parsed(sheet({(0x2345, 0): {"DataType": "real"}})), RULES).serves
 
 
 def test_listed_objects_without_a_section_are_taken_as_the_standard_has_them() -> None:
@@ -213,7 +214,7 @@ def test_a_file_that_is_not_there_is_told_by_name(tmp_path: Path) -> None:
 def outcome(raw: bytes) -> str:
     """What comes of a file: a review, or a problem."""
     try:
-        return review(parse_eds(raw, "drive.eds")).source
+        return review(parse_eds(raw, "drive.eds"), RULES).source
     except FileError as error:
         return str(error)
 

@@ -9,10 +9,11 @@ from data_sheets import Place, Spec, sheet
 from local_bench import build, never_energised
 from local_drives import LocalBus
 
-from drivers.dictionary.eds_file import parse_eds
+from drivers.canopen.eds_file import parse_eds
+from drivers.canopen.rules import RULES
+from drivers.canopen.scan import scan_bus
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveRefused
-from drivers.operator_tools.scan import scan_bus
 
 if TYPE_CHECKING:
     from drivers.dictionary.review import Review
@@ -23,7 +24,7 @@ SYNC_PERIOD = 4000
 
 
 def reviewed(changes: dict[Place, Spec | None]) -> Review:
-    return review(parse_eds(sheet(changes).encode(), "drive.eds"))
+    return review(parse_eds(sheet(changes).encode(), "drive.eds"), RULES)
 
 
 def about(index: int, found: Review) -> list[str]:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import pytest
 from data_sheets import MAKERS_CURRENT, TORQUE, Place, Spec, sheet
 
+from drivers.canopen.eds_file import parse_eds
+from drivers.canopen.requirements import REQUIREMENTS
+from drivers.canopen.rules import RULES
 from drivers.cia402.states import Mode
 from drivers.commissioning.requirement import Lack
-from drivers.commissioning.requirements import REQUIREMENTS
-from drivers.dictionary.eds_file import parse_eds
 from drivers.dictionary.review import Review, review
 from drivers.drives_file import Basis
 from sim_plant.canopen.eds import EDS_PATH
@@ -24,7 +25,7 @@ Changes = dict[Place, Spec | None]
 
 
 def reviewed(changes: Changes | None = None) -> Review:
-    return review(parse_eds(sheet(changes).encode(), "drive.eds"))
+    return review(parse_eds(sheet(changes).encode(), "drive.eds"), RULES)
 
 
 def findings(changes: Changes) -> list[str]:
@@ -244,6 +245,6 @@ FATAL = ("no-current", "wrong-pdos")
 @pytest.mark.parametrize("personality", packaged_personalities())
 def test_the_plant_s_personalities_are_judged_as_the_driver_takes_them(personality: str) -> None:
     text = variant(EDS_PATH.read_text(), load_personality(personality))
-    found = review(parse_eds(text.encode(), f"{personality}.eds"))
+    found = review(parse_eds(text.encode(), f"{personality}.eds"), RULES)
     assert found.serves == (personality not in FATAL), found.refusals
     assert (found.current and found.current.declared.place) == PLACES.get(personality, "6078:00")

@@ -18,7 +18,8 @@ from personalities import FIT, UNFIT, drives_for, plant_file
 from probing_bench import Scripted
 
 from checked_files.yaml_file import FileError, parse_yaml
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.held_values import COMMANDS
 from drivers.drive_bus import DriveError, DriveRefused, Move
@@ -35,7 +36,6 @@ from drivers.found_settings.settings_file import (
 )
 from drivers.operator_tools.home import home
 from drivers.operator_tools.put_back import put_back
-from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
@@ -134,9 +134,9 @@ def test_after_homing_a_drive_holds_what_it_held(tmp_path: Path) -> None:
         before = dictionaries(bus)
         path = tmp_path / "found.yaml"
         keeper = SettingsKeeper(path, write_file)
-        assert home(bus, drives, axis, homing, Scripted(), patience=5, keeper=keeper) == (
-            pytest.approx(0.5, abs=1e-3)
-        )
+        assert home(
+            CanopenBus(bus), drives, axis, homing, Scripted(), patience=5, keeper=keeper
+        ) == (pytest.approx(0.5, abs=1e-3))
         assert dictionaries(bus) == before
     assert keeper.unannounced == []
     kept = {each.index for each in load_found_settings(path).drives[0].objects}
@@ -148,11 +148,12 @@ def test_what_will_change_is_announced_without_writing_anything(name: str, tmp_p
     drives = drives_for(name)
     with heard(plant_file(tmp_path, name)) as (bus, frames):
         before = dictionaries(bus)
-        servers = UnpoweredDrives(bus, drives).servers
+        off = CanopenBus(bus).unpowered(drives)
+        asked = zip(off.servers, drives.axes, off.communications, strict=True)
         announced = {
             (axis.node, change.entry.index, change.entry.subindex): change
-            for server, axis in zip(servers, drives.axes, strict=True)
-            for change in announce(server, axis, drives, drives.sync_period).changes
+            for server, axis, by in asked
+            for change in announce(server, axis, drives, drives.sync_period, by).changes
         }
         assert downloads(frames()) == []
         with CanopenDriveBus(bus, drives):
@@ -176,8 +177,9 @@ def test_what_a_drive_with_room_for_two_objects_will_hold_is_announced_as_a_cond
     drive = can_bus.drives[2]
     drive.forbids = two_at_most
     with can_bus:
-        server = UnpoweredDrives(can_bus, drives).servers[1]
-        announced = announce(server, drives.axes[1], drives, drives.sync_period)
+        off = CanopenBus(can_bus).unpowered(drives)
+        server, by = off.servers[1], off.communications[1]
+        announced = announce(server, drives.axes[1], drives, drives.sync_period, by)
         found = dict(values(drive))
         keeper = SettingsKeeper()
         with CanopenDriveBus(can_bus, drives, keeper=keeper):
@@ -356,7 +358,7 @@ def test_what_a_drive_does_not_take_back_is_reported_once_and_keeps_no_session_a
     with crashed(path, SERIALS) as can_bus:
         settings = load_found_settings(path)
         aborting(can_bus.drives[2], 0x607F)
-        first, second, third = put_back(can_bus, settings)
+        first, second, third = put_back(CanopenBus(can_bus), settings)
         assert (first.problem, third.problem) == ("", "")
         assert "joint 2 (node 2): cannot write 0 to object 607F:00" in second.problem
         done = settings.with_drives([first.drive, second.drive, third.drive])
@@ -409,16 +411,16 @@ def test_what_a_killed_session_left_is_put_back_and_doing_it_twice_is_harmless(
     with crashed(path, SERIALS) as can_bus:
         assert not as_delivered(can_bus, SERIALS)
         settings = load_found_settings(path)
-        first = list(put_back(can_bus, settings))
+        first = list(put_back(CanopenBus(can_bus), settings))
         assert as_delivered(can_bus, SERIALS)
         assert all(each.written and not each.problem for each in first)
         can_bus.sent.clear()
-        again = list(put_back(can_bus, settings))
+        again = list(put_back(CanopenBus(can_bus), settings))
         assert downloads(can_bus.sent) == []
         assert not any(each.written for each in again)
         done = settings.with_drives(each.drive for each in first)
         assert done.restored
-        assert list(put_back(can_bus, done)) == []
+        assert list(put_back(CanopenBus(can_bus), done)) == []
 
 
 def test_values_of_another_drive_are_refused_by_its_serial_number(tmp_path: Path) -> None:
@@ -427,7 +429,7 @@ def test_values_of_another_drive_are_refused_by_its_serial_number(tmp_path: Path
         can_bus.drives[2].node.set_data(0x1018, 4, (4711).to_bytes(4, "little"))
         can_bus.sent.clear()
         with pytest.raises(DriveRefused) as caught:
-            list(put_back(can_bus, load_found_settings(path)))
+            list(put_back(CanopenBus(can_bus), load_found_settings(path)))
         assert downloads(can_bus.sent) == []
     assert "joint 2 (node 2): another drive" in str(caught.value)
     assert "1018:04 (serial number) was 000003EAh, now it is 00001267h" in str(caught.value)
@@ -449,7 +451,7 @@ def test_where_a_drive_is_energised_or_missing_nothing_is_put_back_to_any(
         spoil(can_bus.drives[3])
         can_bus.sent.clear()
         with pytest.raises(DriveError, match="nothing was written") as caught:
-            list(put_back(can_bus, load_found_settings(path)))
+            list(put_back(CanopenBus(can_bus), load_found_settings(path)))
         assert downloads(can_bus.sent) == []
     assert words in str(caught.value)
 
@@ -497,7 +499,7 @@ def test_limits_that_were_set_anew_after_a_kill_hold_in_the_next_session_and_aft
         keeper = SettingsKeeper(path, write_file)
         with CanopenDriveBus(can_bus, drives_file(), keeper=keeper) as axes:
             assert (drive.value(0x6072), drive.value(0x607D, 2)) == (300, 60_000)
-            assert axes.limits[0].own == {"torque": "6072", "q_max": "607D"}
+            assert axes.held[0].own == {"torque": "6072", "q_max": "607D"}
         assert (drive.value(0x6072), drive.value(0x607D, 2)) == (300, 60_000)
         assert can_bus.drives[2].value(0x6072) == 0
     assert load_found_settings(path).restored
@@ -511,7 +513,7 @@ def test_what_was_set_anew_after_a_kill_is_not_put_back_and_reported(tmp_path: P
     path = tmp_path / "found.yaml"
     with crashed(path) as can_bus:
         set_anew(can_bus.drives[1])
-        first, *others = put_back(can_bus, load_found_settings(path))
+        first, *others = put_back(CanopenBus(can_bus), load_found_settings(path))
         assert can_bus.drives[1].value(0x6072) == 300
         assert can_bus.drives[1].value(0x607D, 2) == 60_000
         assert can_bus.drives[1].value(0x6065) == 0
@@ -726,17 +728,17 @@ def test_a_limit_that_is_not_set_or_wider_becomes_that_of_the_file(
     }  # fmt: skip
     with can_bus, drive_bus as axes:
         assert can_bus.drives[1].value(*place) == ours[place[0]]
-        assert axes.limits[0].own == {}
-        assert axes.limits[0].limits == drives_file().axes[0].limits
+        assert axes.held[0].own == {}
+        assert axes.held[0].drive.limits == drives_file().axes[0].limits
 
 
 def test_what_holds_is_what_the_driver_believes_and_what_moves_are_checked_against() -> None:
     can_bus, drive_bus = entered(OBJECTS)
     with can_bus, drive_bus as axes:
-        info, limits = axes.axes[0], axes.limits[0]
+        info, limits = axes.axes[0], axes.held[0]
         assert info.velocity_max == pytest.approx(1000 * RPM)
         assert info.acceleration_max == pytest.approx(8, rel=1e-5)
-        assert limits.limits.torque == pytest.approx(120)
+        assert limits.drive.limits.torque == pytest.approx(120)
         assert limits.stop_deceleration == pytest.approx(8, rel=1e-5), "60C6 bounds 6085 too"
         assert limits.own == {"velocity": "6080", "acceleration": "60C6", "torque": "6072"}
         for move, words in (
@@ -783,7 +785,7 @@ def test_each_end_of_the_range_is_the_tighter_one() -> None:
         assert can_bus.drives[1].value(0x607D, 2) == round(2 * PER_RADIAN)
         low = can_bus.drives[1].node.get_data(0x607D, 1)
         assert int.from_bytes(low, "little", signed=True) == -60_000
-        assert drive_bus.limits[0].own == {"q_min": "607D"}
+        assert drive_bus.held[0].own == {"q_min": "607D"}
 
 
 def test_ranges_with_nothing_in_common_are_refused_with_both() -> None:
@@ -795,7 +797,7 @@ def test_ranges_with_nothing_in_common_are_refused_with_both() -> None:
 def test_a_drive_without_6085_says_nothing_of_its_stop() -> None:
     can_bus, drive_bus = entered({})
     with can_bus, drive_bus as axes:
-        assert axes.limits[0].stop_deceleration is None
+        assert axes.held[0].stop_deceleration is None
 
 
 def test_every_setting_that_files_on_disk_may_hold_is_one() -> None:

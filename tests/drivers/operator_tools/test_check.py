@@ -13,6 +13,7 @@ import pytest
 from kernel_bus import SocketcanLike
 from probing_bench import Answering, Scripted, bench, drives_of, spoilt_plant
 
+from drivers.canopen.bus import CanopenBus
 from drivers.canopen.bus_load import cycle_time, frame_bits
 from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
 from drivers.commissioning.verdict import Grade, Verdict
@@ -31,14 +32,14 @@ MOVES = SmallMoves(angle=math.radians(2), angular_velocity=math.radians(5))
 
 
 def checked(bus: Any, drives: Any, operator: Any = None) -> list[Verdict]:
-    return list(check(bus, drives, MOVES, operator or Scripted()))
+    return list(check(CanopenBus(bus), drives, MOVES, operator or Scripted()))
 
 
 def unpowered(bus: Any, drives: Any) -> list[Verdict]:
     """What comes before the operator is asked, who does not agree."""
     found: list[Verdict] = []
     with suppress(StoppedByOperator):
-        for verdict in check(bus, drives, MOVES, Scripted(agreed=False)):
+        for verdict in check(CanopenBus(bus), drives, MOVES, Scripted(agreed=False)):
             found.append(verdict)  # noqa: PERF402 - what came before the end counts
     return found
 
@@ -134,7 +135,7 @@ def test_what_power_on_will_write_is_listed_beforehand_and_only_what_differs() -
     listed = {}
     with bench() as bus:
         with suppress(StoppedByOperator):
-            for verdict in check(bus, drives_of(1), MOVES, Scripted(agreed=False)):
+            for verdict in check(CanopenBus(bus), drives_of(1), MOVES, Scripted(agreed=False)):
                 listed[verdict.check] = str(verdict)
         assert not bus.powered
     watchdog = "set: 1016:01 (consumer heartbeat time)"
@@ -233,7 +234,7 @@ def test_a_key_stops_all_axes_at_any_time(look: int) -> None:
 
 def test_whoever_stops_reading_verdicts_leaves_no_axis_powered() -> None:
     with bench() as bus:
-        verdicts = check(bus, drives_of(1), MOVES, Scripted())
+        verdicts = check(CanopenBus(bus), drives_of(1), MOVES, Scripted())
         for verdict in verdicts:
             if verdict.check == "sign of the current":
                 break
@@ -381,7 +382,7 @@ def test_where_the_kernel_sends_sync_it_does_so_for_a_check_as_well() -> None:
     with (
         SocketcanLike(can.Bus("manutec-r15", "sim_plant", ignore_config=True)) as bus,
     ):
-        powered = check_powered(bus, drives_of(1), MOVES, Scripted(), "auto")
+        powered = check_powered(CanopenBus(bus), drives_of(1), MOVES, Scripted())
         rate = next(v for v in powered if v.check == "achievable rate of SYNC")
         by_us = bus.by_us
         assert bus.period == drives_of(1).sync_period

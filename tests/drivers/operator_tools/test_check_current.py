@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from probing_bench import AlteredBus, Scripted, drives_of, unaltered
 from stated_axis import axis, drives
 
+from drivers.canopen.bus import CanopenBus
 from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import Move
 from drivers.operator_tools.check import check
@@ -53,7 +54,7 @@ def verdicts(
 ) -> list[Verdict]:
     """One check's verdict for each axis, of a whole `hil check`."""
     with plant(**options) as bus:
-        found = list(check(bus, drives_file, MOVES, Scripted(), gravity=gravity))
+        found = list(check(CanopenBus(bus), drives_file, MOVES, Scripted(), gravity=gravity))
         assert bus.left_off
     return [verdict for verdict in found if verdict.check == check_]
 

@@ -9,13 +9,13 @@ import pytest
 from probing_bench import Scripted, bench, drives_of
 
 from drivers.axis import AxisScale
+from drivers.canopen.bus import CanopenBus
 from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.drives_file import Homing
 from drivers.operator_tools.home import home
 from drivers.operator_tools.jog import jog
 from drivers.operator_tools.operator import StoppedByOperator
-from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     import can
@@ -29,7 +29,7 @@ HERE = {"method": 37, "position": 0.5, "velocity": 0.2, "creep": 0.02, "accelera
 
 def position(bus: AlteredBus, axis: AxisDrive) -> float:
     """Where an axis stands, asked by SDO [rad]."""
-    unpowered = UnpoweredDrives(bus, drives_of(axis.node))
+    unpowered = CanopenBus(bus).unpowered(drives_of(axis.node))
     unpowered.wait(0.02)
     return AxisScale.of(axis).position_from_counts(
         float(unpowered.servers[0].get(objects.POSITION))
@@ -41,7 +41,7 @@ def test_a_jog_ends_where_it_was_sent_with_the_axis_off(way: float) -> None:
     drives = drives_of(1, 3)
     with bench() as bus:
         operator = Scripted()
-        stroke = jog(bus, drives, drives.axes[1], way, SLOW, operator)
+        stroke = jog(CanopenBus(bus), drives, drives.axes[1], way, SLOW, operator)
         assert bus.left_off
         assert position(bus, drives.axes[1]) == pytest.approx(way, abs=0.002)
     assert stroke.q[-1] - stroke.q[0] == pytest.approx(way, abs=0.002)
@@ -58,7 +58,7 @@ def test_only_the_axis_that_jogs_is_powered() -> None:
             commanded.add(msg.arbitration_id),
             send(msg, timeout),
         )
-        jog(bus, drives, drives.axes[1], 0.02, SLOW, Scripted())
+        jog(CanopenBus(bus), drives, drives.axes[1], 0.02, SLOW, Scripted())
     assert {number & 0x7F for number in commanded if number & 0x780 in {0x200, 0x600}} == {2}
 
 
@@ -75,7 +75,7 @@ def test_a_jog_too_far_or_too_fast_is_refused_without_power(
     drives = drives_of(1)
     with bench() as bus:
         with pytest.raises(LimitExceeded, match=words):
-            jog(bus, drives, drives.axes[0], way, velocity, Scripted())
+            jog(CanopenBus(bus), drives, drives.axes[0], way, velocity, Scripted())
         assert not bus.powered
 
 
@@ -84,9 +84,9 @@ def test_without_consent_nothing_jogs_and_nothing_homes() -> None:
     with bench() as bus:
         no = Scripted(agreed=False)
         with pytest.raises(StoppedByOperator, match="did not agree"):
-            jog(bus, drives, drives.axes[0], 0.1, SLOW, no)
+            jog(CanopenBus(bus), drives, drives.axes[0], 0.1, SLOW, no)
         with pytest.raises(StoppedByOperator, match="did not agree"):
-            home(bus, drives, drives.axes[0], Homing(**HERE), no, patience=10)
+            home(CanopenBus(bus), drives, drives.axes[0], Homing(**HERE), no, patience=10)
         assert not bus.powered
 
 
@@ -94,7 +94,7 @@ def test_a_key_stops_a_jog_on_its_way_and_switches_off() -> None:
     drives = drives_of(1)
     with bench() as bus:
         with pytest.raises(StoppedByOperator):
-            jog(bus, drives, drives.axes[0], 0.5, SLOW, Scripted(q=100))
+            jog(CanopenBus(bus), drives, drives.axes[0], 0.5, SLOW, Scripted(q=100))
         assert bus.left_off
         assert 0.005 < position(bus, drives.axes[0]) < 0.1
 
@@ -105,7 +105,7 @@ def test_a_key_stops_a_jog_on_its_way_and_switches_off() -> None:
 def homed(bus: AlteredBus | can.BusABC, axis: int, **changes: object) -> float:
     drives = drives_of(axis)
     how = Homing.model_validate(HERE | changes)
-    return home(bus, drives, drives.axes[0], how, Scripted(), patience=60)
+    return home(CanopenBus(bus), drives, drives.axes[0], how, Scripted(), patience=60)
 
 
 @pytest.mark.parametrize("axis", [1, 3])
@@ -125,14 +125,14 @@ def test_a_limit_switch_becomes_the_stated_position_time_and_again(method: int, 
             assert homed(bus, 2, method=method, position=said, velocity=0.3) == pytest.approx(
                 said, abs=0.01
             )
-            jog(bus, drives, drives.axes[0], -end * 0.1, SLOW, Scripted())
+            jog(CanopenBus(bus), drives, drives.axes[0], -end * 0.1, SLOW, Scripted())
 
 
 def test_an_axis_moves_as_before_after_homing() -> None:
     drives = drives_of(3)
     with bench() as bus:
         homed(bus, 3)
-        stroke = jog(bus, drives, drives.axes[0], 0.1, SLOW, Scripted())
+        stroke = jog(CanopenBus(bus), drives, drives.axes[0], 0.1, SLOW, Scripted())
         assert stroke.q[-1] == pytest.approx(0.6, abs=0.004)
 
 
@@ -159,7 +159,7 @@ def test_homing_that_finds_nothing_ends_in_time_with_the_axis_off() -> None:
     with bench() as bus:
         how = Homing.model_validate(HERE | {"method": 17})
         with pytest.raises(MoveFailed, match="no reference found by method 17 in 1 s"):
-            home(bus, drives, drives.axes[0], how, Scripted(), patience=1)
+            home(CanopenBus(bus), drives, drives.axes[0], how, Scripted(), patience=1)
         assert bus.left_off
 
 
@@ -168,7 +168,7 @@ def test_a_key_stops_homing() -> None:
     with bench() as bus:
         how = Homing.model_validate(HERE | {"method": 17})
         with pytest.raises(StoppedByOperator):
-            home(bus, drives, drives.axes[0], how, Scripted(q=300), patience=60)
+            home(CanopenBus(bus), drives, drives.axes[0], how, Scripted(q=300), patience=60)
         assert bus.left_off
 
 

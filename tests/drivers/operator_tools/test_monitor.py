@@ -12,10 +12,10 @@ import pytest
 from probing_bench import drives_of
 from rich.console import Console
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.monitor import BusPicture
 from drivers.cia402.states import State
 from drivers.drive_bus import Move
-from drivers.operator_tools.monitor import BusPicture
 from hil.cli.monitoring import _table, follow
 from hil.terminal.keys import Keys
 

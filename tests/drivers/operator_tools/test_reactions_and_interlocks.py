@@ -10,7 +10,9 @@ import pytest
 from local_bench import axis, build, never_energised
 from probing_bench import Scripted, drives_of
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
+from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.monitor import BusPicture, questions
 from drivers.cia402.supervision import safe_torque_off
 from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import DriveError, DriveRefused, Move
@@ -18,8 +20,6 @@ from drivers.drives_file import DrivesFile
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_powered import SmallMoves
 from drivers.operator_tools.check_reactions import check_reactions
-from drivers.operator_tools.monitor import BusPicture, questions
-from drivers.operator_tools.unpowered import UnpoweredDrives
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,7 +33,7 @@ LOCKED = "safe torque off is active (60FD = 00000008h: bit 3, interlock)"
 def stated(objects: Objects, **changes: Any) -> list[Verdict]:
     drives = DrivesFile.model_validate({"bitrate": 1_000_000, "axes": [axis(1, **changes)]})
     with local_drives.LocalBus(1, {1: objects}) as bus:
-        (server,) = UnpoweredDrives(bus, drives).servers
+        (server,) = CanopenBus(bus).unpowered(drives).servers
         return list(check_reactions(server, drives.axes[0]))
 
 
@@ -96,7 +96,7 @@ def test_safe_torque_off_is_named_by_what_the_drive_shows(
 ) -> None:
     drives = DrivesFile.model_validate({"bitrate": 1_000_000, "axes": [axis(1)]})
     with local_drives.LocalBus(1, {1: objects}) as bus:
-        (server,) = UnpoweredDrives(bus, drives).servers
+        (server,) = CanopenBus(bus).unpowered(drives).servers
         said = safe_torque_off(server)
     assert (said is None) == (found is None)
     assert found is None or found in str(said)
@@ -105,7 +105,7 @@ def test_safe_torque_off_is_named_by_what_the_drive_shows(
 def test_a_drive_that_answers_nothing_is_not_said_to_be_locked() -> None:
     drives = DrivesFile.model_validate({"bitrate": 1_000_000, "axes": [axis(1)]})
     with local_drives.LocalBus(1, {1: {(0x60FD, 0): ("u32", 8)}}) as bus:
-        (server,) = UnpoweredDrives(bus, drives).servers
+        (server,) = CanopenBus(bus).unpowered(drives).servers
         bus.drives[1].powered = False
         assert safe_torque_off(server) is None
 
@@ -144,7 +144,7 @@ def plant(path: str) -> can.BusABC:
 
 def test_an_open_guard_is_found_by_check_before_anything_is_powered(guarded: str) -> None:
     with plant(guarded) as bus:
-        verdicts = check(bus, drives_of(1, 2), SmallMoves(), Scripted(agreed=False))
+        verdicts = check(CanopenBus(bus), drives_of(1, 2), SmallMoves(), Scripted(agreed=False))
         found = {}
         with pytest.raises(DriveError, match="did not agree"):
             found.update((v.place, v) for v in verdicts if v.check.startswith("interlock"))
@@ -160,7 +160,7 @@ def test_the_plant_stays_off_behind_an_open_guard_and_serves_when_it_is_closed(
         with pytest.raises(DriveRefused) as stated:
             CanopenDriveBus(bus, drives_of(1, 2)).__enter__()
         assert f"joint 2 (node 2): {LOCKED}" in str(stated.value)
-        unpowered = UnpoweredDrives(bus, drives_of(2))
+        unpowered = CanopenBus(bus).unpowered(drives_of(2))
         unpowered.wait(4.0)
         assert safe_torque_off(unpowered.servers[0]) is None
         with CanopenDriveBus(bus, drives_of(1, 2)) as axes:

@@ -10,7 +10,8 @@ import pytest
 from local_bench import all_off, build, drives_file, never_energised
 from probing_bench import Scripted
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import DriveFault, Move, MoveFailed
 from drivers.operator_tools.check import check
@@ -35,7 +36,7 @@ def can_bus() -> Iterator[Any]:
 
 def test_a_fault_is_stated_with_its_cause_and_reset_once_somebody_agrees(can_bus: Any) -> None:
     operator = Scripted()
-    found = list(reset_faults(can_bus, drives_file(), operator))
+    found = list(reset_faults(CanopenBus(can_bus), drives_file(), operator))
     assert [str(each) for each in found] == [
         "joint 1 (node 1): state (6041): SWITCH ON DISABLED",
         "joint 2 (node 2): state (6041): FAULT: 2310 (continuous over-current)",
@@ -52,20 +53,20 @@ def test_a_fault_is_stated_with_its_cause_and_reset_once_somebody_agrees(can_bus
 
 def test_without_consent_no_fault_is_reset(can_bus: Any) -> None:
     with pytest.raises(StoppedByOperator):
-        list(reset_faults(can_bus, drives_file(), Scripted(agreed=False)))
+        list(reset_faults(CanopenBus(can_bus), drives_file(), Scripted(agreed=False)))
     assert can_bus.drives[2].words == []
 
 
 def test_a_drive_that_another_master_holds_under_power_is_left_alone(can_bus: Any) -> None:
     can_bus.drives[3].go("enabled")
-    found = list(reset_faults(can_bus, drives_file(), Scripted()))
+    found = list(reset_faults(CanopenBus(can_bus), drives_file(), Scripted()))
     assert "OPERATION ENABLED" in str(found[2])
     assert can_bus.drives[3].state == "enabled"
 
 
 def test_a_fault_that_comes_back_is_refused_with_its_cause(can_bus: Any) -> None:
     can_bus.drives[2].stuck.add("fault")
-    *_, last = reset_faults(can_bus, drives_file(), Scripted())
+    *_, last = reset_faults(CanopenBus(can_bus), drives_file(), Scripted())
     assert last.grade is Grade.REFUSED
     assert "the fault comes back after a reset: 2310" in last.found
 
@@ -77,7 +78,7 @@ def test_a_run_on_a_drive_in_a_fault_names_the_command_that_resets_it(can_bus: A
 
 
 def test_a_check_lists_a_drive_in_a_fault_before_anything_is_powered(can_bus: Any) -> None:
-    verdicts = list(check(can_bus, drives_file(), SmallMoves(), Scripted()))
+    verdicts = list(check(CanopenBus(can_bus), drives_file(), SmallMoves(), Scripted()))
     (fault,) = [each for each in verdicts if each.check == "state (6041)" and each.remedy]
     assert fault.grade is Grade.REFUSED
     assert str(fault).startswith("joint 2 (node 2): state (6041): FAULT: 2310")
@@ -88,7 +89,7 @@ def test_what_a_check_was_refused_is_named_and_so_is_the_axis() -> None:
     can_bus, _ = build({2: {(0x60FD, 0): ("u32", 8)}})
     can_bus.drives[2].stuck.add("off")
     with can_bus:
-        *_, last = check_powered(can_bus, drives_file(), SmallMoves(), Scripted(), "auto")
+        *_, last = check_powered(CanopenBus(can_bus), drives_file(), SmallMoves(), Scripted())
     assert (last.grade, last.place, last.check) == (Grade.REFUSED, "joint 2 (node 2)", "power-on")
     assert last.found.startswith("safe torque off is active")
 
@@ -97,7 +98,7 @@ def test_a_motion_that_fails_is_named_by_its_axis() -> None:
     can_bus, _ = build()
     can_bus.drives[2].deaf_to_set_points = True
     with can_bus:
-        *_, last = check_powered(can_bus, drives_file(), SmallMoves(), Scripted(), "auto")
+        *_, last = check_powered(CanopenBus(can_bus), drives_file(), SmallMoves(), Scripted())
     assert (last.place, last.check) == ("joint 2 (node 2)", "small move of joint 2")
     assert all_off(can_bus)
 

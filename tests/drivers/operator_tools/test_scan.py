@@ -10,8 +10,8 @@ import can
 import pytest
 from local_drives import LocalBus
 
+from drivers.canopen.scan import Scan, scan_bus
 from drivers.cia402.states import Mode
-from drivers.operator_tools.scan import Scan, scan_bus
 from sim_plant.serving.server import serve
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fake_fieldbus import FakeFieldbus
+from fake_fieldbus import FakeFieldbus, axes_of
 from local_bench import drives_file
 
 from drivers.safety.current_offset import offsets
@@ -18,7 +18,7 @@ def found(second: list[int]) -> list[str]:
     def cycle() -> None:
         bus.currents = (0, next(readings), 0)
 
-    messages = offsets(bus, AXES, cycle, "before power-on")
+    messages = offsets(bus, axes_of(AXES), cycle, "before power-on")
     assert next(readings, None) is None
     return messages
 
@@ -26,7 +26,7 @@ def found(second: list[int]) -> list[str]:
 @pytest.mark.parametrize("current", [70, -70])
 def test_an_offset_of_more_than_two_percent_of_the_torque_limit_is_noted(current: int) -> None:
     (message,) = found([current] * 10)
-    stated = "joint 2 (node 2): before power-on its current reads 7 N m, at most 6 N m may be"
+    stated = "axis 2: before power-on its current reads 7 N m, at most 6 N m may be"
     assert message.startswith(stated)
 
 

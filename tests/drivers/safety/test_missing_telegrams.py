@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from fake_fieldbus import FakeFieldbus
+from fake_fieldbus import axes_of
+from local_bench import drives_file
 
 from drivers.drive_bus import NodeSilent, SampleFlag
 from drivers.safety.missing_telegrams import MissingTelegrams
@@ -17,7 +18,7 @@ class Watched:
 
     def __init__(self) -> None:
         self.collected = 0
-        self.telegrams = MissingTelegrams(FakeFieldbus(3).drives, self._collect, 0.004)
+        self.telegrams = MissingTelegrams(axes_of(drives_file().axes), self._collect, 0.004)
 
     def _collect(self) -> None:
         self.collected += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from fake_fieldbus import PERIOD, FakeFieldbus
+from fake_fieldbus import PERIOD, FakeFieldbus, axes_of
 from local_bench import drives_file
 
 from drivers.safety.trips import Trips
@@ -18,7 +18,7 @@ class Axes:
     """Three axes that rest at zero when they begin to be watched; the first is put anywhere."""
 
     def __init__(self, **trip: float) -> None:
-        self.trips = Trips(drives_file(trip=trip).axes, PERIOD)
+        self.trips = Trips(axes_of(drives_file(trip=trip).axes), PERIOD)
         self.bus = FakeFieldbus(3)
         self.trips.arm(0.0, AT_REST)
 

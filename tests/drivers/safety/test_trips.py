@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import local_drives
 import numpy as np
 import pytest
+from fake_fieldbus import axes_of
 from local_bench import NODES, all_off, axis, drives_file, refused
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused, Move, Tripped
 from drivers.drives_file import DrivesFile
 from drivers.safety.trips import Trips
@@ -164,7 +165,7 @@ PERIOD = 0.004
 
 def armed(**changes: Any) -> Trips:
     """Trips of the first drive, which stands at 0 in a wide corridor and may go 2.6 rad/s."""
-    trips = Trips(drives_file(**changes).axes[:1], PERIOD)
+    trips = Trips(axes_of(drives_file(**changes).axes[:1]), PERIOD)
     trips.arm(0.0, (0,))
     trips.follow([-(10**9)], [10**9])
     return trips

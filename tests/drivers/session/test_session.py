@@ -12,8 +12,8 @@ import local_drives
 import pytest
 from local_bench import NODES, all_off, drives_file, never_energised
 
-from drivers import open_drive_bus as opening
-from drivers.canopen_bus import CanopenDriveBus
+from drivers import opening
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused, Move
 from drivers.found_settings.keeping import SettingsKeeper
 
@@ -54,15 +54,15 @@ def broken(*_: object, **__: object) -> None:
 @pytest.mark.parametrize(
     "part",
     [
-        "connection.PumpedNetwork",
-        "connection.RemoteDictionary",
-        "connection.SyncProcessData",
-        "connection.Heartbeats",
-        "connection.Power",
-        "session.SampleReader",
-        "session.MissingTelegrams",
-        "session.CyclicPosition",
-        "stopping.Shutdown",
+        "canopen.connection.PumpedNetwork",
+        "canopen.connection.server_of",
+        "canopen.connection.SyncProcessData",
+        "canopen.connection.Heartbeats",
+        "session.connection.Power",
+        "session.session.SampleReader",
+        "session.session.MissingTelegrams",
+        "session.session.CyclicPosition",
+        "session.stopping.Shutdown",
     ],
 )
 def test_whichever_part_cannot_be_built_nothing_is_left_and_the_bus_can_be_entered_later(
@@ -70,7 +70,7 @@ def test_whichever_part_cannot_be_built_nothing_is_left_and_the_bus_can_be_enter
 ) -> None:
     before = dict(vars(drive_bus))
     with monkeypatch.context() as patch:
-        patch.setattr(f"drivers.session.{part}", broken)
+        patch.setattr(f"drivers.{part}", broken)
         with pytest.raises(RuntimeError, match="broken"):
             drive_bus.__enter__()
     assert {**vars(drive_bus), "notes": before["notes"]} == before
@@ -95,10 +95,10 @@ def test_no_attribute_appears_after_the_constructor(
 def test_what_a_session_found_stays_known_when_it_has_ended_and_nothing_else_serves(
     drive_bus: CanopenDriveBus,
 ) -> None:
-    assert drive_bus.axes == drive_bus.limits == drive_bus.servers == drive_bus.transmitted == ()
+    assert drive_bus.axes == drive_bus.held == drive_bus.servers == ()
     with drive_bus:
-        axes, limits = drive_bus.axes, drive_bus.limits
-    assert (drive_bus.axes, drive_bus.limits, len(drive_bus.servers)) == (axes, limits, NODES)
+        axes, limits = drive_bus.axes, drive_bus.held
+    assert (drive_bus.axes, drive_bus.held, len(drive_bus.servers)) == (axes, limits, NODES)
     with pytest.raises(DriveRefused, match="enter the bus first"):
         drive_bus.sample()
 
@@ -131,7 +131,7 @@ def test_a_bus_of_ours_is_shut_down_though_what_is_noted_cannot_be_logged(
     with pytest.raises(RuntimeError, match="broken"), drive_bus:
         drive_bus.sample()
         monkeypatch.setattr(SettingsKeeper, "close", lambda *_: ["not put back"])
-        monkeypatch.setattr(logging.getLogger("drivers.canopen_bus"), "warning", broken)
+        monkeypatch.setattr(logging.getLogger("drivers.session.servo_axes"), "warning", broken)
     assert can_bus.closed == 1
     assert all_off(can_bus)
     assert drive_bus.notes[-1] == "not put back"
@@ -164,7 +164,7 @@ def opened(can_bus: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_a_bus_that_was_opened_is_shut_down_where_no_drive_bus_can_stand_on_it(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(opening, "CanopenDriveBus", broken)
+    monkeypatch.setattr(opening, "ServoAxes", broken)
     with pytest.raises(RuntimeError, match="broken"):
         opening.open_drive_bus(drives_file(), "virtual", "x")
     assert opened.closed == 1

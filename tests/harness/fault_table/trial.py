@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.pdo_mapping import received
-from drivers.canopen_bus import CanopenDriveBus
 from drivers.cia402.states import Command
 from drivers.drive_bus import DriveError
 from drivers.drives_file import load_drives

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import can
 
 from drivers.axis import AxisScale
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveError, Move, SampleFlag
 from drivers.drives_file import load_drives
 from hil.model.robot import ROBOTS

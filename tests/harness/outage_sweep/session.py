@@ -13,7 +13,7 @@ from fault_table.logged_bus import SYNC, LoggedBus
 from fault_table.stopping_way import allowed_ways, reaction_time
 from fault_table.trial import drives
 
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveError, Move, MoveFailed
 from sim_plant.physics import state as st
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from command_line import Hil
 
-from drivers import open_drive_bus
+from drivers import opening
 from drivers.drive_bus import DriveFault, NodeSilent, Sample, SampleFlag
 from hil import cli
 from hil.cli.arguments import bus_options
@@ -31,7 +31,7 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 @pytest.fixture
 def bus(ideal_bus, monkeypatch: pytest.MonkeyPatch):
     """Have the command line find ideal axes behind any bus."""
-    monkeypatch.setattr(open_drive_bus, "open_drive_bus", lambda *_, **__: ideal_bus)
+    monkeypatch.setattr(opening, "open_drive_bus", lambda *_, **__: ideal_bus)
     return ideal_bus
 
 
@@ -264,7 +264,7 @@ def test_a_run_in_which_nothing_was_measured_leaves_no_folder(
     def nobody(*_: object, **__: object) -> None:
         raise NodeSilent("joint 2 (node 2) does not answer; check its power and node number")
 
-    monkeypatch.setattr(open_drive_bus, "open_drive_bus", nobody)
+    monkeypatch.setattr(opening, "open_drive_bus", nobody)
     status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
     assert status == 1
     assert "joint 2 (node 2) does not answer" in err

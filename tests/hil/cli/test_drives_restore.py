@@ -17,12 +17,12 @@ from probing_bench import DRIVES, spoilt_plant
 from two_processes import open_bus, plant_process
 
 from checked_files.yaml_file import FileError
-from drivers.canopen_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
+from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.announcement import announce
 from drivers.drives_file import load_drives
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from drivers.operator_tools import put_back
-from drivers.operator_tools.unpowered import UnpoweredDrives
 from hil.cli import bus_access, drive_settings
 from hil.cli.bus_state import BusState
 from hil.planning.plan import Plan, dump_plan
@@ -122,9 +122,9 @@ def state_of_the_drives() -> dict[tuple[int, int, int], int]:
     drives = load_drives(DRIVES)
     with open_bus(PLACE) as bus:
         found = {}
-        servers = UnpoweredDrives(bus, drives, "lock-step").servers
-        for server, axis in zip(servers, drives.axes, strict=True):
-            announced = announce(server, axis, drives, drives.sync_period)
+        off = CanopenBus(bus, "lock-step").unpowered(drives)
+        for server, axis, by in zip(off.servers, drives.axes, off.communications, strict=True):
+            announced = announce(server, axis, drives, drives.sync_period, by)
             for entry, value in announced.found.items():
                 found[axis.node, entry.index, entry.subindex] = value
     return found

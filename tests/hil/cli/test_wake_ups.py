@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from drivers.canopen.bus import CanopenBus
 from drivers.canopen.sync_clock import TOO_LATE, WallClock
 from drivers.commissioning.verdict import Grade
 from drivers.operator_tools.wake_ups import (
@@ -111,12 +112,12 @@ def test_where_the_kernel_sends_sync_that_is_said() -> None:
 
 def test_in_lock_step_there_is_nothing_to_measure() -> None:
     with can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus:
-        assert wake_ups_on(bus, 0.004, 10.0) is None
+        assert wake_ups_on(CanopenBus(bus), 0.004, 10.0) is None
 
 
 def test_on_a_bus_that_waits_it_takes_the_time_that_was_asked_for() -> None:
     with can.Bus("wake-ups", "virtual", ignore_config=True) as bus:
-        found = wake_ups_on(bus, 0.004, 0.1)
+        found = wake_ups_on(CanopenBus(bus), 0.004, 0.1)
     assert found is not None
     assert len(found.late) == 25
     assert np.all(found.late >= 0.0)

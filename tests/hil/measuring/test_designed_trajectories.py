@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.measuring.events import Recorded
 from hil.measuring.sequencer import measure
 from hil.model.robot import ROBOTS, Robot

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers import open_drive_bus
+from drivers import opening
 from hil import cli
 from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
 from hil.measuring.rehearsal import rehearse
@@ -115,7 +115,7 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
         printed = capsys.readouterr()
         return int(left.value.code or 0), printed.out + printed.err
 
-    monkeypatch.setattr(open_drive_bus, "open_drive_bus", lambda *_, **__: ideal_bus)
+    monkeypatch.setattr(opening, "open_drive_bus", lambda *_, **__: ideal_bus)
     folder = tmp_path / "first"
     status, printed = hil(plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
     assert (status, len(RunFolder.open(folder).missing)) == (0, 3)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import load_drives
-from drivers.open_drive_bus import open_drive_bus
+from drivers.opening import open_drive_bus
 from hil.cli.robot_drives import load_robots_drives
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters

@@ -13,15 +13,21 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
-from drivers.canopen.sdo import Aborted
-from drivers.commissioning.kept_values import NODE_SHIFT, TIME_MASK, watching_time
-from drivers.commissioning.requirements import REQUIREMENTS, STATE_WHAT_STOPS
+from drivers.canopen.requirements import (
+    GUARDING,
+    NODE_SHIFT,
+    REQUIREMENTS,
+    TIME_MASK,
+    watching_time,
+)
+from drivers.commissioning.requirements import STATE_WHAT_STOPS
 from drivers.drive_bus import DriveRefused
+from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
-    from drivers.canopen.sdo import RemoteDictionary
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
+    from drivers.remote_dictionary import RemoteDictionary
 
 WATCHED_MAX = 127
 FACTOR_MAX = 0xFF
@@ -40,7 +46,8 @@ def set_up_watch(server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile) 
     """
     watches = server.find(cia301.CONSUMER_HEARTBEAT) is not None
     beats = server.find(cia301.PRODUCER_HEARTBEAT) is not None
-    if not (watches and beats) and _can_be_guarded(server):
+    guarded = not (watches and beats) and all(server.find(e) is not None for e in GUARDING)
+    if guarded:
         _set_up_life_guarding(server, drives)
         return True
     server.set(cia301.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
@@ -50,11 +57,6 @@ def set_up_watch(server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile) 
         excused = f"{_GOES_ON}; allowed because: {axis.allow_no_heartbeat}"
         server.do_without((cia301.CONSUMER_HEARTBEAT,), excused)
     return False
-
-
-def _can_be_guarded(server: RemoteDictionary) -> bool:
-    instead = REQUIREMENTS[cia301.CONSUMER_HEARTBEAT].instead
-    return all(server.find(entry) is not None for entry in instead)
 
 
 def _set_up_life_guarding(server: RemoteDictionary, drives: DrivesFile) -> None:

@@ -1,60 +1,36 @@
-"""Configuring how a drive communicates: SYNC, process data, emergencies; then who watches whom.
-
-The order is the drive's: it must not produce SYNC when it gets a period to do so, and it takes a
-counter in SYNC only without a period.
-"""
+"""Configuring how a drive takes SYNC and sends emergencies, and what of its PDOs is to be noted."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
-from drivers.canopen.communication import EXTENDED, IDENTIFIER, LAST_SYNCHRONOUS, ON_REQUEST, SYNC
 from drivers.canopen.frame_length import frame_bits
-from drivers.canopen.pdo_set_up import OFF, set_up_pdos
-from drivers.commissioning.requirements import ON_ARRIVAL, REQUIREMENTS
-from drivers.commissioning.watch_set_up import set_up_watch
+from drivers.canopen.objects import (
+    EXTENDED,
+    IDENTIFIER,
+    LAST_SYNCHRONOUS,
+    OFF,
+    ON_REQUEST,
+    SYNC,
+)
+from drivers.canopen.requirements import ON_ARRIVAL, REQUIREMENTS
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.canopen.communication import Communication
     from drivers.canopen.pdo_mapping import Inputs
     from drivers.canopen.pdo_set_up import OtherTpdo
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.remote_dictionary import RemoteDictionary
 
 PDO_BYTES = 8
 SYNC_PRODUCER, SYNC_RESERVED = 1 << 30, 1 << 31
 """Bits of 1005; the latter means nothing, and once meant that the drive consumes SYNC."""
 
 
-def set_up_communication(
-    server: RemoteDictionary,
-    axis: AxisDrive,
-    drives: DrivesFile,
-    period: float,
-    communication: Communication,
-) -> None:
-    """Configure a drive's communication; put what is found into `communication`.
-
-    Raises
-    ------
-    DriveRefused, NodeSilent
-        Why the drive cannot take part.
-    """
-    _set_up_sync(server, period)
-    communication.transmitted, communication.inputs, communication.others = set_up_pdos(
-        server, axis, feed_forward=communication.feed_forward
-    )
-    _note_arrival(server, communication.inputs)
-    _note_others(server, communication.others, drives.bitrate, period)
-    communication.emergency = _find_emergency(server)
-    communication.guarded = set_up_watch(server, axis, drives)
-
-
-def _set_up_sync(server: RemoteDictionary, period: float) -> None:
+def set_up_sync(server: RemoteDictionary, period: float) -> None:
+    """Have the drive listen to our SYNC, without a counter, and know its period."""
     _listen_to_sync(server)
     _stop_counting(server)
     without = REQUIREMENTS[cia301.CYCLE_PERIOD].without
@@ -90,6 +66,18 @@ def _stop_counting(server: RemoteDictionary) -> None:
         ) from error
 
 
+def note_process_data(
+    server: RemoteDictionary,
+    inputs: Inputs,
+    others: Sequence[OtherTpdo],
+    bitrate: int,
+    period: float,
+) -> None:
+    """Note where set-points act when they arrive, and which TPDOs go on that nobody reads."""
+    _note_arrival(server, inputs)
+    _note_others(server, others, bitrate, period)
+
+
 def _note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
     """Note where set-points act when they arrive, because no RPDO takes them at SYNC."""
     kind, target = cia301.SET_POINT_TRANSMISSION, inputs.target
@@ -120,7 +108,7 @@ def _note_others(
         )
 
 
-def _find_emergency(server: RemoteDictionary) -> int | None:
+def find_emergency(server: RemoteDictionary) -> int | None:
     """Return under which identifier emergencies come, None where the drive sends none."""
     present = server.find(cia301.EMERGENCY_COB_ID)
     if present is None:

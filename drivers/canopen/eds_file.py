@@ -15,11 +15,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from checked_files.yaml_file import FileError
-from drivers.dictionary.dictionary import Declared, Dictionary, Key
-from drivers.dictionary.eds_numbers import NoNumber, declared_type, number, within
-from drivers.dictionary.eds_objects import expand_compact, supply_listed
-from drivers.dictionary.eds_sections import Section, sections_of
-from drivers.dictionary.mapping_review import mapped_objects
+from drivers.canopen.eds_numbers import NoNumber, declared_type, number, within
+from drivers.canopen.eds_objects import expand_compact, supply_listed
+from drivers.canopen.eds_sections import Section, sections_of
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, mapped_objects
 
 _OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?", re.I)
 _ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}

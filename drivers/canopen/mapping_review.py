@@ -9,20 +9,18 @@ in any order, and then it is the fixed mapping that decides which current is use
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
-from drivers.canopen.pdo_set_up import OFF
+from drivers.dictionary.bus_rules import Obstacle, ProcessDataReview
+from drivers.dictionary.dictionary import carried
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from collections.abc import Mapping as MappingOf
 
     from drivers.dictionary.current_candidates import CurrentCandidate
-    from drivers.dictionary.dictionary import Declared, Dictionary, Key
-
-Obstacle = tuple[str, str, str, bool]
-"""About what, the problem, its consequence, whether it is fatal."""
+    from drivers.dictionary.dictionary import Declared, Dictionary
 
 _STATE, _COMMAND = (
     tuple((entry.index, entry.subindex, 8 * entry.size) for entry in entries)
@@ -64,8 +62,7 @@ class PdoOffer:
     carries: tuple[tuple[int, int, int], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Mapping:
+class _Offers(NamedTuple):
     """The PDOs that we would use; None where the drive does not have one."""
 
     tpdo1: PdoOffer | None
@@ -73,62 +70,38 @@ class Mapping:
     rpdo1: PdoOffer | None
 
 
-def review_mapping(
-    dictionary: Dictionary, usable: Sequence[CurrentCandidate]
-) -> tuple[Mapping, CurrentCandidate | None, tuple[Obstacle, ...]]:
-    """Find out what the PDOs can carry.
-
-    Returns
-    -------
-    Mapping
-        The PDOs.
-    CurrentCandidate or None
-        The first current object that fits, or where none does the first of all.
-    tuple of Obstacle
-        What keeps the PDOs from carrying what we need.
-    """
-    mapping = Mapping(
+def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -> ProcessDataReview:
+    """Find out what the PDOs can carry (see `drivers.dictionary.bus_rules.ProcessDataReview`)."""
+    offers = _Offers(
         _offer(dictionary, "TPDO 1", 0x1800),
         _offer(dictionary, "TPDO 2", 0x1801),
         _offer(dictionary, "RPDO 1", 0x1400),
     )
-    receiving = tuple(_obstacles(mapping.rpdo1, "RPDO 1", _COMMAND))
-    attempts = [(current, tuple(_sending(mapping, current))) for current in usable]
-    for current, obstacles in attempts:
-        if not any(fatal for *_, fatal in obstacles):
-            return mapping, current, (*receiving, *obstacles)
+    receiving = tuple(_obstacles(offers.rpdo1, "RPDO 1", _COMMAND))
+    attempts = [(current, tuple(_sending(offers, current))) for current in usable]
     if not attempts:
-        return mapping, None, receiving
-    current, obstacles = attempts[0]
-    return mapping, current, (*receiving, *obstacles)
+        return ProcessDataReview(None, None, receiving)
+    fitting = (each for each in attempts if not any(fatal for *_, fatal in each[1]))
+    current, obstacles = next(fitting, attempts[0])
+    return ProcessDataReview(current, _other_tpdos(offers, current), (*receiving, *obstacles))
 
 
-def other_tpdos(
-    mapping: Mapping, current: CurrentCandidate | None
-) -> tuple[tuple[int, ...], ...] | None:
+def _other_tpdos(offers: _Offers, current: CurrentCandidate) -> tuple[tuple[int, ...], ...] | None:
     """Return the words that TPDO 1 and 2 carry, None where that is what we would have."""
-    if current is None:
-        return None
     measured = _place(current)
     together, apart = ((*_STATE, measured),), (_STATE, (measured,))
     usual = together if current.declared.bits == 16 else apart
     fits = usual is together and not any(
-        fatal for *_, fatal in _obstacles(mapping.tpdo1, "TPDO 1", together[0])
+        fatal for *_, fatal in _obstacles(offers.tpdo1, "TPDO 1", together[0])
     )
     wanted = together if fits else apart
-    offers = (mapping.tpdo1, mapping.tpdo2)
     found = tuple(
         offer.carries if offer is not None and offer.writable is False else objects
-        for offer, objects in zip(offers, wanted, strict=False)
+        for offer, objects in zip(offers[:2], wanted, strict=False)
     )
     if found == usual:
         return None
     return tuple(tuple(i << 16 | sub << 8 | bits for i, sub, bits in words) for words in found)
-
-
-def carried(word: int) -> tuple[int, int, int]:
-    """Return index, sub-index and bits of a mapping entry."""
-    return word >> 16, word >> 8 & 0xFF, word & 0xFF
 
 
 def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
@@ -168,9 +141,9 @@ def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int,
             yield carried(word)
 
 
-def _sending(mapping: Mapping, current: CurrentCandidate) -> Iterator[Obstacle]:
+def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Obstacle]:
     declared, carried_current = current.declared, _place(current)
-    first, second = mapping.tpdo1, mapping.tpdo2
+    first, second = offers.tpdo1, offers.tpdo2
     together = list(_obstacles(first, "TPDO 1", (*_STATE, carried_current)))
     if declared.bits == 16 and not any(fatal for *_, fatal in together):
         yield from _types(first)
@@ -245,14 +218,3 @@ def _serves(offer: PdoOffer, wanted: tuple[tuple[int, int, int], ...]) -> bool:
         return offer.carries == wanted
     whole = all(bits % 8 == 0 for _, _, bits in offer.carries)
     return whole and set(wanted) <= set(offer.carries)
-
-
-def mapped_objects(entries: MappingOf[Key, Declared]) -> frozenset[Key]:
-    """Return what any TPDO or RPDO carries as it stands: proof that it can be mapped."""
-    return frozenset(
-        carried(word)[:2]
-        for (index, subindex), member in entries.items()
-        if subindex and (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00)
-        for word in (member.default, member.value)
-        if word
-    )

@@ -9,21 +9,20 @@ reading SDO requests.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.canopen.network import PumpedNetwork
+from drivers.canopen.rules import RULES
+from drivers.canopen.sdo import SdoAccess
+from drivers.dictionary.found_nodes import Scan
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import can
-
-    from drivers.dictionary.dictionary import Dictionary
-    from drivers.dictionary.review import Review
 
 NODES = range(1, 128)
 LISTENING = 1.2
@@ -38,62 +37,13 @@ SYNC = 0x80
 STATES = {0x00: "boot-up", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
 
 
-@dataclass
-class FoundNode:
-    """One node.
-
-    Attributes
-    ----------
-    node : int
-        Its number.
-    state : str
-        NMT state of its last heartbeat, empty where none was heard.
-    boots, emergencies : int
-        So many boot-ups and emergencies were heard.
-    answers : int
-        So many answers came to one question: more than one are two devices with the same number.
-    dictionary : Dictionary or None
-        What was read; None where no SDO is answered.
-    review : Review or None
-        What it offers.
-    """
-
-    node: int
-    state: str = ""
-    boots: int = 0
-    emergencies: int = 0
-    answers: int = 0
-    dictionary: Dictionary | None = None
-    review: Review | None = None
-
-
-@dataclass
-class Scan:
-    """What a scan found.
-
-    Attributes
-    ----------
-    nodes : dict of int to FoundNode
-        By node number.
-    syncs : int
-        SYNCs heard, from another master.
-    """
-
-    nodes: dict[int, FoundNode] = field(default_factory=dict)
-    syncs: int = 0
-
-    def heard(self, node: int) -> FoundNode:
-        """Return the node of this number, found from now on."""
-        return self.nodes.setdefault(node, FoundNode(node))
-
-
 def scan_bus(
     bus: can.BusABC,
     *,
     listening: float = LISTENING,
     answering: float = ANSWERING,
     timeout: float = SDO_TIMEOUT,
-    only: range | tuple[int, ...] = NODES,
+    only: Sequence[int] = NODES,
 ) -> Scan:
     """Find the nodes on an open bus and what they offer.
 
@@ -124,8 +74,9 @@ def scan_bus(
     for node, found in sorted(scan.nodes.items()):
         answers = found.answers
         if answers and node in asked:
-            found.dictionary = read_dictionary(network, node, timeout)
-            found.review = review(found.dictionary)
+            access = SdoAccess(network, node, timeout)
+            found.dictionary = read_dictionary(access, node, RULES)
+            found.review = review(found.dictionary, RULES)
         found.answers = answers
     scan.nodes = {node: scan.nodes[node] for node in sorted(scan.nodes) if node in asked}
     return scan

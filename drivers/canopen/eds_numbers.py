@@ -14,7 +14,7 @@ from drivers.dictionary.dictionary import INTEGERS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from drivers.dictionary.eds_sections import Section
+    from drivers.canopen.eds_sections import Section
 
 _NODE = re.compile(r"\+?\$NODEID\+?", re.I)
 

@@ -1,10 +1,10 @@
-"""Servo axes on a CANopen bus: `DriveBus` for CiA 402 drives in profile position mode.
+"""Servo axes on a fieldbus: `DriveBus` for CiA 402 drives.
 
 Entering connects (`session.connection`), checks and configures every drive while it is off
 (`session.check_and_configure`), and only when every drive has passed begins a session that
 powers all of them on together (`session.session`). There is no thread: time passes in
-`CanopenDriveBus.sample` alone. Trouble stops all axes before it is raised and latches: nothing
-moves until `CanopenDriveBus.reset`. Leaving stops and switches everything off (`session.leaving`),
+`ServoAxes.sample` alone. Trouble stops all axes before it is raised and latches: nothing
+moves until `ServoAxes.reset`. Leaving stops and switches everything off (`session.leaving`),
 whatever happened, and releases the watchdogs of those drives that have shown that they are off.
 """
 
@@ -13,33 +13,28 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING
 
-from drivers.can_bus.capabilities import capabilities_of
 from drivers.drive_bus import DriveFault, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.interrupts import interrupts_held
 from drivers.session.check_and_configure import check_and_configure
-from drivers.session.connection import Connection
 from drivers.session.leaving import Outcome, leave
-from drivers.session.session import Session
+from drivers.session.session import Session, SessionState
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from types import TracebackType
     from typing import Self
 
-    import can
-
-    from drivers.canopen.pdo_mapping import Pdo
-    from drivers.canopen.sdo import RemoteDictionary
-    from drivers.canopen.sync_clock import PacingName
-    from drivers.commissioning.effective_limits import EffectiveLimits
+    from drivers.axis import Axis
     from drivers.drive_bus import AxisInfo, Move, Sample
-    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.drives_file import DrivesFile
+    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.connection import Connection, Fieldbus
 
 log = logging.getLogger(__name__)
 
 
-class CanopenDriveBus:
+class ServoAxes:
     """CiA 402 drives as a `drivers.drive_bus.DriveBus`.
 
     On the wall clock the caller must come back to `sample` within the heartbeat timeout of the
@@ -48,14 +43,12 @@ class CanopenDriveBus:
 
     Parameters
     ----------
-    bus : can.BusABC
+    bus : Fieldbus
         An open bus.
     drives : DrivesFile
         The axes in joint order.
     period : float, optional
         Time between two SYNCs [s]; by default that of the drives file.
-    pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_sync_clock`.
     reset_faults : bool
         Reset drives that are found in a fault, instead of refusing them.
     owns_bus : bool
@@ -76,11 +69,10 @@ class CanopenDriveBus:
 
     def __init__(
         self,
-        bus: can.BusABC,
+        bus: Fieldbus,
         drives: DrivesFile,
         *,
         period: float | None = None,
-        pacing: PacingName = "auto",
         reset_faults: bool = False,
         owns_bus: bool = False,
         anywhere: bool = False,
@@ -91,7 +83,6 @@ class CanopenDriveBus:
         self._bus = bus
         self._drives = drives
         self._period = drives.sync_period if period is None else period
-        self._pacing: PacingName = pacing
         self._reset_faults = reset_faults
         self._owns_bus = owns_bus
         self._anywhere = anywhere
@@ -109,28 +100,17 @@ class CanopenDriveBus:
     @property
     def axes(self) -> tuple[AxisInfo, ...]:
         """What the drives stated about themselves; available once entered."""
-        return self._session.axes if self._session else ()
+        return tuple(axis.info for axis in self.held)
 
     @property
-    def limits(self) -> tuple[EffectiveLimits, ...]:
+    def held(self) -> tuple[Axis, ...]:
         """Which limits hold, the drives' own or the drives file's; available once entered."""
-        return self._session.limits if self._session else ()
-
-    @property
-    def limited_axes(self) -> tuple[AxisDrive, ...]:
-        """What the drives file states of the axes, with the limits that hold; once entered."""
-        return self._session.limited if self._session else self._drives.axes
+        return self._session.axes if self._session else ()
 
     @property
     def servers(self) -> tuple[RemoteDictionary, ...]:
         """The drives' object dictionaries in joint order; available once entered."""
         return self._session.connection.servers if self._session else ()
-
-    @property
-    def transmitted(self) -> tuple[tuple[Pdo, ...], ...]:
-        """The TPDOs with which each drive answers SYNC; available once entered."""
-        found = self._session.connection.communications if self._session else ()
-        return tuple(drive.transmitted for drive in found)
 
     @property
     def along(self) -> float:
@@ -140,7 +120,7 @@ class CanopenDriveBus:
     @property
     def skipped_syncs(self) -> int:
         """SYNCs left out since the axes were powered on, because we came too late for them."""
-        return self._session.connection.clock.skipped if self._session else 0
+        return self._session.connection.process_data.skipped if self._session else 0
 
     def __enter__(self) -> Self:
         """Check, configure and power on every drive (see `drivers.drive_bus.DriveBus`).
@@ -154,12 +134,8 @@ class CanopenDriveBus:
             raise DriveRefused("the bus has been entered already; leave it first")
         try:
             self._inside, self._session = True, None
-            self._connection = Connection.on(
-                self._bus,
-                self._drives,
-                self._period,
-                self._pacing,
-                feed_forward=self._feed_forward,
+            self._connection = self._bus.connect(
+                self._drives, self._period, feed_forward=self._feed_forward
             )
             self._session = self._configured(self._connection)
             self._session.start()
@@ -218,7 +194,7 @@ class CanopenDriveBus:
         self._opened().reset()
 
     def _opened(self) -> Session:
-        if self._session is None or not self._inside:
+        if self._session is None or self._session.state is SessionState.LEFT:
             raise DriveRefused(
                 "the drives are not powered: enter the bus first, in a with statement"
             )
@@ -226,15 +202,8 @@ class CanopenDriveBus:
 
     def _configured(self, connection: Connection) -> Session:
         """Check and configure all drives; return the session that may power them on."""
-        axes, limits = check_and_configure(
-            connection.servers,
-            self._drives,
-            self._period,
-            connection.power,
-            connection.written,
-            connection.communications,
-            self._keeper,
-            reset_faults=self._reset_faults,
+        axes = check_and_configure(
+            connection, self._drives, self._period, self._keeper, reset_faults=self._reset_faults
         )
         self._note(str(note) for server in connection.servers for note in server.notes)
         return Session(
@@ -242,7 +211,7 @@ class CanopenDriveBus:
             self._drives,
             self._period,
             axes,
-            limits,
+            self._bus.rules.watchdogs,
             self._note,
             anywhere=self._anywhere,
             feed_forward=self._feed_forward,
@@ -275,7 +244,7 @@ class CanopenDriveBus:
                 self._close()
                 raise
             outcome.problems += self._close()
-            if capabilities_of(self._bus).recorded:
+            if self._bus.recorded:
                 outcome.problems.clear()
             self._note(outcome.notes)
             if outcome.message:
@@ -288,12 +257,14 @@ class CanopenDriveBus:
     def _left(self) -> Outcome:
         if self._connection is None:
             return Outcome()
-        return leave(self._connection, self._session, self._keeper)
+        return leave(self._connection, self._session, self._keeper, self._bus.rules)
 
     def _close(self) -> list[str]:
         """Shut down what is ours of the bus, and be outside; return what went wrong."""
         problems = []
         connection, self._connection, self._inside = self._connection, None, False
+        if self._session is not None:
+            self._session.leave()
         ours = [connection.close] if connection is not None else []
         if self._owns_bus:
             ours.append(self._bus.shutdown)

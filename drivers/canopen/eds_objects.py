@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
+from drivers.canopen.eds_numbers import NoNumber, number
+from drivers.canopen.eds_sections import Section
 from drivers.cia402 import objects
 from drivers.dictionary.dictionary import Declared, Key
-from drivers.dictionary.eds_numbers import NoNumber, number
-from drivers.dictionary.eds_sections import Section
 from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:

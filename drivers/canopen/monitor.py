@@ -10,6 +10,7 @@ whoever asks, and `questions` are frames to ask.
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -17,13 +18,16 @@ from typing import TYPE_CHECKING
 import can
 
 from drivers.axis import AxisScale
-from drivers.canopen.pdo_mapping import current_entry, transmitted
+from drivers.canopen.pdo_mapping import transmitted
 from drivers.cia402 import objects
-from drivers.cia402.error_codes import Emergency, decode_emergency
-from drivers.cia402.states import State, decode_state
+from drivers.cia402.error_codes import decode_emergency
+from drivers.cia402.picture import AxisPicture
+from drivers.cia402.states import decode_state
 from drivers.cia402.supervision import interlock
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import Entry
 
@@ -37,43 +41,6 @@ STOPPED = 2.0
 """Without a SYNC for so long there is no rate any more [s]."""
 
 
-@dataclass(slots=True)
-class AxisPicture:
-    """What was seen of one axis last.
-
-    Attributes
-    ----------
-    name : str
-    node : int
-    heard : float
-        When any frame of the drive came last [s]; -inf if none ever did.
-    nmt : str
-        From its heartbeat.
-    state : State or None
-        From the statusword; None while unknown.
-    q, tau : float
-        [rad or m], [N m or N]; NaN while unknown.
-    interlock : str
-        What its digital inputs (60FD) say of an interlock, if anybody asks for them.
-    emergency : Emergency or None
-        The last one, until the drive reports its end.
-    emergencies, foreign : int
-        How many emergencies came, and how many TPDOs that are not mapped as ours.
-    """
-
-    name: str
-    node: int
-    heard: float = -math.inf
-    nmt: str = ""
-    state: State | None = None
-    q: float = math.nan
-    tau: float = math.nan
-    interlock: str = ""
-    emergency: Emergency | None = None
-    emergencies: int = 0
-    foreign: int = 0
-
-
 @dataclass
 class BusPicture:
     """What was seen of all axes of a drives file.
@@ -82,6 +49,10 @@ class BusPicture:
     ----------
     drives : DrivesFile
         The axes in joint order.
+    bus : can.BusABC, optional
+        To be listened to.
+    asked : sequence of can.Message
+        Sent on it before it is.
 
     Attributes
     ----------
@@ -90,6 +61,8 @@ class BusPicture:
     """
 
     drives: DrivesFile
+    bus: can.BusABC | None = None
+    asked: Sequence[can.Message] = ()
     axes: list[AxisPicture] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -103,6 +76,17 @@ class BusPicture:
         }
         self._of_node = {axis.node: number for number, axis in enumerate(self.drives.axes)}
         self._scales = [AxisScale.of(axis) for axis in self.drives.axes]
+
+    def listen(self, duration: float) -> None:
+        """Take what comes on the bus, for so long [s]."""
+        assert self.bus is not None  # noqa: S101 - by the caller
+        for question in self.asked:
+            self.bus.send(question)
+        ends = time.monotonic() + duration
+        while (left := ends - time.monotonic()) > 0:
+            frame = self.bus.recv(left)
+            if frame is not None:
+                self.take(frame, time.monotonic())
 
     def sync_rate(self, now: float) -> float:
         """Rate of the last SYNCs [1/s], 0 if there are none any more at `now` [s]."""
@@ -148,7 +132,7 @@ class BusPicture:
             axis.state = decode_state(value)
         elif entry == objects.POSITION:
             axis.q = scale.position_from_counts(float(value))
-        elif entry == current_entry(self.drives.axes[slot]):
+        elif entry == self.drives.axes[slot].current.entry:
             axis.tau = scale.torque_from_counts(float(value))
 
 

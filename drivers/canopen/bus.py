@@ -1,0 +1,157 @@
+"""An open python-can bus with CANopen drives on it (`drivers.session.connection.Fieldbus`)."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from drivers.can_bus.capabilities import capabilities_of
+from drivers.canopen.bus_load import MAX_LOAD, cycle_time
+from drivers.canopen.communication import CanopenCommunication
+from drivers.canopen.connection import CanopenConnection
+from drivers.canopen.monitor import BusPicture, questions
+from drivers.canopen.network import PumpedNetwork
+from drivers.canopen.process_data import SyncProcessData
+from drivers.canopen.rules import RULES
+from drivers.canopen.scan import NODES, scan_bus
+from drivers.canopen.sdo import SDO_TIMEOUT, server_of
+from drivers.canopen.sync_clock import choose_sync_clock
+from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
+from drivers.session.connection import UnpoweredDrives
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator
+    from typing import Self
+
+    import can
+
+    from drivers.dictionary.found_nodes import Scan
+    from drivers.drives_file import DrivesFile
+    from drivers.fieldbus import PacingName
+    from drivers.remote_dictionary import RemoteDictionary
+
+
+class CanopenBus:
+    """An open bus, and a context manager that closes it.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        An open bus on which nobody else receives from this object.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        See `drivers.canopen.sync_clock.choose_sync_clock`.
+    """
+
+    rules = RULES
+
+    def __init__(self, bus: can.BusABC, pacing: PacingName = "auto") -> None:
+        self._bus = bus
+        self._pacing: PacingName = pacing
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.shutdown()
+
+    @property
+    def lock_step(self) -> bool:
+        """Whether all answers are queued before a frame has been sent."""
+        return capabilities_of(self._bus).lock_step
+
+    @property
+    def keeps_time(self) -> bool:
+        """Whether the kernel sends SYNC."""
+        return capabilities_of(self._bus).kernel_sync
+
+    @property
+    def recorded(self) -> bool:
+        """Whether no drives are behind it."""
+        return capabilities_of(self._bus).recorded
+
+    def connect(
+        self, drives: DrivesFile, period: float, *, feed_forward: bool = False
+    ) -> CanopenConnection:
+        """Build all that is needed to talk to drives (see `Fieldbus`)."""
+        return CanopenConnection.on(
+            self._bus, drives, period, self._pacing, feed_forward=feed_forward
+        )
+
+    def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
+        """Reach drives by SDO alone; where SYNC is the plant's clock, it lets time pass."""
+        clock = choose_sync_clock(self._bus, self._pacing, drives.sync_period)
+        network = PumpedNetwork(self._bus, synchronous=clock.synchronous)
+        servers = tuple(
+            server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
+        )
+        found = tuple(CanopenCommunication.predefined(axis, axis.label) for axis in drives.axes)
+        return UnpoweredDrives(servers, found, SyncProcessData(network, drives.axes, clock, found))
+
+    def servers(
+        self, named: Iterable[tuple[int, str]], timeout: float = SDO_TIMEOUT
+    ) -> tuple[RemoteDictionary, ...]:
+        """Reach drives by number and name, which may take `timeout` to answer [s]."""
+        # no SYNC is sent, so its period has no effect
+        synchronous = choose_sync_clock(self._bus, self._pacing, 1.0).synchronous
+        network = PumpedNetwork(self._bus, synchronous=synchronous)
+        return tuple(server_of(network, node, name, timeout) for node, name in named)
+
+    def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
+        """Find nodes and what they offer (see `drivers.canopen.scan.scan_bus`)."""
+        asked = [node for node in NODES if node not in besides and (only is None or node in only)]
+        return scan_bus(self._bus, only=asked)
+
+    def wait(self, timeout: float) -> object:
+        """Wait for a frame, for so long at most [s]."""
+        return self._bus.recv(timeout)
+
+    @contextmanager
+    def timed(self, drives: DrivesFile) -> Iterator[TimedCanopenBus]:
+        """Stand in for this bus and note how long drives take to answer."""
+        with StopwatchBus(self._bus, drives) as stopwatch:
+            yield TimedCanopenBus(stopwatch, drives, self._pacing)
+
+    def picture(self, drives: DrivesFile, *, inputs: bool = False) -> BusPicture:
+        """Show what is seen by listening alone, and digital inputs (60FD) by asking for them."""
+        return BusPicture(drives, self._bus, questions(drives) if inputs else ())
+
+    def load(self, drives: DrivesFile) -> tuple[float, float]:
+        """Return the time of a cycle on the bus [s], and the share of the period it may take."""
+        return cycle_time(drives), MAX_LOAD
+
+    def shutdown(self) -> None:
+        """Close it."""
+        self._bus.shutdown()
+
+
+class TimedCanopenBus(CanopenBus):
+    """A bus that notes how long the answers to each SYNC take.
+
+    Parameters
+    ----------
+    stopwatch : StopwatchBus
+        In front of the bus.
+    drives : DrivesFile
+        Whose TPDOs are answers.
+    pacing
+        As for `CanopenBus`.
+    """
+
+    def __init__(self, stopwatch: StopwatchBus, drives: DrivesFile, pacing: PacingName) -> None:
+        super().__init__(stopwatch, pacing)
+        self._stopwatch, self._drives = stopwatch, drives
+        self._found: tuple[CanopenCommunication, ...] = ()
+
+    def connect(
+        self, drives: DrivesFile, period: float, *, feed_forward: bool = False
+    ) -> CanopenConnection:
+        """Build all that is needed, and remember what the drives are set up to send."""
+        connection = super().connect(drives, period, feed_forward=feed_forward)
+        self._found = connection.communications
+        return connection
+
+    def achievable_rate(self) -> tuple[float, float]:
+        """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 in lock-step."""
+        slowest = 0.0 if self.lock_step else self._stopwatch.slowest
+        sent = [drive.transmitted for drive in self._found]
+        return achievable_rate(self._drives, slowest, sent), slowest

@@ -1,0 +1,189 @@
+"""What connecting builds on CANopen: complete or absent.
+
+Nothing is sent while it is built. Where a part cannot be built, what stands on the bus already is
+taken away again and nothing is left; the bus itself belongs to the caller.
+
+A drive may take its time from NMT start to OPERATIONAL, or lose the command: it is repeated until
+the drive answers SYNC, which only an operational one does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.canopen.communication import CanopenCommunication, find_collisions
+from drivers.canopen.emergency import Emergencies
+from drivers.canopen.heartbeat import START_TIME, Heartbeats, guarding_request
+from drivers.canopen.network import PumpedNetwork
+from drivers.canopen.pdo_mapping import answers
+from drivers.canopen.process_data import SyncProcessData
+from drivers.canopen.sdo import server_of
+from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
+from drivers.cia402.supervision import Supervision
+from drivers.drive_bus import NodeSilent
+from drivers.session.connection import Connection
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import can
+
+    from drivers.can_bus.kernel_sync import KernelSync
+    from drivers.canopen.sync_clock import SyncClock
+    from drivers.drive_bus import DriveRefused
+    from drivers.drives_file import DrivesFile
+    from drivers.fieldbus import PacingName
+    from drivers.remote_dictionary import RemoteDictionary
+
+START_AGAIN = 0.1
+"""Time after which a drive that does not answer SYNC is commanded to start again [s]."""
+
+
+class CanopenConnection(Connection):
+    """The services of all drives on one bus.
+
+    Parameters
+    ----------
+    channel : can.BusABC
+        An open bus, or what stands on it where the kernel sends SYNC (`kernel`).
+    clock : SyncClock
+        Where SYNC's time comes from.
+    drives : DrivesFile
+        The axes in joint order.
+    feed_forward : bool
+        The drives are to take offsets of velocity and torque.
+    kernel : KernelSync, optional
+    """
+
+    communications: tuple[CanopenCommunication, ...]
+    process_data: SyncProcessData
+    life_sign: Heartbeats
+
+    def __init__(
+        self,
+        channel: can.BusABC,
+        clock: SyncClock,
+        drives: DrivesFile,
+        *,
+        feed_forward: bool,
+        kernel: KernelSync | None = None,
+    ) -> None:
+        self._network = network = PumpedNetwork(channel, synchronous=clock.synchronous)
+        self._kernel, self._clock, self._master = kernel, clock, drives.master_node
+        if kernel is not None:
+            kernel.deliver = network.dispatch
+        servers = tuple(
+            server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
+        )
+        communications = tuple(
+            CanopenCommunication.predefined(axis, axis.label, feed_forward=feed_forward)
+            for axis in drives.axes
+        )
+        supervision = Supervision(servers)
+        heartbeats = Heartbeats(
+            network,
+            drives.master_node,
+            {server.node: server.label for server in servers},
+            drives.heartbeat_period,
+            drives.heartbeat_timeout,
+            clock.now,
+        )
+        data = SyncProcessData(network, drives.axes, clock, communications)
+        super().__init__(servers, communications, supervision, data, heartbeats)
+        network.idle = heartbeats.beat
+        nodes = [server.node for server in servers]
+        self._emergencies = Emergencies(network, nodes, supervision.take_emergency)
+
+    @classmethod
+    def on(
+        cls,
+        bus: can.BusABC,
+        drives: DrivesFile,
+        period: float,
+        pacing: PacingName,
+        *,
+        feed_forward: bool = False,
+    ) -> CanopenConnection:
+        """Build everything on an open bus, or nothing.
+
+        Parameters
+        ----------
+        bus : can.BusABC
+        drives, period, feed_forward
+            See `drivers.session.connection.Fieldbus.connect`.
+        pacing : {"auto", "lock-step", "wall-clock"}
+            See `drivers.canopen.sync_clock.choose_sync_clock`.
+        """
+        expected = [cob_id for axis in drives.axes for cob_id in answers(axis)]
+        kernel = kernel_sync(bus, pacing, period, expected)
+        if kernel is None:
+            clock = choose_sync_clock(bus, pacing, period)
+            return cls(bus, clock, drives, feed_forward=feed_forward)
+        try:
+            paced = KernelClock(kernel, period)
+            return cls(kernel, paced, drives, feed_forward=feed_forward, kernel=kernel)
+        except BaseException:
+            kernel.shutdown()
+            raise
+
+    def conflicts(self) -> Sequence[DriveRefused]:
+        """Return which drives use an identifier that is in use already."""
+        return find_collisions(self.communications, self._master)
+
+    def start(self) -> None:
+        """Expect TPDOs, emergencies and guarding of each drive as it has been set up; start all."""
+        found = self.communications
+        self.process_data.wire(found)
+        self._emergencies.listen([drive.emergency for drive in found])
+        self.life_sign.requests = [guarding_request(drive.node) for drive in found if drive.guarded]
+        for server in self.servers:
+            server.access.go_operational()
+
+    def await_answers(self) -> None:
+        """Watch drives that have just been commanded to start, until each answers SYNC.
+
+        Raises
+        ------
+        NodeSilent
+            Which do not, or whose heartbeat stays away.
+        """
+        clock, data, heartbeats = self._clock, self.process_data, self.life_sign
+        heartbeats.watch(starting=True)
+        heartbeats.hurry()  # a drive watches from the first heartbeat on, not before
+        self.supervision.forget()
+        begun = clock.now()
+        again = begun + START_AGAIN
+        self.cycle()
+        while data.irregular:
+            pairs = zip(self.servers, data.flags, strict=True)
+            silent = [server for server, flag in pairs if flag]
+            if clock.now() > begun + START_TIME:
+                raise _silence(silent, heartbeats.starting)
+            if clock.now() > again:
+                for server in silent:
+                    server.access.go_operational()
+                again = clock.now() + START_AGAIN
+            self.cycle()
+
+    def collect_late(self) -> None:
+        """Take telegrams off the bus that are merely late: with our heartbeat they come."""
+        self.life_sign.hurry()
+        self._network.pump(0.0)
+
+    def close(self) -> None:
+        """Take away what was put on the bus, which stays open."""
+        if self._kernel is not None:
+            self._kernel.shutdown()
+
+
+def _silence(silent: Sequence[RemoteDictionary], starting: set[int]) -> NodeSilent:
+    labels = "; ".join(server.label for server in silent)
+    if all(server.node in starting for server in silent):
+        return NodeSilent(
+            f"{labels}: not operational {START_TIME:g} s after NMT start, which was repeated; check"
+            " the drive's supply and state, and that no other master is on the bus"
+        )
+    return NodeSilent(
+        f"{labels}: does not answer each SYNC with one TPDO of the mapped length; check that no"
+        " other master is on the bus, and the bus load"
+    )

@@ -1,0 +1,59 @@
+"""Who is on a bus, as a scan found it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from drivers.dictionary.dictionary import Dictionary
+    from drivers.dictionary.review import Review
+
+
+@dataclass
+class FoundNode:
+    """One node.
+
+    Attributes
+    ----------
+    node : int
+        Its number.
+    state : str
+        NMT state of its last heartbeat, empty where none was heard.
+    boots, emergencies : int
+        So many boot-ups and emergencies were heard.
+    answers : int
+        So many answers came to one question: more than one are two devices with the same number.
+    dictionary : Dictionary or None
+        What was read; None where no SDO is answered.
+    review : Review or None
+        What it offers.
+    """
+
+    node: int
+    state: str = ""
+    boots: int = 0
+    emergencies: int = 0
+    answers: int = 0
+    dictionary: Dictionary | None = None
+    review: Review | None = None
+
+
+@dataclass
+class Scan:
+    """What a scan found.
+
+    Attributes
+    ----------
+    nodes : dict of int to FoundNode
+        By node number.
+    syncs : int
+        SYNCs heard, from another master.
+    """
+
+    nodes: dict[int, FoundNode] = field(default_factory=dict)
+    syncs: int = 0
+
+    def heard(self, node: int) -> FoundNode:
+        """Return the node of this number, found from now on."""
+        return self.nodes.setdefault(node, FoundNode(node))
