@@ -38,7 +38,11 @@ class AccessRefused(Exception):
 
 
 class NoAnswer(Exception):
-    """A drive did not answer an access, or not in a way that can be understood."""
+    """A drive did not answer an access, or not so that it can be understood; `where` to look."""
+
+    def __init__(self, words: str, where: str) -> None:
+        super().__init__(words)
+        self.where = where
 
 
 class Aborted(DriveRefused):
@@ -328,7 +332,7 @@ class RemoteDictionary:
             )
         return NodeSilent(
             f"{self.label}: no answer when trying to {what} object {entry} ({error}); check that "
-            "the drive has power, its node number, its bit rate and the CAN wiring"
+            f"the drive has power, {error.where}"
         )
 
 

@@ -55,6 +55,7 @@ class CanopenConnection(Connection):
     kernel : KernelSync, optional
     """
 
+    wiring = "CAN wiring and termination"
     communications: tuple[CanopenCommunication, ...]
     process_data: SyncProcessData
     life_sign: Heartbeats

@@ -20,6 +20,8 @@ SDO_TIMEOUT = 0.5
 """How long a drive may take to answer [s]."""
 EXCHANGES = 64
 """Longest answer that is waited for [frames of 7 bytes]."""
+WHERE = "its node number, its bit rate and the CAN wiring"
+"""What to check where a node does not answer."""
 NMT_START, NMT_ENTER_PRE_OPERATIONAL = 1, 128
 
 _ABORTED = 0x80
@@ -178,4 +180,4 @@ def _asked(access: Callable[[], _Answer]) -> _Answer:
         words = SdoAbortedError.CODES.get(error.code, "unknown abort code")
         raise AccessRefused(error.code, words) from error
     except SdoError as error:
-        raise NoAnswer(str(error)) from error
+        raise NoAnswer(str(error), WHERE) from error

@@ -35,6 +35,8 @@ class MissingTelegrams:
         Takes telegrams off the bus that are merely late; called after a gap.
     period : float
         Time between two SYNCs [s].
+    wiring : str
+        What to check of the bus.
 
     Attributes
     ----------
@@ -43,8 +45,13 @@ class MissingTelegrams:
     """
 
     def __init__(
-        self, axes: Sequence[Axis], collect_late: Callable[[], None], period: float
+        self,
+        axes: Sequence[Axis],
+        collect_late: Callable[[], None],
+        period: float,
+        wiring: str = "wiring",
     ) -> None:
+        self._wiring = wiring
         self._busy = max(BLIND, math.ceil(BUSY / period))
         self.open = False
         self._axes = axes
@@ -76,5 +83,5 @@ class MissingTelegrams:
             return None
         return NodeSilent(
             f"{', '.join(blind)}: no TPDO for {most} SYNCs in a row; check the drive's supply, "
-            "CAN wiring and termination"
+            f"{self._wiring}"
         )

@@ -42,11 +42,15 @@ class Connection(ABC):
 
     Attributes
     ----------
+    wiring : str
+        What to check of the bus where telegrams stay away.
     power : Power
         Switches drives on and off.
     written : list of RemoteDictionary
         Drives to which something may have been written; grows.
     """
+
+    wiring: str
 
     def __init__(
         self,
