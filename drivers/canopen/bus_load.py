@@ -1,6 +1,6 @@
 """How much of the bus a cycle takes.
 
-A cycle is SYNC and every TPDO that answers it, each with the worst stuffing (`frame_length`). What
+A cycle is SYNC and every TPDO that answers it, each with the worst stuffing. What
 a drive answers with is seen when it is set up: where its PDOs are not as we would have them, the
 load is that of the TPDOs that it has.
 """
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.canopen.frame_length import frame_bits
 from drivers.canopen.pdo_mapping import fed_forward, received, transmitted
 
 if TYPE_CHECKING:
@@ -20,6 +19,11 @@ if TYPE_CHECKING:
 
 MAX_LOAD = 0.7
 """Share of the bus beyond which identifiers of low priority starve."""
+
+
+def frame_bits(n_bytes: int) -> int:
+    """Length of a data frame with the worst stuffing [bits]."""
+    return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
 
 
 def cycle_time(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
-from drivers.canopen.frame_length import frame_bits
+from drivers.canopen.bus_load import frame_bits
 from drivers.canopen.objects import (
     EXTENDED,
     IDENTIFIER,

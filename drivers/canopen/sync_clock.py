@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.can_bus.kernel_sync import KernelSync
@@ -39,39 +39,53 @@ WINDOW = 0.8
 """Share of the period in which the answers to a SYNC must arrive on the wall clock."""
 
 
-class SyncClock(Protocol):
-    """The source of SYNC's time."""
+class SyncClock:
+    """The source of SYNC's time.
 
-    skipped: int
-    """SYNCs left out because their deadline had passed."""
+    Attributes
+    ----------
+    skipped : int
+        SYNCs left out because their deadline had passed.
+    passed_over : int
+        SYNCs right before the last one that were passed over: they had waited too long.
+    synchronous : bool
+        Every answer is in the receive queue before `send` returns.
+    """
 
-    synchronous: bool
-    """Every answer is in the receive queue before `send` returns."""
-
-    @property
-    def passed_over(self) -> int:
-        """SYNCs right before the last one that were passed over: they had waited too long."""
+    def __init__(
+        self, period: float, clock: Callable[[], float], start: float | None = None
+    ) -> None:
+        self.skipped = self.passed_over = 0
+        self.synchronous = False
+        self._period = period
+        self._clock = clock
+        self._start = clock() if start is None else start
 
     def now(self) -> float:
-        """Time since the first deadline [s]."""
+        """Time since the bus was entered [s]."""
+        return self._clock() - self._start
 
     def due(self) -> float:
         """How long until the next SYNC is due [s], 0 if it is now."""
+        return 0.0
 
     def sent(self) -> float:
         """Take note that a SYNC went out; return its instant [s]."""
+        raise NotImplementedError
 
     def window(self) -> float:
         """How long answers to the last SYNC may still take [s], at least 0."""
+        raise NotImplementedError
 
     def miss(self) -> None:
         """Let a period pass in which the bus took no SYNC."""
+        time.sleep(self._period)
 
     def hurry(self, hurried: bool) -> None:
         """Wait for a bus that does not answer only as long as a stop of all axes can afford."""
 
 
-class LockStep:
+class LockStep(SyncClock):
     """Time counted in SYNCs; the next one is due as soon as the last one is answered.
 
     Parameters
@@ -87,21 +101,15 @@ class LockStep:
     def __init__(
         self, period: float, *, synchronous: bool, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        self.skipped = self.passed_over = 0
+        super().__init__(period, clock, start=0.0)
         self.synchronous = synchronous
-        self._period = period
         self._count = 0
-        self._clock = clock
         self._patience = PATIENCE
         self._patience_ends = -math.inf
 
     def now(self) -> float:
         """Time since the bus was entered [s]."""
         return self._count * self._period
-
-    def due(self) -> float:
-        """Return 0: the next SYNC is always due."""
-        return 0.0
 
     def sent(self) -> float:
         """Let one period pass; return the SYNC's instant [s]."""
@@ -125,7 +133,7 @@ class LockStep:
         self._patience = HURRIED_PATIENCE if hurried else PATIENCE
 
 
-class WallClock:
+class WallClock(SyncClock):
     """Absolute deadlines on a monotonic clock; missed ones are skipped and counted.
 
     Parameters
@@ -137,17 +145,9 @@ class WallClock:
     """
 
     def __init__(self, period: float, *, clock: Callable[[], float] = time.perf_counter) -> None:
-        self.skipped = self.passed_over = 0
-        self.synchronous = False
-        self._period = period
-        self._clock = clock
-        self._start = clock()
+        super().__init__(period, clock)
         self._deadline = self._start
         self._window_ends = self._start
-
-    def now(self) -> float:
-        """Time since the bus was entered [s]."""
-        return self._clock() - self._start
 
     def due(self) -> float:
         """How long until the next deadline [s], 0 if it is now; passes over missed deadlines."""
@@ -178,11 +178,8 @@ class WallClock:
         time.sleep(self.due())
         self._deadline += self._period
 
-    def hurry(self, hurried: bool) -> None:
-        """Do nothing: deadlines wait for nobody."""
 
-
-class KernelClock:
+class KernelClock(SyncClock):
     """The kernel's deadlines: SYNC comes by itself, and its instant with it.
 
     Parameters
@@ -198,36 +195,13 @@ class KernelClock:
     def __init__(
         self, bus: KernelSync, period: float, *, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        self.synchronous = False
+        super().__init__(period, clock)
         self._bus = bus
-        self._period = period
-        self._clock = clock
-        self._start = clock()
-
-    @property
-    def skipped(self) -> int:
-        """SYNCs that were left out or lost."""
-        return self._bus.skipped
-
-    @skipped.setter
-    def skipped(self, number: int) -> None:
-        self._bus.skipped = number
-
-    @property
-    def passed_over(self) -> int:
-        """SYNCs right before the last one that were passed over: they had waited too long."""
-        return self._bus.passed_over
-
-    def now(self) -> float:
-        """Time since the bus was entered [s]."""
-        return self._clock() - self._start
-
-    def due(self) -> float:
-        """Return 0: the bus waits for SYNC."""
-        return 0.0
 
     def sent(self) -> float:
-        """Return the instant of the SYNC that was waited for [s]."""
+        """Return the instant of the SYNC that was waited for [s]; the bus has counted others."""
+        self.skipped += self._bus.skipped
+        self._bus.skipped, self.passed_over = 0, self._bus.passed_over
         return self._bus.instant - self._start
 
     def window(self) -> float:
@@ -235,10 +209,6 @@ class KernelClock:
         if self._bus.overdue:
             return 0.0
         return max(0.0, self._bus.instant + (1.0 + TOO_LATE) * self._period - self._clock())
-
-    def miss(self) -> None:
-        """Let a period pass."""
-        time.sleep(self._period)
 
     def hurry(self, hurried: bool) -> None:
         """Wait for the kernel's SYNC no longer than two periods."""

@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
-from drivers.commissioning.comparison import Agreement, compared, unsettled
 from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
 from drivers.commissioning.ratings import compare_ratings
 from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.commissioning.unit_codes import acceleration_of, velocity_of
+from drivers.commissioning.verdict import Grade, compared, unsettled
 from drivers.drive_bus import DriveRefused
 from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.commissioning.comparison import Comparison
+    from drivers.commissioning.verdict import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
     from drivers.rate_units import RateUnit
@@ -54,12 +54,12 @@ def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
         The drive says something else than the drives file.
     """
     for comparison in comparisons(server, axis):
-        if comparison.agreement is Agreement.CONTRADICTED:
+        if comparison.grade is Grade.REFUSED:
             raise DriveRefused(
                 f"{server.label}: {comparison.check} is {comparison.found}, the drives "
                 f"file states {comparison.key}: {comparison.stated}; {comparison.remedy}"
             )
-        if comparison.agreement is Agreement.UNSETTLED:
+        if comparison.grade is Grade.WARNING:
             server.note(f"{comparison.found}: {comparison.remedy}", lack=True)
     _look_at_positions(server, axis)
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.commissioning.comparison import Agreement
 from drivers.commissioning.configure import check_identity
 from drivers.commissioning.consistency import comparisons
+from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import DriveError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def fits(server: RemoteDictionary, axis: AxisDrive) -> bool:
     looked_at = server.seen_through(lambda client: client)
     try:
         check_identity(looked_at, axis)
-        found = {comparison.agreement for comparison in comparisons(looked_at, axis)}
+        found = {comparison.grade for comparison in comparisons(looked_at, axis)}
     except DriveError:
         return False
-    return Agreement.CONFIRMED in found and Agreement.CONTRADICTED not in found
+    return Grade.OK in found and Grade.REFUSED not in found

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import MAKERS
-from drivers.commissioning.comparison import compared, unsettled
 from drivers.commissioning.requirements import REQUIREMENTS
+from drivers.commissioning.verdict import compared, unsettled
 from drivers.drives_file import Basis, TorqueUnit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from drivers.cia402.vendor_objects import VendorObject
-    from drivers.commissioning.comparison import Comparison
+    from drivers.commissioning.verdict import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
 

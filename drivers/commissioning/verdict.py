@@ -55,6 +55,52 @@ class Verdict:
         return f"{self.place}: {self.check}: {self.found}{bound}{remedy}"
 
 
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A statement of the drives file beside what a drive says of the same thing.
+
+    Attributes
+    ----------
+    grade : Grade
+        OK where they agree, refused where the drive contradicts the file, a warning where it is
+        silent or unclear: then the file is taken on trust.
+    check : str
+        What was compared, with its objects.
+    found : str
+        What the drive says.
+    key, stated : str
+        Of the drives file.
+    remedy : str
+        What to do; empty where they agree.
+    """
+
+    grade: Grade
+    check: str
+    found: str
+    key: str
+    stated: str
+    remedy: str = ""
+
+    def of(self, place: str) -> Verdict:
+        """Return the verdict on the drive of an axis."""
+        bound = f"file: {self.stated}"
+        return Verdict(self.grade, place, self.check, self.found, bound, self.remedy)
+
+
+def compared(
+    agrees: bool, check: str, found: str, key: str, stated: str, remedy: str
+) -> Comparison:
+    """Return a comparison that is confirmed where `agrees`, else contradicted with the remedy."""
+    if agrees:
+        return Comparison(Grade.OK, check, found, key, stated)
+    return Comparison(Grade.REFUSED, check, found, key, stated, remedy)
+
+
+def unsettled(check: str, found: str, key: str, stated: str, remedy: str) -> Comparison:
+    """Return a comparison that leaves the file on trust."""
+    return Comparison(Grade.WARNING, check, found, key, stated, remedy)
+
+
 def graded(
     holds: bool,
     otherwise: Grade,

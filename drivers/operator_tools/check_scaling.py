@@ -12,7 +12,6 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.commissioning.comparison import Agreement
 from drivers.commissioning.consistency import (
     GEAR,
     SAME_GEAR,
@@ -27,7 +26,6 @@ from drivers.drives_file import Basis
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.commissioning.comparison import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.remote_dictionary import RemoteDictionary
 
@@ -52,29 +50,13 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
     """
     compared = list(comparisons(server, axis))
     for comparison in compared:
-        yield _verdict(server.label, comparison)
+        yield comparison.of(server.label)
     if axis.current.basis is not Basis.RATED_TORQUE:
-        sure = {each.check for each in compared if each.agreement is Agreement.CONFIRMED}
+        sure = {each.check for each in compared if each.grade is Grade.OK}
         yield _torque_constant(server.label, axis, rated={CURRENT, TORQUE} <= sure)
     yield from _gear(server, axis)
     yield _polarity(server)
     yield _current(server, axis)
-
-
-def _verdict(place: str, comparison: Comparison) -> Verdict:
-    bound = f"file: {comparison.stated}"
-    if comparison.agreement is Agreement.UNSETTLED:
-        found, remedy = comparison.found, comparison.remedy
-        return Verdict(Grade.WARNING, place, comparison.check, found, bound, remedy)
-    return graded(
-        comparison.agreement is Agreement.CONFIRMED,
-        Grade.REFUSED,
-        place,
-        comparison.check,
-        comparison.found,
-        bound,
-        comparison.remedy,
-    )
 
 
 def _torque_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:

@@ -13,10 +13,10 @@ from stated_axis import axis, drives
 
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
-from drivers.commissioning.comparison import Agreement
 from drivers.commissioning.consistency import compare_positions
 from drivers.commissioning.position_units import PositionFactors, position_readings
 from drivers.commissioning.unit_codes import acceleration_of, position_of, velocity_of
+from drivers.commissioning.verdict import Grade
 from drivers.rate_units import acceleration_unit, velocity_unit
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def test_what_a_drive_says_leads_to_these_counts_per_motor_revolution(
 def test_a_radian_is_no_ratio_and_meets_its_ten_digits_all_the_same() -> None:
     stated = one_axis(increments_per_revolution="6283.185307")
     found = compare_positions(factors(encoder(2000) | unit(0xFD100000)), stated)
-    assert found.agreement is Agreement.CONFIRMED
+    assert found.grade is Grade.OK
 
 
 def one_axis(**changes: Any) -> AxisDrive:
@@ -173,11 +173,11 @@ def test_a_file_that_differs_is_refused_with_both_numbers_and_the_objects(
     right = compare_positions(
         factors(says), one_axis(increments_per_revolution=expected, gear_ratio=1e-3)
     )
-    assert right.agreement is Agreement.CONFIRMED
+    assert right.grade is Grade.OK
     assume(factor != 1)
     wrong = one_axis(increments_per_revolution=expected * factor, gear_ratio=1e-3)
     found = compare_positions(factors(says), wrong)
-    assert found.agreement is Agreement.CONTRADICTED
+    assert found.grade is Grade.REFUSED
     assert any(index in found.found for index in ("608F", "6092", "60A8"))
     assert found.stated
     assert found.stated not in found.found.split()
@@ -186,12 +186,12 @@ def test_a_file_that_differs_is_refused_with_both_numbers_and_the_objects(
 def test_a_drive_that_contradicts_itself_leaves_the_choice_to_the_file() -> None:
     says = factors(encoder(2000) | gear(1) | feed(3600) | unit(INCREMENTS))
     for stated, agreement in (
-        (3600, Agreement.UNSETTLED),
-        (2000, Agreement.UNSETTLED),
-        (4096, Agreement.CONTRADICTED),
+        (3600, Grade.WARNING),
+        (2000, Grade.WARNING),
+        (4096, Grade.REFUSED),
     ):
         found = compare_positions(says, one_axis(increments_per_revolution=stated))
-        assert found.agreement is agreement
+        assert found.grade is agreement
         assert "3600 counts" in found.found
         assert "2000 counts" in found.found
 
@@ -199,15 +199,15 @@ def test_a_drive_that_contradicts_itself_leaves_the_choice_to_the_file() -> None
 @pytest.mark.parametrize("says", [encoder(4096, 0), encoder(4096) | feed(3600, 0)])
 def test_a_divisor_that_is_not_stated_leaves_the_right_file_on_trust(says: Says) -> None:
     found = compare_positions(factors(says), one_axis(increments_per_revolution=4096))
-    assert found.agreement is Agreement.UNSETTLED
+    assert found.grade is Grade.WARNING
     assert ":02 is 0 or not stated, 1 is assumed" in found.found
     other = compare_positions(factors(says), one_axis(increments_per_revolution=2000))
-    assert other.agreement is Agreement.CONTRADICTED
+    assert other.grade is Grade.REFUSED
 
 
 def test_an_encoder_resolution_that_leads_to_no_unit_is_not_called_missing() -> None:
     found = compare_positions(factors(encoder(2000) | unit(0x00AC0000)), one_axis())
-    assert found.agreement is Agreement.UNSETTLED
+    assert found.grade is Grade.WARNING
     assert found.found == "608F = 2000, and 60A8 says 00AC0000h, an unknown unit"
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from personalities import drives_for
 
-from drivers.canopen.frame_length import frame_bits
+from drivers.canopen.bus_load import frame_bits
 from hil.cli.robot_drives import bus_cycle
 from hil.planning.trajectory import Trajectory
 
