@@ -17,10 +17,11 @@ from drivers.canopen.heartbeat import START_TIME, Heartbeats, guarding_request
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.pdo_mapping import answers
 from drivers.canopen.process_data import SyncProcessData
+from drivers.canopen.requirements import WATCHDOGS
 from drivers.canopen.sdo import server_of
 from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
 from drivers.cia402.supervision import Supervision
-from drivers.drive_bus import NodeSilent
+from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.session.connection import Connection
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     from drivers.can_bus.kernel_sync import KernelSync
     from drivers.canopen.sync_clock import SyncClock
-    from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.remote_dictionary import RemoteDictionary
@@ -165,6 +165,22 @@ class CanopenConnection(Connection):
                     server.access.go_operational()
                 again = clock.now() + START_AGAIN
             self.cycle()
+
+    def refuse_unwatched(self) -> None:
+        """Refuse drives whose watch on us is not as it was set: another master may be at work.
+
+        Raises
+        ------
+        DriveRefused
+            The first of them, with what it holds and what was written.
+        """
+        for server in self.servers:
+            for entry, value in server.kept.items():
+                if entry.index in WATCHDOGS and (present := server.get(entry)) != value:
+                    raise DriveRefused(
+                        f"{server.label}: {entry} is {present} before power-on, {value} was "
+                        "written; another master or a restore changed it: end that first"
+                    )
 
     def collect_late(self) -> None:
         """Take telegrams off the bus that are merely late: with our heartbeat they come."""

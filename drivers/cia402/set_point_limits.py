@@ -1,4 +1,4 @@
-"""Checks of a set-point against an axis's limits, before anything is commanded."""
+"""Checks against an axis's limits before anything is commanded: set-points, and where it stands."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from drivers.drive_bus import LimitExceeded
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from drivers.axis import Axis
     from drivers.drive_bus import Move
@@ -51,6 +51,35 @@ def check_move(move: Move, axis: Axis) -> None:
                 f"{place}: {key} {value:g} {unit}{per} is below the drive's resolution of "
                 f"{least:g} {unit}{per}; choose a faster move"
             )
+
+
+def refuse_outside(axes: Sequence[Axis], positions: Sequence[int]) -> None:
+    """Refuse axes that stand where they must never be, before any is energised.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+        In joint order.
+    positions : sequence of int
+        Where they stand [increments].
+
+    Raises
+    ------
+    LimitExceeded
+        A line for each that is outside.
+    """
+    outside = []
+    for axis in axes:
+        q, limits = axis.scale.position_from_counts(positions[axis.index]), axis.drive.limits
+        slack, unit = axis.drive.position_window, axis.drive.unit
+        if not limits.q_min - slack <= q <= limits.q_max + slack:
+            outside.append(
+                f"{axis.label}: stands at {q:.4g} {unit}, must be in "
+                f"[{limits.q_min:g}, {limits.q_max:g}] {unit}; bring it back without power or "
+                "with the maker's tool, or correct zero, sign or limits in the drives file"
+            )
+    if outside:
+        raise LimitExceeded("\n".join(outside))
 
 
 def joint_of(axis: Axis) -> str:

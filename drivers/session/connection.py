@@ -84,6 +84,16 @@ class Connection(ABC):
         """
 
     @abstractmethod
+    def refuse_unwatched(self) -> None:
+        """Refuse drives whose watch on us is not as it was set, right before power-on.
+
+        Raises
+        ------
+        DriveRefused
+            Another master may be at work.
+        """
+
+    @abstractmethod
     def collect_late(self) -> None:
         """Take telegrams off the bus that are merely late."""
 

@@ -208,10 +208,8 @@ class ServoAxes:
         self._note(str(note) for server in connection.servers for note in server.notes)
         return Session(
             connection,
-            self._drives,
             self._period,
             axes,
-            self._bus.rules.watchdogs,
             self._note,
             anywhere=self._anywhere,
             feed_forward=self._feed_forward,

@@ -18,24 +18,22 @@ from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
-from drivers.cia402.set_point_limits import check_move
+from drivers.cia402.set_point_limits import check_move, refuse_outside
 from drivers.cia402.states import State
 from drivers.cia402.stream_limits import check_feed_forward, check_path
 from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
 from drivers.safety.missing_telegrams import MissingTelegrams
 from drivers.safety.trips import Trips
-from drivers.session.start import refuse_outside, refuse_unwatched
 from drivers.session.stopping import Stopping
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from drivers.axis import Axis
     from drivers.drive_bus import Move, Sample
-    from drivers.drives_file import DrivesFile
     from drivers.session.connection import Connection
 
 LEFT_OUT = 1.5
@@ -62,14 +60,10 @@ class Session:
     ----------
     connection : Connection
         To drives that have been checked and configured.
-    drives : DrivesFile
-        The axes in joint order.
     period : float
         Time between two SYNCs [s].
     axes : tuple of Axis
         In joint order.
-    watchdogs : collection of int
-        Index of the objects of drives that watch us.
     note : callable
         Takes what the operator should know though it stops nothing.
     anywhere : bool
@@ -88,10 +82,8 @@ class Session:
     def __init__(
         self,
         connection: Connection,
-        drives: DrivesFile,
         period: float,
         axes: tuple[Axis, ...],
-        watchdogs: Collection[int],
         note: Callable[[Iterable[str]], None],
         *,
         anywhere: bool,
@@ -104,12 +96,11 @@ class Session:
         self._note = note
         self._anywhere = anywhere
         self._feed_forward = feed_forward
-        self._watchdogs = watchdogs
         self._planned = any(axis.planned for axis in axes)
         self._process_data = data = connection.process_data
         self._life_sign, self._power = connection.life_sign, connection.power
         self._supervision = connection.supervision
-        self._unsupervised = max(UNSUPERVISED * drives.heartbeat_timeout, 3 * period)
+        self._unsupervised = max(UNSUPERVISED * connection.life_sign.timeout, 3 * period)
         self._words: Sequence[int] = ()
         self._late = (-math.inf, 0.0)
         self._samples = SampleReader(axes)
@@ -146,7 +137,7 @@ class Session:
 
     def power_on(self) -> None:
         """Energise all axes together, where they stand."""
-        refuse_unwatched(self.connection.servers, self._watchdogs)
+        self.connection.refuse_unwatched()
         if not self._anywhere:
             refuse_outside(self.axes, self._process_data.positions)
         self._power.walk(State.SWITCHED_ON, self.connection.cycle)

@@ -181,6 +181,9 @@ class DirectConnection(Connection):
     def await_answers(self) -> None:
         self.cycle()
 
+    def refuse_unwatched(self) -> None:
+        """The watchdog is as it was."""
+
     def collect_late(self) -> None:
         """Nothing is late."""
 
