@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Objects
 
+FINEST = 2.0**-24
+"""Share of a number by which it is rounded in 32 bits (IEEE 754)."""
 Number = TypeVar("Number", float, "NDArray[np.float64]")
 
 
@@ -54,6 +56,8 @@ class AxisScale:
         Joint velocity and acceleration per unit of the drive, positive.
     torque_limit : float
         Joint torque per unit of 6072 (per mille of rated torque), positive [N m or N].
+    torque_step : float
+        Smallest step of joint torques that the current object shows, positive [N m or N].
     """
 
     position: float
@@ -62,19 +66,23 @@ class AxisScale:
     velocity: float
     acceleration: float
     torque_limit: float
+    torque_step: float
 
     @classmethod
     def of(cls, axis: AxisDrive) -> AxisScale:
         """Derive the factors from an axis of the drives file."""
         increment = 2 * math.pi / float(axis.increments_per_revolution) / axis.gear_ratio
         per_mille = axis.gear_ratio * axis.rated_torque / 1000
+        torque = axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque(axis)
+        real = axis.current.type == "f32"
         return cls(
             position=axis.sign * increment,
             zero=axis.zero,
-            torque=axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque(axis),
+            torque=torque,
             velocity=_rate(velocity_unit(axis.velocity_unit), axis),
             acceleration=_rate(acceleration_unit(axis.acceleration_unit), axis),
             torque_limit=per_mille,
+            torque_step=FINEST * axis.limits.torque if real else abs(torque),
         )
 
     def position_from_counts(self, counts: Number) -> Number:
@@ -166,7 +174,7 @@ class Axis:
             q_max=limits.q_max,
             velocity_max=limits.velocity,
             acceleration_max=limits.acceleration,
-            torque_resolution=abs(self.scale.torque),
+            torque_resolution=self.scale.torque_step,
             position_resolution=self.per_count,
             own_limits=self.own,
             unit=self.drive.unit,

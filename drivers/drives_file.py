@@ -77,15 +77,15 @@ class CurrentObject(FileModel):
     Attributes
     ----------
     per_count : float
-        What one count is, in units of `basis`: 10 where the drive counts in 0.01 A and the basis is
-        mA; so too for any unit of the maker's.
+        What one count is, in units of `basis`: with the basis mA 10 where the drive counts in
+        0.01 A, 1000 where it shows A (f32); so too for any unit of the maker's.
     sign : int
         -1 where it counts against the drive's position; `hil check` finds out.
     """
 
     index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
     subindex: Annotated[int, Field(ge=0, le=0xFF)] = 0
-    type: Literal["i16", "i32"]
+    type: Literal["i16", "i32", "f32"]
     basis: Basis
     per_count: Positive = 1.0
     amplitude: Literal["rms", "peak"] | None = None

@@ -9,6 +9,7 @@ and tools need beside that is `drivers.session.connection.Fieldbus`.
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -34,7 +35,7 @@ class Entry:
     index, subindex : int
         Where it stands.
     type : str
-        u8, u16, u32, i8, i16 or i32.
+        u8, u16, u32, i8, i16 or i32; f32 of what is only measured.
     name : str
         For messages.
     """
@@ -58,6 +59,12 @@ class Entry:
     def signed(self) -> bool:
         """Whether negative numbers exist."""
         return self.type.startswith("i")
+
+    def number(self, data: bytes) -> float:
+        """Return the number that its bytes are, little endian; an integer but of f32."""
+        if self.type == "f32":
+            return float(struct.unpack("<f", data)[0])
+        return int.from_bytes(data, "little", signed=self.signed)
 
     def __str__(self) -> str:
         return f"{self.index:04X}:{self.subindex:02X} ({self.name})"
@@ -106,7 +113,7 @@ class ProcessData(Protocol):
 
     Attributes
     ----------
-    words, positions, currents : sequence of int, length n_axes
+    words, positions, currents : sequence of int (currents of float), length n_axes
         Statusword, position and current; where an axis's telegram is missing, those of the SYNC
         before.
     flags : sequence of int, length n_axes
@@ -128,7 +135,7 @@ class ProcessData(Protocol):
     def positions(self) -> tuple[int, ...]: ...  # noqa: D102 - an attribute
 
     @property
-    def currents(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
+    def currents(self) -> Sequence[float]: ...  # noqa: D102 - an attribute
 
     @property
     def flags(self) -> Sequence[int]: ...  # noqa: D102 - an attribute

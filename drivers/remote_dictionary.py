@@ -192,6 +192,10 @@ class RemoteDictionary:
         DriveRefused
             An abort code, or a length that does not fit the type.
         """
+        return int(self.measure(entry))
+
+    def measure(self, entry: Entry) -> float:
+        """Read a number that need not be an integer (errors as in `get`)."""
         try:
             data = self.access.read(entry.index, entry.subindex, entry.size)
         except (AccessRefused, NoAnswer) as error:
@@ -201,7 +205,7 @@ class RemoteDictionary:
                 f"{self.label}: object {entry} has {len(data)} bytes, expected {entry.size} "
                 f"({entry.type}); correct its type in the drives file or the drive's firmware"
             )
-        return int.from_bytes(data, "little", signed=entry.signed)
+        return entry.number(data)
 
     def find(self, entry: Entry) -> int | None:
         """Read a number that not every drive has; None where it is missing."""

@@ -51,13 +51,13 @@ class CurrentReadback(FileModel):
 
     index: Index = 0x6078
     subindex: Subindex = 0
-    type: Literal["i16", "i32"] = "i16"
-    unit: Literal["mA", "0.01 A", "per mille of rated current"] = "per mille of rated current"
+    type: Literal["i16", "i32", "f32"] = "i16"
+    unit: Literal["mA", "0.01 A", "A", "per mille of rated current"] = "per mille of rated current"
 
     @property
     def milliampere(self) -> int | None:
-        """What one count is [mA], None where the rated current decides."""
-        return {"mA": 1, "0.01 A": 10}.get(self.unit)
+        """What one count is [mA], None where the rated current decides; A are shown of counts."""
+        return {"mA": 1, "0.01 A": 10, "A": 1}.get(self.unit)
 
 
 class Personality(FileModel):

@@ -147,7 +147,7 @@ class _Reading:
         )
 
     def _values(self, section: Section, kind: str | None) -> list[int | None]:
-        if kind is None:
+        if kind is None or kind == "f32":  # of a measured number none is needed
             return [None] * len(VALUES)
         return [within(kind, number(section.get(key), self.node), key) for key in VALUES]
 

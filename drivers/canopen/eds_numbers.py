@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from drivers.dictionary.dictionary import INTEGERS
+from drivers.dictionary.dictionary import NUMBERS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -54,7 +54,7 @@ def _plain(text: str, whole: str) -> int:
 
 
 def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
-    """Return our name of a data type; None for texts, domains and reals.
+    """Return our name of a data type; None for texts and domains.
 
     Types of the device's own (40h and up) are described by their member 1, as CANfestival's editor
     writes it.
@@ -63,7 +63,7 @@ def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
     if index is not None and index >= 0x40:
         described = sections.get(f"{index:x}sub1")
         index = number(described.get("defaultvalue")) if described else None
-    return None if index is None else INTEGERS.get(index)
+    return None if index is None else NUMBERS.get(index)
 
 
 def within(kind: str, value: int | None, key: str) -> int | None:

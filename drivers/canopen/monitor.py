@@ -124,12 +124,12 @@ class BusPicture:
             return
         for entry in entries:
             value, data = data[: entry.size], data[entry.size :]
-            self._show(slot, entry, int.from_bytes(value, "little", signed=entry.signed))
+            self._show(slot, entry, entry.number(value))
 
-    def _show(self, slot: int, entry: Entry, value: int) -> None:
+    def _show(self, slot: int, entry: Entry, value: float) -> None:
         axis, scale = self.axes[slot], self._scales[slot]
         if entry == objects.STATUSWORD:
-            axis.state = decode_state(value)
+            axis.state = decode_state(int(value))
         elif entry == objects.POSITION:
             axis.q = scale.position_from_counts(float(value))
         elif entry == self.drives.axes[slot].current.entry:

@@ -45,7 +45,7 @@ DOUBT = 5
 
 _COMMAND, _TARGET = struct.Struct("<iH"), struct.Struct("<i")
 _OFFSETS = struct.Struct("<ih")
-_CODES = {"u16": "H", "i16": "h", "i32": "i"}
+_CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
 """Types of what is read; bytes of other types are skipped."""
 Data = bytes | bytearray
 
@@ -100,7 +100,7 @@ class SyncProcessData:
         self._before = self._anchor = (-math.inf, self._regular)
         self.words: tuple[int, ...] = self._regular
         self.positions: tuple[int, ...] = self._regular
-        self.currents: tuple[int, ...] = self._regular
+        self.currents: Sequence[float] = self._regular
         self.wire(communications)
 
     def wire(self, communications: Sequence[CanopenCommunication]) -> None:

@@ -128,7 +128,7 @@ def _take_mode(server: RemoteDictionary, wait: Callable[[Callable[[], bool], flo
 
 def _require_current(server: RemoteDictionary, axis: AxisDrive) -> None:
     try:
-        server.get(axis.current.entry)
+        server.measure(axis.current.entry)
     except Aborted as error:
         raise DriveRefused(
             f"{error}; torques cannot be measured without it: name the object that shows the "

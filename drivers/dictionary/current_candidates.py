@@ -51,7 +51,7 @@ class CurrentCandidate:
     declared : Declared
         The object.
     usable : bool
-        An integer of 16 or 32 bits that a PDO can carry, as far as is known.
+        A number of 16 or 32 bits that a PDO can carry, as far as is known.
     basis : Basis or None
         What the standard says that a count is; None where only the manual states it.
     why : str
@@ -66,7 +66,7 @@ class CurrentCandidate:
     @property
     def place(self) -> str:
         """Index, sub-index and type, such as "30D1:02 (i32)"."""
-        return f"{self.declared.place} ({self.declared.type or 'no integer'})"
+        return f"{self.declared.place} ({self.declared.type or 'no number'})"
 
 
 def current_candidates(dictionary: Dictionary) -> tuple[CurrentCandidate, ...]:
@@ -101,8 +101,8 @@ def _judged(declared: Declared) -> CurrentCandidate:
 
 
 def _obstacle(declared: Declared) -> str:
-    if declared.type not in {"i16", "i32"}:
-        return "is no signed integer of 16 or 32 bits"
+    if declared.type not in {"i16", "i32", "f32"}:
+        return "is no signed integer of 16 or 32 bits, nor a real number of 32"
     if declared.mappable is False:
         return "cannot be mapped into a PDO"
     return ""
@@ -117,7 +117,7 @@ def _meaning(declared: Declared) -> tuple[Basis | None, str]:
             "the standard's torque, per mille of 6076 by CiA 402; on many drives it is the current "
             "over a rated value",
         )
-    finer = ", finer than per mille" if declared.type == "i32" else ""
+    finer = "" if declared.type == "i16" else ", finer than per mille"
     return None, f'the maker\'s own, "{declared.name}"{finer}'
 
 
@@ -130,6 +130,6 @@ def _preference(candidate: CurrentCandidate) -> tuple[bool, int, bool, int, int]
     elif _TORQUE.search(declared.name):
         rank = 4
     else:
-        rank = 1 if declared.type == "i32" else 3
+        rank = 3 if declared.type == "i16" else 1
     smoothed = bool(_SMOOTHED.search(declared.name)) and declared.index in MAKERS_OBJECTS
     return (not candidate.usable, rank, smoothed, declared.index, declared.subindex)

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 Key = tuple[int, int]
 
-INTEGERS = {2: "i8", 3: "i16", 4: "i32", 5: "u8", 6: "u16", 7: "u32"}
-INTEGERS |= {0x10: "i24", 0x12: "i40", 0x13: "i48", 0x14: "i56", 0x15: "i64"}
-INTEGERS |= {0x16: "u24", 0x18: "u40", 0x19: "u48", 0x1A: "u56", 0x1B: "u64"}
-"""Our name of CiA 301's integer types, by the type's index."""
+NUMBERS = {2: "i8", 3: "i16", 4: "i32", 5: "u8", 6: "u16", 7: "u32", 8: "f32"}
+NUMBERS |= {0x10: "i24", 0x12: "i40", 0x13: "i48", 0x14: "i56", 0x15: "i64"}
+NUMBERS |= {0x16: "u24", 0x18: "u40", 0x19: "u48", 0x1A: "u56", 0x1B: "u64"}
+"""Our name of CiA 301's types of numbers, by the type's index."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,7 +69,7 @@ class CurrentReadings:
         self._entries = (objects.TORQUE, axis.current.entry)
         alone = axis.current.index == objects.TORQUE.index
         self._next = math.inf if alone else -math.inf
-        self._pairs: list[tuple[int, int]] = []
+        self._pairs: list[tuple[float, ...]] = []
 
     @property
     def counts(self) -> NDArray[np.float64]:
@@ -81,14 +81,12 @@ class CurrentReadings:
         if time < self._next:
             return
         try:
-            torque, measured = (self._server.find(entry) for entry in self._entries)
+            pair = tuple(self._server.measure(entry) for entry in self._entries)
         except DriveRefused:
-            torque = measured = None
-        if torque is None or measured is None:
             self._next = math.inf
             return
         self._next = time + POLLED
-        self._pairs.append((torque, measured))
+        self._pairs.append(pair)
 
 
 def judge_current_unit(

@@ -65,7 +65,7 @@ def judge_rest(
         f"at most {drive.position_window:g} {unit}",
         "check the brake's release, the load, and the tuning of the drive's loops",
     )
-    limit, quantum = drive.limits.torque, abs(AxisScale.of(drive).torque)
+    limit, quantum = drive.limits.torque, AxisScale.of(drive).torque_step
     yield graded(
         quantum <= QUANTUM_MAX * limit,
         Grade.WARNING,

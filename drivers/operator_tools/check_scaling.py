@@ -141,9 +141,11 @@ def _polarity(server: RemoteDictionary) -> Verdict:
 
 def _current(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     entry = axis.current.entry
+    value = server.measure(entry)
+    shown = f"{value:.6g}" if entry.type == "f32" else f"{value}"
     return Verdict(
         Grade.OK,
         server.label,
         f"current object ({entry.index:04X}:{entry.subindex:02X})",
-        f"{server.get(entry)} ({axis.current.basis.value})",
+        f"{shown} ({axis.current.basis.value})",
     )

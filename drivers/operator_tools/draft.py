@@ -179,7 +179,7 @@ def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
     yield "current: # torques are computed from this object: nothing about it may be guessed"
     if chosen is None:
         yield "  " + _line("index", None, "", "object of the motor current, such as 0x6078")
-        yield "  " + _line("type", None, "", "i16 or i32")
+        yield "  " + _line("type", None, "", "i16, i32 or f32")
     else:
         yield from _chosen(chosen)
     for other in review.currents:

@@ -139,7 +139,7 @@ class Trips:
                 )
         return None
 
-    def _judge_torque(self, time: float, currents: Sequence[int]) -> Tripped | None:
+    def _judge_torque(self, time: float, currents: Sequence[float]) -> Tripped | None:
         for axis, current, bound in zip(self._axes, currents, self._currents, strict=True):
             if abs(current) <= bound:
                 self._since.pop(axis.index, None)

@@ -247,4 +247,4 @@ def _resolutions(
     if drives is None:
         return None, None
     scales = [AxisScale.of(axis) for axis in drives.axes]
-    return [abs(scale.torque) for scale in scales], [abs(scale.position) for scale in scales]
+    return [scale.torque_step for scale in scales], [abs(scale.position) for scale in scales]

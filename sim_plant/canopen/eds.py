@@ -30,6 +30,7 @@ _FORMATS = {
     datatypes.UNSIGNED8: "B",
     datatypes.UNSIGNED16: "H",
     datatypes.UNSIGNED32: "I",
+    datatypes.REAL32: "I",
 }
 
 

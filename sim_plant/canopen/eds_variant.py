@@ -27,7 +27,7 @@ _MAPPINGS = tuple(base + number for base in (0x1600, 0x1A00) for number in range
 _CURRENT = 0x6078
 _NO_LIMIT = 0xFFFF_FFFF
 _TYPES = ("i8", "i16", "i32", "u8", "u16", "u32")
-_DATA_TYPES = {name: f"0x{code:04X}" for code, name in enumerate(_TYPES, start=2)}
+_DATA_TYPES = {name: f"0x{code:04X}" for code, name in enumerate((*_TYPES, "f32"), start=2)}
 _KEYS = {"access": "AccessType", "default": "DefaultValue", "low": "LowLimit", "high": "HighLimit"}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import TYPE_CHECKING
 
 from sim_plant.canopen.eds import key
@@ -55,9 +56,17 @@ def present(dictionary: ObjectDictionary, image: AxisImage, settings: DriveSetti
     """
     slots = {key(index): image.slot(field) for index, field in _SHOWN.items()}
     current, unit = settings.personality.current, Units.of(settings).velocity
-    if current is not None:
+    if current is not None and current.type != "f32":
         slots[key(current.index, current.subindex)] = image.slot(_CURRENT)
     dictionary.imaged(slots, image.values)
+    if current is not None and current.type == "f32":
+        shown = image.slot(_CURRENT)
+
+        def bits() -> int:
+            ampere = struct.pack("<f", image.values.item(shown) / 1000)
+            return int.from_bytes(ampere, "little")
+
+        dictionary.source(current.index, current.subindex, bits)
     if unit != 1:
         velocity = image.slot(_VELOCITY)
         dictionary.source(0x606C, 0, lambda: round(image.values.item(velocity) / unit))

@@ -241,6 +241,23 @@ def test_two_tpdos_count_in_the_bus_load() -> None:
     assert achievable_rate(drives, sent=sent) < achievable_rate(drives)
 
 
+def test_a_current_as_a_real_number_gives_the_torques_of_one_in_milliampere(
+    tmp_path: Path,
+) -> None:
+    found = {}
+    for name in ("milliampere", "float-current"):
+        with (
+            can.Bus(plant_file(tmp_path, name), "sim_plant", ignore_config=True) as bus,
+            CanopenDriveBus(bus, drives_for(name)) as drive_bus,
+        ):
+            for _ in range(20):
+                found[name] = drive_bus.sample().tau
+            steps = [axis.torque_resolution for axis in drive_bus.axes]
+    assert found["float-current"] == pytest.approx(found["milliampere"], rel=1e-6)
+    limits = [axis.limits.torque for axis in drives_for("float-current").axes]
+    assert steps == pytest.approx([limit / 2**24 for limit in limits])
+
+
 # What drives send beside that
 
 

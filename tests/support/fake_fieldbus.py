@@ -161,7 +161,7 @@ class FakeFieldbus:
         self.drives = tuple(FakeDrive(node) for node in range(1, axes + 1))
         self.words: tuple[int, ...] = tuple(drive.word for drive in self.drives)
         self.positions: tuple[int, ...] = (0,) * axes
-        self.currents: tuple[int, ...] = (0,) * axes
+        self.currents: tuple[float, ...] = (0,) * axes
         self.flags: tuple[int, ...] = (0,) * axes
         self.irregular = False
         self.on_arrival: tuple[int, ...] = ()

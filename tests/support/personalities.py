@@ -47,7 +47,8 @@ def _current(personality: Personality) -> dict[str, Any]:
         return {"index": 0x6077, "type": "i16", "basis": "per mille of rated torque"}
     stated = {"index": 0x6078, "type": "i16"} if current is None else current.model_dump()
     unit = stated.pop("unit", "mA")
-    counted = {"basis": "mA", "per_count": 10.0} if unit == "0.01 A" else {"basis": unit}
+    counts = {"0.01 A": 10.0, "A": 1000.0}
+    counted = {"basis": "mA", "per_count": counts[unit]} if unit in counts else {"basis": unit}
     return {**stated, **counted, "amplitude": "peak"}
 
 

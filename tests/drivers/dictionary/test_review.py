@@ -214,8 +214,10 @@ def test_an_unsmoothed_current_comes_before_a_smoothed_one() -> None:
     assert "smoothed by the drive" in second.why
 
 
-@pytest.mark.parametrize("kind", [{"DataType": 8}, {"DataType": 7}, {"PDOMapping": 0}])
-def test_a_current_that_no_pdo_can_carry_as_a_signed_integer_is_of_no_use(kind: Spec) -> None:
+@pytest.mark.parametrize("kind", [{"DataType": 0x11}, {"DataType": 7}, {"PDOMapping": 0}])
+def test_a_current_that_no_pdo_can_carry_as_a_signed_or_real_number_is_of_no_use(
+    kind: Spec,
+) -> None:
     makers = {**MAKERS_CURRENT, **kind}
     found = reviewed({(0x2030, 0): makers, (0x6078, 0): None})
     assert [candidate.usable for candidate in found.currents] == [False]
@@ -235,6 +237,7 @@ PLACES = {
     "int32-current": "30D1:02",
     "torque-only": "6077:00",
     "centiampere": "6077:00",
+    "float-current": "30D1:00",
     "no-current": None,
 }
 """Of the current, where it is not 6078."""

@@ -25,7 +25,7 @@ class Axes:
     def expect(self, here: float, target: float, *, moving: bool = False) -> None:
         self.trips.expect(0, round(here * PER_RADIAN), target, moving=moving)
 
-    def stops(self, q: float, current: int = 0, syncs: int = 2) -> bool:
+    def stops(self, q: float, current: float = 0, syncs: int = 2) -> bool:
         """Whether it is stopped within SYNCs that show the first axis there."""
         self.bus.positions = (round(q * PER_RADIAN), 0, 0)
         self.bus.currents = (current, 0, 0)
@@ -69,3 +69,9 @@ def test_the_corridor_ends_a_following_error_window_beside_the_way(sign: int) ->
             axes = Axes(velocity=1000.0)
             axes.expect(0.0, sign * 0.5)
             assert axes.stops(sign * place) is stopped
+
+
+def test_a_current_that_is_no_number_stops_all_axes_like_one_that_is_too_large() -> None:
+    axes = Axes(torque_time=0.1)
+    assert not axes.stops(0.0, math.nan, syncs=20)
+    assert axes.stops(0.0, math.nan, syncs=20)
