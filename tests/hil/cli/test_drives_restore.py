@@ -330,11 +330,11 @@ def buses(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
     """Which buses are opened; the drives of a killed run are on each."""
     opened: list[tuple[str, str]] = []
 
-    def bus(interface: str, channel: str, _: object) -> can.BusABC:
+    def bus(interface: str, channel: str, _: object) -> CanopenBus:
         opened.append((interface, channel))
-        return local_drives.LocalBus(NODES, {1: {(0x1016, 1): ("u32", 1)}})
+        return CanopenBus(local_drives.LocalBus(NODES, {1: {(0x1016, 1): ("u32", 1)}}))
 
-    monkeypatch.setattr(bus_access, "open_can_bus", bus)
+    monkeypatch.setattr(bus_access, "open_fieldbus", bus)
     return opened
 
 
