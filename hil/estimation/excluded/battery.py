@@ -21,9 +21,8 @@ score not as the root of I_kj but as I_kj itself, so groups that carry a size le
 to 307). All of it is taken *beside the cause itself*, r_k less D~_kj theta_j: a flaw of any size
 leaves the dispersion, and the variance 1 of white noise, as they are without it.
 
-It has few degrees of freedom, where few groups
-carry a cause: with two of them and a hundred tests nothing is ever found. But all causes of an axis
-suffer from one and the same noise. So variances are moderated (Smyth, Statistical Applications in
+It has few degrees of freedom, where few groups carry a cause: with two of them and a hundred tests
+nothing is ever found. But all causes of an axis suffer from one and the same noise. So variances are moderated (Smyth, Statistical Applications in
 Genetics and Molecular Biology 3 (2004) 3): phi_j of d_j degrees of freedom scatters about a common
 phi_0 as if that had been seen with d_0 of them, and what counts is
 
