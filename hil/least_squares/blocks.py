@@ -80,10 +80,9 @@ class Blocks:
         owners = (self.owners.get(name, name) for name in self.channels)
         return Layout(self.shared, self.own, tuple(dict.fromkeys(owners)))
 
-    def _owner(self, channel: int) -> int:
-        """Whose own unknowns a channel has, among the layout's channels."""
-        name = self.channels[channel]
-        return self.layout.channels.index(self.owners.get(name, name))
+    def _owners(self, layout: Layout) -> list[int]:
+        """Whose own unknowns each channel has, among the layout's channels."""
+        return [layout.channels.index(self.owners.get(name, name)) for name in self.channels]
 
     @property
     def squares(self) -> Array:
@@ -241,11 +240,11 @@ class Blocks:
 
     def normal(self, weights: Array) -> Normal:
         """Normal equations of all unknowns by group, channels weighted by `weights`."""
-        n, k, n_own = self.layout.size, len(self.shared), len(self.own)
+        layout = self.layout
+        n, k, n_own = layout.size, len(self.shared), len(self.own)
         N, v = np.zeros((len(self), n, n)), np.zeros((len(self), n))
-        for channel, weight in enumerate(weights):
-            part = Normal.split(weight * self.products[:, channel])
-            owner = self._owner(channel)
+        for channel, owner in enumerate(self._owners(layout)):
+            part = Normal.split(weights[channel] * self.products[:, channel])
             own = slice(k + owner * n_own, k + (owner + 1) * n_own)
             N[:, :k, :k] += part.N[:, :k, :k]
             N[:, :k, own] += part.N[:, :k, k:]
@@ -257,9 +256,9 @@ class Blocks:
 
     def squares_left(self, x: Array) -> Array:
         """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
-        left = np.zeros(self.counts.shape)
-        for channel in range(self.n_channels):
-            around = np.concatenate([[1.0], -x[self.layout.place(self._owner(channel))]])
+        left, layout = np.zeros(self.counts.shape), self.layout
+        for channel, owner in enumerate(self._owners(layout)):
+            around = np.concatenate([[1.0], -x[layout.place(owner)]])
             left[:, channel] = (self.products[:, channel] @ around) @ around
         return np.maximum(left, 0.0)
 
