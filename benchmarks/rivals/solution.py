@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hil.least_squares.normal_equations import mean_squares, normal, reweighted
+from hil.least_squares.blocks import Blocks
+from hil.least_squares.normal_equations import reweighted
 from hil.least_squares.uncertainty import sandwich, scatter
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def solve(
     x = solved_square(total.information, total.vector)
     if solver == "total":
         x = total_least_squares(total.information, total.vector, float(total.square[0]))
-    scores = normal(rows, data.n_base, weights).scores(x)
+    scores = _blocks(rows, data).normal(weights).scores(x)
     inverse = solved_square(total.information, np.eye(len(x)))
     normal_matrix = _whole(plain, data, weights).information
     return Solution(
@@ -103,14 +104,23 @@ def solve(
     )
 
 
+def _blocks(products: Array, data: Products) -> Blocks:
+    """Periods with base parameters' columns, which all axes share, and those of friction."""
+    n_own = products.shape[-1] - 1 - data.n_base
+    base, own = (
+        tuple(f"{name} {k}" for k in range(n)) for name, n in (("p", data.n_base), ("f", n_own))
+    )
+    return Blocks(base, own, products, data.counts)
+
+
 def _whole(products: Array, data: Products, weights: Array) -> Normal:
     """Equations of all periods together."""
-    return normal(products.sum(axis=0, keepdims=True), data.n_base, weights)
+    return _blocks(products, data).total.normal(weights)
 
 
 def _squares_left(data: Products, x: Array) -> Array:
     """Mean square residual of each axis."""
-    return mean_squares(data.plain.sum(axis=0), data.counts.sum(axis=0), data.n_base, x)
+    return _blocks(data.plain, data).mean_squares(x)
 
 
 def _weights(

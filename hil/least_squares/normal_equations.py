@@ -1,18 +1,9 @@
-"""Normal equations of all unknowns, block by block, from inner products axis by axis.
-
-A block is what is left out, held out or clustered together: a measurement, a period, a piece of
-time, a cell of states. Of its samples of axis j, with torque y and columns W, all that least
-squares needs is the product
-
-    P_j = [y W]'[y W],
-
-whose parts are placed among all unknowns (`layout`) and added up over the axes, each weighted with
-w_j, the reciprocal of its residual variance:
+"""Normal equations of all unknowns, group by group, as blocks make them (`Blocks.normal`).
 
     N x = v,    N = sum_j w_j W_j'W_j,    v = sum_j w_j W_j'y_j.
 
-Blocks add up too, and what x leaves of one is ``y'y - 2 v'x + x'N x``. With instruments Z in place
-of the left columns, P_j = [y Z]'[y W] and N is not symmetric.
+Groups add up, and what x leaves of one is ``y'y - 2 v'x + x'N x``. With instruments Z in place of
+the left columns N is not symmetric.
 """
 
 from __future__ import annotations
@@ -23,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.least_squares.layout import axis_place, embedded
+from hil.least_squares.layout import embedded
 from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -102,47 +93,6 @@ class Normal:
         """What each block's own equations leave at `x`, shape (n_blocks, n)."""
         found: Array = self.v - self.N @ x
         return found
-
-
-def normal(products: Array, n_shared: int, weights: Array) -> Normal:
-    """Normal equations of all unknowns from inner products of each axis.
-
-    Parameters
-    ----------
-    products : ndarray, shape (n_blocks, n_joints, 1 + m, 1 + m)
-        The torque is column 0, the `n_shared` columns that all axes share come next.
-    weights : ndarray, shape (n_joints,)
-        Of the axes' rows.
-    """
-    n_blocks, n_joints = products.shape[:2]
-    n_own = products.shape[-1] - 1 - n_shared
-    n = n_shared + n_joints * n_own
-    N, v, square = np.zeros((n_blocks, n, n)), np.zeros((n_blocks, n)), np.zeros(n_blocks)
-    for axis, weight in enumerate(weights):
-        place, own = axis_place(n_shared, n_own, axis), Normal.split(products[:, axis])
-        N[:, place[:, None], place] += weight * own.N
-        v[:, place] += weight * own.v
-        square += weight * own.square
-    return Normal(N, v, square)
-
-
-def mean_squares(products: Sequence[Array], counts: Array, n_shared: int, x: Array) -> Array:
-    """Mean square of what `x`, of all unknowns, leaves of each axis's torque, shape (n_joints,).
-
-    Parameters
-    ----------
-    products : sequence (n_joints,) of ndarray, shape (1 + m, 1 + m)
-        Of all blocks together, columns as of `normal`.
-    counts : ndarray, shape (n_joints,)
-        Samples behind them.
-    """
-    squares = np.zeros(len(products))
-    for axis, product in enumerate(products):
-        place = axis_place(n_shared, len(product) - 1 - n_shared, axis)
-        around = np.concatenate([[1.0], -x[place]])
-        squares[axis] = max(float(around @ product @ around), 0.0)
-    found: Array = squares / np.maximum(counts, 1.0)
-    return found
 
 
 def reweighted(

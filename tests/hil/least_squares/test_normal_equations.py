@@ -7,14 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import axis_place, embedded
-from hil.least_squares.normal_equations import (
-    Normal,
-    mean_squares,
-    normal,
-    reweighted,
-    successive,
-)
+from hil.least_squares.normal_equations import Normal, reweighted, successive
 from hil.least_squares.solving import fitted
 
 if TYPE_CHECKING:
@@ -38,6 +33,13 @@ def products(rows: Array) -> Array:
     return np.swapaxes(rows, -1, -2) @ rows
 
 
+def blocks(products: Array) -> Blocks:
+    shared, own = (
+        tuple(f"{kind} {k}" for k in range(n)) for kind, n in (("p", N_SHARED), ("f", N_OWN))
+    )
+    return Blocks(shared, own, products, np.full((N_BLOCKS, N_AXES), float(N_ROWS)))
+
+
 def stacked(rows: Array) -> tuple[Array, Array]:
     """Weighted columns of all unknowns and torque, axis by axis."""
     W = np.zeros((*rows.shape[:3], N_SHARED + N_AXES * N_OWN))
@@ -49,7 +51,7 @@ def stacked(rows: Array) -> tuple[Array, Array]:
 
 def test_the_solution_is_that_of_all_rows_stacked(rows: Array, products: Array) -> None:
     W, y = stacked(rows)
-    system = normal(products, N_SHARED, WEIGHTS)
+    system = blocks(products).normal(WEIGHTS)
     expected = fitted(W.reshape(-1, W.shape[-1]), y.ravel())
     assert system.solution() == pytest.approx(expected)
     assert system.grouped(3).solution() == pytest.approx(expected)
@@ -60,10 +62,8 @@ def test_errors_are_squares_of_what_rows_leave(rows: Array, products: Array) -> 
     W, y = stacked(rows)
     x = np.arange(1.0, 8.0)
     left = (y - W @ x) ** 2
-    assert normal(products, N_SHARED, WEIGHTS).error(x) == pytest.approx(left.sum(axis=(1, 2)))
-    counts = np.full(N_AXES, float(N_BLOCKS * N_ROWS))
-    found = mean_squares(products.sum(axis=0), counts, N_SHARED, x)
-    assert found == pytest.approx(left.mean(axis=(0, 2)) / WEIGHTS)
+    assert blocks(products).normal(WEIGHTS).error(x) == pytest.approx(left.sum(axis=(1, 2)))
+    assert blocks(products).mean_squares(x) == pytest.approx(left.mean(axis=(0, 2)) / WEIGHTS)
 
 
 def test_scores_of_all_blocks_cancel_at_the_solution(products: Array) -> None:
@@ -75,7 +75,7 @@ def test_scores_of_all_blocks_cancel_at_the_solution(products: Array) -> None:
 
 
 def test_unknowns_that_are_not_kept_are_zero(products: Array) -> None:
-    system, kept = normal(products, N_SHARED, WEIGHTS), np.array([0, 2, 5])
+    system, kept = blocks(products).normal(WEIGHTS), np.array([0, 2, 5])
     found = system.solution(kept)
     assert found[kept] == pytest.approx(system.only(kept).solution())
     assert not np.delete(found, kept).any()
