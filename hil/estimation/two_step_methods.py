@@ -121,7 +121,7 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
     nuisance : collection of str
         Which of `NUISANCES` are looked for; others are taken for none.
     """
-    drive_train = _found(find_drive_train(robot, raw), nuisance)
+    drive_train = as_asked(find_drive_train(robot, raw), nuisance)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
     solver = first = SimultaneousFit(robot, prepared)
     mu, error = solver.load_friction
@@ -130,14 +130,14 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
         # what gears transmit is now known better than from measurements of inertia alone, and so is
         # which of them turn it into friction; a doubtful one would take the lag along, since few
         # measurements of inertia tell the two apart
-        drive_train = _found(find_drive_train(robot, raw, loaded), nuisance)
+        drive_train = as_asked(find_drive_train(robot, raw, loaded), nuisance)
         drive_train = replace(drive_train, p=solver.solve())
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
         solver = SimultaneousFit(robot, prepared)
     return Joint(solver, drive_train, prepared, first.without_load_friction)
 
 
-def _found(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
+def as_asked(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
     """What was found of the drive trains, as far as it was asked for."""
     none = np.zeros_like(train.lag)
     if "lag" not in nuisance:

@@ -21,7 +21,7 @@ from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.two_step_methods import prepare, prepared_for
+from hil.estimation.two_step_methods import as_asked, prepare, prepared_for
 from hil.friction.law import friction_torque
 from hil.least_squares.regression import ByName
 from hil.model.base_parameters import base_parameters
@@ -217,7 +217,9 @@ class LoadProblem:
         runs = _Runs(self.bare, self.loaded, gains=gains)
         strokes = not any(run.imported for run in (*self.bare.runs, *self.loaded))
         found, fit = _found(runs, mass, gains=gains)
-        by_mass = found if gains else fit(mass, gains=True) if strokes and mass else None
+        by_mass = (
+            found if gains else fit(mass, gains=True) if strokes and mass is not None else None
+        )
         assumed = np.array(robot.torque_constant)
         if self.loaded[-1].imported:
             assumed = np.ones(robot.n_joints)
@@ -380,7 +382,10 @@ class _Runs:
     def _strokes(self, robot: Robot, bare: SimultaneousFit | None) -> Callable[[Array], Evidence]:
         """Evidence of measurements with the load; gears are as the runs without it have them."""
         raw, _ = prepare(pooled(_measured(self.loaded)))
-        train = find_drive_train(robot, raw) if bare is None else self.bare.estimate.drive_train
+        if bare is None:
+            train = as_asked(find_drive_train(robot, raw), self.bare.options.nuisance)
+        else:
+            train = self.bare.estimate.drive_train
         applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
         if bare is None:
             fit = SimultaneousFit(robot, applied)

@@ -122,10 +122,10 @@ def regression(
     Raises
     ------
     NotEnoughData
-        No run.
+        No run, or what is asked of a load without a run with it.
     Mismatch
-        Runs of different robots, the same one twice, or a law of friction for runs of which none
-        was imported.
+        Runs of different robots, the same one twice, a law of friction for runs of which none was
+        imported, or a method for a load.
     UnknownName
         An option that there is not.
     """
@@ -134,12 +134,16 @@ def regression(
     refuse_mixed(runs)
     if friction not in ("auto", *LAWS):
         raise UnknownName(f"friction {friction!r} must be auto, or a law: {'; '.join(LAWS)}")
-    if friction != "auto" and not any(run.imported for run in runs):
+    if friction != "auto" and not any(run.imported for run in (*runs, *loaded)):
         raise Mismatch(
             f"friction {friction!r}: 0 of {len(runs)} runs were imported, and friction of what was"
             " measured here is found anew in each measurement; leave it at 'auto'"
         )
     options = Options(friction, tuple(nuisance), covariance)
+    if loaded and method is not None:
+        raise Mismatch(f"method {method!r}: a load is found by a recipe of its own; leave it out")
+    if not loaded and (mass is not None or gains):
+        raise NotEnoughData("0 runs with a load, whose mass or gains are asked for: loaded=[run]")
     if loaded:
         return LoadProblem(BareRun(*runs, options=options), tuple(loaded), mass, gains)
     return RegressionProblem(runs, options, method)
