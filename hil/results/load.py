@@ -382,10 +382,9 @@ class _Runs:
     def _strokes(self, robot: Robot, bare: SimultaneousFit | None) -> Callable[[Array], Evidence]:
         """Evidence of measurements with the load; gears are as the runs without it have them."""
         raw, _ = prepare(pooled(_measured(self.loaded)))
+        train = None if bare is None else self.bare.estimate.drive_train
         if bare is None:
             train = as_asked(find_drive_train(robot, raw), self.bare.options.nuisance)
-        else:
-            train = self.bare.estimate.drive_train
         applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
         if bare is None:
             fit = SimultaneousFit(robot, applied)
