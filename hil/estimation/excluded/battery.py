@@ -22,11 +22,15 @@ to 307). All of it is taken *beside the cause itself*, r_k less D~_kj theta_j: a
 leaves the dispersion, and the variance 1 of white noise, as they are without it.
 
 It has few degrees of freedom, where few groups carry a cause: with two of them and a hundred tests
-nothing is ever found. But all causes of an axis suffer from one and the same noise. So variances are moderated (Smyth, Statistical Applications in
-Genetics and Molecular Biology 3 (2004) 3): phi_j of d_j degrees of freedom scatters about a common
-phi_0 as if that had been seen with d_0 of them, and what counts is
+nothing is ever found. But all causes of an axis suffer from one and the same noise. So variances
+are moderated (Smyth, Statistical Applications in Genetics and Molecular Biology 3 (2004) 3): phi_j
+of d_j degrees of freedom scatters about a common phi_0 as if that had been seen with d_0 of them,
+and what counts is
 
-    (d_0 phi_0 + d_j phi_j) / (d_0 + d_j), with d_0 + d_j degrees of freedom.
+    (d_0 phi_0 + d_j phi_j) / (d_0 + d_j), with d_0 + d_j degrees of freedom,
+
+which noise that wanders from group to group, one and the same in all columns, makes no more than
+there are groups of the axis, less one.
 
 phi_0 and d_0 are found from the scatter of log phi_j over the causes of the axis (`moderated`).
 """
@@ -191,6 +195,15 @@ class Battery:
             for own in [self._of(int(axis))]
         }
 
+    @cached_property
+    def _n_groups(self) -> dict[int, int]:
+        """Groups with rows of an axis; of all axes where it is none."""
+        e = self.evidence
+        return {
+            int(axis): len(np.unique(e.group[(e.axis == axis) | (axis < 0)]))
+            for axis in np.unique(self._axis)
+        }
+
     def _of(self, axis: int) -> Indices:
         """Columns that tell of the noise of an axis; of all axes where it is none."""
         return np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
@@ -270,6 +283,8 @@ class Battery:
             common, white = self.common[axis], 1.0
         degrees = max(float(common.degrees + d[0]), ALMOST_NONE)
         phi = (common.degrees * common.dispersion + d[0] * each.mean()) / degrees
+        # noise that wanders is one and the same in all columns of a group
+        degrees = min(degrees, max(self._n_groups[axis] - 1.0, ALMOST_NONE))
         drop, phi = float(along @ along), max(float(phi), white)
         return Test(
             columns=at,
