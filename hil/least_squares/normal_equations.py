@@ -61,9 +61,7 @@ class Normal:
         return total
 
     def only(self, kept: Indices) -> Normal:
-        """The same with some unknowns alone, in rising order; the others are zero."""
-        if len(kept) == self.v.shape[1]:
-            return self
+        """The same with some unknowns alone; the others are zero."""
         return Normal(self.N[:, kept[:, None], kept], self.v[:, kept], self.square)
 
     def grouped(self, most: int) -> Normal:
