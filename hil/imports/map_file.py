@@ -16,8 +16,9 @@ from hil.imports.tables import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, Torq
 from hil.model.drive_train_file import UNKNOWN, Unknown
 from hil.model.robot_file import EARTH
 
-Check = Literal["range", "velocity", "shape", "still", "spikes"]
-"""Checks of plausibility whose refusal a map may overrule."""
+Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
+"""Checks of plausibility whose refusal a map may overrule; nothing is checked as `friction` any
+more."""
 _MOST_PER_COUNT = 0.5
 """Greatest worth of a count [rad or m]: an encoder has more than two of them a radian or metre."""
 

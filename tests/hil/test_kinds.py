@@ -84,6 +84,7 @@ OTHERWISE = {
     ("trajectory", "cli/__init__.py"): "a family of commands",
     ("trajectory", "cli/trajectory.py"): "the same",
     ("friction", "cli/friction.py"): "the same",
+    ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
     **{
         ("gravity", f"estimation/excluded/{name}.py"): "the acceleration of gravity"
         for name in ("alternatives", "causes", "columns", "words")

@@ -36,7 +36,7 @@ def seen(manutec):
 def said(seen, robot, **changes):
     found = list(mechanical_suspicions([replace(seen, **changes)], robot))
     assert all(each.certain for each in found)
-    return [(each.location, each.message.partition(";")[0]) for each in found]
+    return [(each.location, each.message.partition(": the model leaves")[0]) for each in found]
 
 
 def test_the_right_map_raises_no_suspicion(seen, manutec):
