@@ -115,18 +115,6 @@ def _say_causes(before: Path, after: Path) -> None:
             say(cause)
 
 
-def _say_causes(before: Path, after: Path) -> None:
-    """Print what changed between two runs, by cause, where recordings of both are there."""
-    from hil.results.changes import by_cause
-    from hil.runs.run import Run
-
-    if all((folder / "run.json").exists() for folder in (before, after)):
-        with working("looking for causes in the recordings"):
-            causes = by_cause(Run.open(before), Run.open(after))
-        for cause in causes:
-            say(cause)
-
-
 def _notes(model: Model, run: Run) -> tuple[str, ...]:
     """What restricts the scores."""
     if model.provenance.plan_digest != run.plan.digest:

@@ -11,7 +11,7 @@ the estimate says, and e_k the axis k, the column of axis i is, per unit of
     rotor inertia of k     H qdd_i where i = k
     late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
-    play of k              minus d tau_i / d q_k times the sign of the torque that k transmits
+    play of k              minus d tau_i / d q_k by the sign of the torque that its gear transmits
     slip of k              d tau_i / d q_k from an instant on
     direction of gravity   d tau_i by a turn about either axis across it
     a load                 the regressor's columns of the last link's parameters that are left out
