@@ -174,11 +174,12 @@ class Battery:
         self.shares = self._by_group(D**2)
         """Of the groups in the information, shape (n_groups, n_columns)."""
 
-    def _enlarged(self, rest: Array) -> Array:
-        """(1 - Q_k Q_k')^(-1/2) r_k of all groups."""
-        found = rest.copy()
+    @cached_property
+    def _enlarged(self) -> Array:
+        """(1 - Q_k Q_k')^(-1/2) of all groups times the residual and all columns."""
+        found = np.column_stack([self._residual, self._left])
         for at, Q, M in self._pieces:
-            found[at] += Q @ (M @ (Q.T @ rest[at]))
+            found[at] += Q @ (M @ (Q.T @ found[at]))
         return found
 
     def _by_group(self, rows: Array) -> Array:
@@ -188,7 +189,7 @@ class Battery:
     @cached_property
     def common(self) -> dict[int, Common]:
         """What the causes of each axis have in common; those of no axis are as all are."""
-        none, enlarged = np.zeros((len(self._residual), 0)), self._enlarged(self._residual)[:, None]
+        none, enlarged = np.zeros((len(self._residual), 0)), self._enlarged[:, :1]
         return {
             int(axis): self._common(int(axis), own, self._left[:, own], none, enlarged)
             for axis in np.unique(self._axis)
@@ -271,7 +272,7 @@ class Battery:
         U = self._left[:, at] @ B
         along, rank, axis = U.T @ self._residual, U.shape[1], int(self._axis[at[0]])
         rest = self._residual - U @ along
-        enlarged = self._enlarged(rest)[:, None]
+        enlarged = self._enlarged[:, :1] - self._enlarged[:, 1 + at] @ (B @ along)[:, None]
         shares = (self.shares[:, at] / self.information[at]).mean(axis=1, keepdims=True)
         each, d = _dispersion(
             self._by_group(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
@@ -324,7 +325,7 @@ class Battery:
         return moderated(phi[several], degrees[several], self._alike[axis][np.ix_(place, place)])
 
 
-CACHED = ("common", "_alike")
+CACHED = ("common", "_alike", "_enlarged")
 """Of a `Battery`, what belongs to the causes given."""
 
 

@@ -25,6 +25,7 @@ cause then is part of what they stand for.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -116,17 +117,20 @@ class _Rows:
             sides.append(function(*motion))
         return (sides[0] - sides[1]) / (2.0 * STEP)
 
-    def shifted(self, axis: int | None) -> Array:
-        """Change by time of the torque, where all motion or that of an axis is later."""
-        if axis is None:
-            sides = [self.whole(*self.after), self.whole(*self.before)]
-        else:
-            sides = []
-            for other in (self.after, self.before):
-                motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
-                for x, y in zip(motion, other, strict=True):
-                    x[:, axis] = y[:, axis]
-                sides.append(self.whole(*motion))
+    @cached_property
+    def by_time(self) -> Array:
+        """Change by time of the torque, where all motion is later."""
+        later, earlier = self.whole(*self.after), self.whole(*self.before)
+        return (later - earlier) / (2.0 * self.evidence.period)
+
+    def by_time_of(self, axis: int) -> Array:
+        """The same where the motion of an axis alone is later."""
+        sides = []
+        for other in (self.after, self.before):
+            motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
+            for x, y in zip(motion, other, strict=True):
+                x[:, axis] = y[:, axis]
+            sides.append(self.whole(*motion))
         return (sides[0] - sides[1]) / (2.0 * self.evidence.period)
 
     def turned(self) -> Array:
@@ -202,8 +206,8 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         yield at["torque constant"], -0.01 * mine * total
         yield at["drift of torque constant"], -0.01 * mine * total * hours
         yield at["rotor inertia"], 0.01 * mine * rows.motor
-        yield at["late torque"], -1e-3 * mine * rows.shifted(None)
-        yield at["late position"], 1e-3 * rows.shifted(axis)
+        yield at["late torque"], -1e-3 * mine * rows.by_time
+        yield at["late position"], 1e-3 * rows.by_time_of(axis)
         yield at["play"], -by_position * np.sign(rows.bodies[:, axis])
         for instant in instants(evidence):
             part = f"{instant:.0f}"
