@@ -5,7 +5,8 @@
     python -m benchmarks.paper [FOLDER] [--seeds 20]
 
 With a FOLDER it measures and judges what that does not hold yet and writes results, page and
-figures; without one it makes page and figures from the results.
+figures; without one it makes page and figures from the results. Cases may have been measured at
+unlike numbers of seeds: all that is there counts, and with `--seeds 0` nothing else.
 """
 
 from __future__ import annotations
@@ -14,18 +15,30 @@ import argparse
 import json
 import subprocess
 import sys
+from itertools import takewhile
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib import rc_context
 
+from benchmarks.drift_study.cell import Cell
+from benchmarks.drift_study.drift import judged, prepare
+from benchmarks.drift_study.summary import summarise
 from hil.model.robot import load_robot
 from hil.report.pictures import image, plotting
+from hil.runs.run import Run
 
-from .campaigns import ARTICLE, FIRST_SEED, ROBOT
+from . import assessment
+from .campaigns import ARTICLE, CASES, ROBOT, SEEDS, measure
 from .figures import FIGURES, LOOK
 from .page import HOME, PAGE, RESULTS, rendered
-from .results import gather
 
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+
+ONCE = ("sweep", "stops", "operation", "offset")
+"""Cases of one seed: they are drawn."""
 GIT = ("/usr/bin/env", "git", "-C", str(HOME), "describe", "--always", "--dirty")
 
 
@@ -33,22 +46,66 @@ def main() -> None:
     """Measure, judge, write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("folder", nargs="?", type=Path, help="folder of all campaigns")
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="to be measured, of each")
     given = parser.parse_args()
     robot = load_robot(ROBOT)
     if given.folder:
-        found = gather(given.folder, robot, range(FIRST_SEED, FIRST_SEED + given.seeds))
+        for seed in SEEDS[: given.seeds]:
+            for name in CASES if seed == SEEDS[0] else [c for c in CASES if c not in ONCE]:
+                judge(given.folder, robot, name, seed)
+        found = gather(given.folder)
         found["commit"] = subprocess.check_output(GIT, text=True).strip()
         short = json.loads(json.dumps(found), parse_float=lambda x: float(f"{float(x):.5g}"))
         RESULTS.write_text(json.dumps(short, separators=(",", ":")) + "\n")
     results = json.loads(RESULTS.read_text())
     text, failed = rendered(ARTICLE, results, robot)
     PAGE.write_text(text)
-    for name, draw in FIGURES.items():
+    for number, draw in enumerate(FIGURES, start=1):
         with plotting(), rc_context(LOOK):
             drawn = image(draw(results["drawn"], robot), "svg")
-        (PAGE.parents[1] / "img" / "paper" / f"figure-{name}.svg").write_bytes(drawn)
+        (PAGE.parents[1] / "img" / "paper" / f"figure-{number}.svg").write_bytes(drawn)
     sys.exit("\n".join(failed) or None)
+
+
+def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
+    """Keep the figures of a campaign beside it, measured and judged unless they are there."""
+    cell = measure(folder, robot, *CASES[name], name, seed)
+    if cell.verdict.exists():
+        return
+    run = Run.open(cell.run)
+    if name == "offset":
+        figures = assessment.of_offset(run)
+    elif name in ONCE:
+        model = measure(folder, robot, *CASES["default"], "default", seed).run
+        subprocess.run([sys.executable, "-m", "hil", "identify", str(model)], check=True)
+        figures = assessment.of_friction(run, model)
+    else:
+        figures = assessment.of_strokes(run, cell.plant, both=CASES[name][0] == "rule")
+    if (name, seed) == ("bare", SEEDS[0]):
+        figures["filters"] = assessment.of_filters(run, cell.plant)
+        figures["trajectories"] = [assessment.course(run, each) for each in ("g01", "i39")]
+    cell.verdict.write_text(json.dumps(figures, default=np.ndarray.tolist))
+
+
+def gather(folder: Path) -> dict[str, Any]:
+    """Return the figures of all cases, and apart from them what is drawn of the first seed.
+
+    Seed after seed up to the first that is missing, so that a campaign without the load and one
+    with it are of one plant where they have one place.
+    """
+    cases: dict[str, Any] = {}
+    for name, (plan, _) in CASES.items():
+        verdicts = (Cell(folder, name, plan, seed, seed).verdict for seed in SEEDS)
+        cases[name] = [json.loads(v.read_text()) for v in takewhile(Path.exists, verdicts)]
+    drawn = {name: cases.pop(name)[0] for name in ONCE}
+    elements = {name: [each.pop("elements") for each in found] for name, found in cases.items()}
+    drawn |= {name: elements[name][0] for name in ("bare", "loaded")}
+    drawn |= {key: cases["bare"][0].pop(key) for key in ("filters", "trajectories")}
+    scenarios, kinds = ("off", "strong"), ("trajectory", "compensated")
+    cells = prepare(folder, ROBOT, ROBOT, SEEDS, scenarios, kinds, minutes=10)
+    rows = {f"{row.method}, {row.scenario}": row for row in summarise(judged(cells))}
+    drift = {name: {"n": row.n, "torque": row.torque_error} for name, row in rows.items()}
+    return {"cases": cases, "drawn": drawn, "drift": drift}
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ import numpy as np
 from scipy import signal
 
 from hil.estimation.friction import symmetry
-from hil.estimation.local_fits import local_fit
 from hil.estimation.signals import CUTOFF, Signals, signals
 from hil.estimation.two_step import TwoStep
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates, local_fits, prepare
@@ -21,7 +20,7 @@ from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics
-from hil.planning.measurement import ELEMENT_KINDS, shows_element
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.diagnosis import diagnose
 from hil.results.friction import evaluate
 from hil.runs.pooling import recorded
@@ -48,10 +47,11 @@ def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     fits, _ = local_fits(robot, raw)
     p = found["published"].p
     judged = {name: comparison(each, robot, truth) for name, each in found.items()}
+    wrong = [(f.sides[0] - f.sides[1] - f.row @ truth) * (f.kind == "gravity") for f in fits]
     tests = symmetry.of_local_values(next(iter(found.values())).local)
     return {
         "minutes": measured[-1][1].time[-1] / 60,
-        "known_gravity": errors(robot, _with_known_gravity(robot, fits, truth), truth),
+        "known_gravity": errors(robot, _without(robot, fits, wrong), truth),
         "neglected": _neglected(robot, raw, fits, p, truth),
         "bound": _bound(robot, fits, p, truth),
         "elements": _elements(robot, fits, p),
@@ -70,14 +70,11 @@ def errors(robot: Robot, p: Array, truth: Array) -> dict[str, float]:
     return {name: float(size((p - truth)[k]) / size(truth[k])) for name, k in groups.items()}
 
 
-def _with_known_gravity(robot: Robot, fits: Sequence[LocalFit], truth: Array) -> Array:
-    """Eq. (17) with the true p_g, as gravity measurements without errors would give it."""
-    exact = (
-        replace(f, sides=np.r_[f.row @ truth + f.sides[1], f.sides[1:]])
-        if f.kind == "gravity" else f
-        for f in fits
-    )  # fmt: skip
-    return TwoStep(robot, list(exact)).solve()
+def _without(robot: Robot, fits: Sequence[LocalFit], torques: Sequence[float]) -> Array:
+    """Parameters with a torque taken off each measured element."""
+    pairs = zip(fits, torques, strict=True)
+    less = [replace(f, sides=np.r_[f.sides[0] - put, f.sides[1:]]) for f, put in pairs]
+    return TwoStep(robot, less).solve()
 
 
 def _neglected(
@@ -89,19 +86,15 @@ def _neglected(
     what the axes that should stand still, but are only held, contribute by their motion. Shares are
     of the largest element of each kind; errors and p3 are those with the torque taken off.
     """
-    prepared, found = {m.id: (m, s) for m, s in raw}, {}
-    largest: dict[str, float] = {}
-    for f in fits:
-        largest[f.kind] = max(largest.get(f.kind, 0.0), abs(f.at(p).value))
+    found = {}
     for name, torque in NEGLECTED.items():
-        share, changed = dict.fromkeys(largest, 0.0), []
-        for f in fits:
-            m, s = prepared[f.id]
-            assert shows_element(m)
-            put = local_fit(robot, m, replace(s, tau=torque(robot, p, s, list(m.moved)))).sides[0]
-            share[f.kind] = max(share[f.kind], float(abs(put)) / largest[f.kind])
-            changed.append(replace(f, sides=np.r_[f.sides[0] - put, f.sides[1:]]))
-        without = TwoStep(robot, changed).solve()
+        alone = [(m, replace(s, tau=torque(robot, p, s, list(m.moved)))) for m, s in raw]
+        put = [f.sides[0] for f in local_fits(robot, alone)[0]]
+        without, share = _without(robot, fits, put), {}
+        for kind in ELEMENT_KINDS:
+            own = [k for k, f in enumerate(fits) if f.kind == kind]
+            largest = np.abs([(put[k], fits[k].at(p).value) for k in own]).max(axis=0)
+            share[kind] = largest[0] / largest[1]
         found[name] = {"share": share, "p3": without[2] - p[2], **errors(robot, without, truth)}
     return found
 
@@ -173,6 +166,7 @@ def of_offset(run: Run) -> Figures:
     return {
         "names": first.names, "value": first.value, "error": first.standard_error,
         "degrees": np.degrees(phase.shift), "stated": astuple(phase.stated),
+        "extended": astuple(phase.extended),
         "q": np.degrees(phase.angle[:15]), "torque": phase.torque[:15],
     }  # fmt: skip
 

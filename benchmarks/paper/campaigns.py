@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 ARTICLE: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("article.yaml").read_text())
 """What the paper says, as printed."""
-ROBOT, FIRST_SEED = "manutec-r15", 201
+ROBOT, SEEDS = "manutec-r15", range(201, 221)
 STEP = 25
 """Of a varied angle, section 6.2 [degrees]."""
 ELSEWHERE = (0, -30, 60, 40, 90, 0)
@@ -51,12 +51,8 @@ RULE = {
 q5 is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest fills its counts."""
 
 
-def by_rule(robot: Robot) -> Plan:
-    """Return the plan of section 6.2, 64 + 92 + 9 measurements."""
-    return as_plan(robot, _by_rule(robot))
-
-
-def _by_rule(robot: Robot) -> Iterator[Measurement]:
+def by_rule(robot: Robot) -> Iterator[Measurement]:
+    """Yield the measurements of section 6.2, 64 + 92 + 9."""
     sought = base_parameters(robot).dependencies.sought()
     for name, rows in RULE.items():
         kind, number = ELEMENT_KINDS[name], 0
@@ -74,9 +70,9 @@ def _by_rule(robot: Robot) -> Iterator[Measurement]:
 
 
 PLANS: dict[str, Callable[[Robot], Plan]] = {
-    "rule": by_rule,
-    "short": lambda robot: as_plan(robot, by_rule(robot).measurements[::3]),
-    "glance": lambda robot: as_plan(robot, by_rule(robot).measurements[:64:8]),
+    "rule": lambda robot: as_plan(robot, by_rule(robot)),
+    "short": lambda robot: as_plan(robot, list(by_rule(robot))[::3]),
+    "glance": lambda robot: as_plan(robot, list(by_rule(robot))[:64:8]),
     "chosen": lambda robot: design(robot, ARTICLE["counts"]),
     "sweep": sweep,
     "stops": lambda robot: stops(robot, 1),

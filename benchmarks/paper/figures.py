@@ -8,12 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from hil.estimation.gravity_phase import Sinusoid
 from hil.friction.curves import torque
 from hil.planning.design.friction import OPERATION
 from hil.report.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, in_turn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from hil.arrays import Array
     from hil.model.robot import Robot
@@ -160,27 +161,16 @@ def shown(drawn: Drawn, case: str, kind: str, axis: int) -> Array:
 
 
 def fig_7(drawn: Drawn, _: Robot) -> Figure:
-    """The gravity torque g3 over q4: measured, and by the robot file."""
+    """The gravity torque g3 over q4: measured, by the robot file, and with what was found."""
     figure, (panel,) = _panels(3.1, 1, 1)
-    found, fine = drawn["offset"], np.linspace(-180, 180, 200)
-    stated, seen = found["stated"] @ _waves(fine), sinusoid(drawn) @ _waves(fine)
-    panel.plot(fine, stated, color=MODEL, label="model by the robot file")
+    found, fine = drawn["offset"], np.linspace(-np.pi, np.pi, 200)
+    stated, extended = Sinusoid(*found["stated"]), Sinusoid(*found["extended"])
+    panel.plot(np.degrees(fine), stated.at(fine), color=MODEL, label="model by the robot file")
     panel.plot(found["q"], found["torque"], "o", color=MEASURED, label="measured")
-    panel.plot(fine, seen, ":", color=MEASURED, label="sinusoid of what was measured")
+    panel.plot(np.degrees(fine), extended.at(fine), ":", color=INK, label="with what was found")
     panel.set(xlabel="$q_4$ [degrees]", ylabel="$g_3$ [N m]", ylim=(3.8, 9.4))
     panel.legend(ncols=3, loc="upper center")
     return figure
-
-
-def sinusoid(drawn: Drawn) -> Array:
-    """Mean, cosine and sine of the sinusoid that is nearest to what was measured of Fig. 7."""
-    waves, torques = _waves(np.array(drawn["offset"]["q"])), np.array(drawn["offset"]["torque"])
-    return np.asarray(np.linalg.lstsq(waves.T, torques)[0])
-
-
-def _waves(degrees: Array) -> Array:
-    q = np.radians(degrees)
-    return np.array([np.ones_like(q), np.cos(q), np.sin(q)])
 
 
 def _panels(height: float, rows: int, columns: int, **options: Any) -> tuple[Figure, list[Any]]:
@@ -188,6 +178,4 @@ def _panels(height: float, rows: int, columns: int, **options: Any) -> tuple[Fig
     return figure, list(figure.subplots(rows, columns, squeeze=False, **options).flat)
 
 
-FIGURES: dict[str, Callable[[Drawn, Robot], Figure]] = {
-    "1": fig_1, "2": fig_2, "3": fig_3, "4": fig_4, "5": fig_5, "6": fig_6, "7": fig_7,
-}  # fmt: skip
+FIGURES = (fig_1, fig_2, fig_3, fig_4, fig_5, fig_6, fig_7)

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 import numpy as np
 
-from hil.least_squares.solving import inverse
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import mass_matrix
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.plan import as_plan
 from hil.planning.prediction.identifiability import group_observations
 
-from .campaigns import DISC, PLANS, by_rule
-from .figures import by_speed, in_operation, shown, sinusoid
+from .campaigns import DISC, PLANS
+from .figures import by_speed, in_operation, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -58,7 +57,6 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {"f": _digits, "pc": lambda x, n=2: f"{_digits(100 * x, n)}\u00a0%"}
-    environment.filters["sentence"] = lambda x: x[0].upper() + x[1:] if x[1].isalpha() else x
     page = environment.get_template("page.md.j2").render(
         article=article, **results, verdict=verdict, code=code, np=np, over=over,
         rms=lambda case, *path: rms(over(case, *path)), robot=of_robot(article, robot),
@@ -118,7 +116,10 @@ def of_table_3(article: Figures, robot: Robot, over: Any) -> Figures:
     by_22 = base_parameters(robot).matrix[:, -10:] @ [body.get(n, 0.0) for n in LINK_PARAMETERS]
     implied = row["expected"] / article["mass"]
     pairs = (("bare", "loaded", "published"), ("bare", "loaded", "improved"), SHORT)
-    change = {(b, how): over(b, how, "p") - over(a, how, "p") for a, b, how in pairs}
+    change = {}
+    for a, b, how in pairs:
+        both = zip(over(a, how, "p"), over(b, how, "p"), strict=False)
+        change[b, how] = np.array([loaded - bare for bare, loaded in both])
     p = {"A": over("bare", "published", "p"), "B": over("loaded", "published", "p")}
     p["change"] = change["loaded", "published"]
     short = over("default", "published", "p")
@@ -174,7 +175,7 @@ def of_friction(drawn: Figures) -> Figures:
 
 def of_choice(robot: Robot) -> Figures:
     """Condition, least singular value and scatter of p_Md by plans of the paper's counts."""
-    random, rule, found = np.random.default_rng(1), by_rule(robot), {}
+    random, rule, found = np.random.default_rng(1), PLANS["rule"](robot), {}
     anywhere = [
         m.model_copy(update={"q": tuple(random.uniform(0.8 * robot.q_min, 0.8 * robot.q_max))})
         for m in rule.measurements
@@ -183,22 +184,18 @@ def of_choice(robot: Robot) -> Figures:
     for name, plan in plans.items():
         W = group_observations(plan, robot, "diagonal")
         s = np.linalg.svd(W, compute_uv=False)
-        scatter = float(np.sqrt(np.trace(inverse(W.T @ W))))
+        scatter = np.linalg.norm(1 / s)  # root of the trace of the inverse of W'W
         found[name] = {"condition": s[0] / s[-1], "least": s[-1], "scatter": scatter}
     return found
 
 
 def of_elements(drawn: Figures) -> Figures:
-    """Figs. 5 to 7: what the model leaves, what p_g makes of the elements, the phase."""
-    left = []
-    for axis in (2, 3, 5):
-        _, value, model = shown(drawn, "bare", "gravity", axis).T
-        left.append(rms(value - model) / np.ptp(model))
+    """Figs. 5 and 6: what the model leaves, and what p_g makes of the elements."""
+    gravity = [shown(drawn, "bare", "gravity", axis).T for axis in (2, 3, 5)]
+    left = [rms(value - model) / np.ptp(model) for _, value, model in gravity]
     varied = {}
     for axis in (1, 2, 3):
         own = [e for e in drawn["bare"] if (e["kind"], e["axis"]) == ("inertia", axis)]
         whole, part = np.array([(e["model"], e["of_gravity"]) for e in own]).T
         varied[axis] = (float(np.ptp(whole)), float(np.ptp(whole - part)))
-    turned = [complex(*each[1:]) for each in (sinusoid(drawn), drawn["offset"]["stated"])]
-    shift = abs(float(np.degrees(np.angle(turned[0] / turned[1]))))
-    return {"left": left, "varied": varied, "shift": shift}
+    return {"left": left, "varied": varied}
