@@ -4,15 +4,18 @@ They make everything else meaningless, so they refuse the import. Excerpts of th
 read otherwise, in turn (`hil.estimation.excluded.alternatives`), and all base parameters are fitted
 anew under each reading: a sign, two columns exchanged, degrees for radians, a zero off by quarters
 of a turn, gravity along another axis. The one that explains most of those that mechanics allows is
-then taken at its word, friction and all. It refuses the map's own where that is impossible, since
-friction would drive an axis or some motion would have a negative energy, and it leaves half of the
-mean squares at most; or a ninth of them at most. All other causes are for the estimate to state,
-which sees the whole recording.
+then taken at its word, friction and all, and so are exchanges of axes whose torques do not follow
+their motion at all. It refuses the map's own where that is impossible, since friction would drive
+an axis or some motion would have a negative energy, and it leaves half of the mean squares at most;
+or a ninth of them at most. Where most of what is left would be friction that drives, any reading
+refuses the map's own that explains as much. All other causes are for the estimate to state, which
+sees the whole recording.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,16 +103,25 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
         (explained(robot, thin, reading), cause, axes, words, reading)
         for cause, axes, words, reading in _readings(robot, thin)
     ]
-    possible = [each for each in every if each[0].possible]
-    found = min(possible, key=lambda each: each[0].misfit, default=None)
-    if found is None or found[0].misfit > stated.misfit - TOGETHER:
+    driven = int(stated.driven.argmax())
+    drives = stated.driven[driven] >= 1.0 - LEAVES
+    enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
+    likely = [each for each in every if each[0].possible and each[0].misfit < enough]
+    astray = set(np.flatnonzero(share > NOTHING).tolist())
+    tried = [
+        (*each[:4], signed)
+        for each in every
+        if len(each[2]) == 2 and astray.issuperset(each[2])
+        for signed in _signed(each[4], each[2])
+    ]
+    tried += [min(likely, key=lambda each: each[0].misfit)] if likely else []
+    if not tried:
         yield from _late(robot, prepared, solver) if (share > UNEXPLAINED).any() else ()
         return
-    _, cause, axes, words, reading = found
-    file = robot.file.model_copy(update={"gravity": tuple(reading.gravity.tolist())})
-    turned = Robot(file, robot.source, robot.text)
-    read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
-    left = float(np.exp(np.log(solver.weight / SimultaneousFit(turned, read).weight).mean()))
+    left, cause, axes, words = min(
+        (_left(robot, excerpts, reading, solver), cause, axes, words)
+        for _, cause, axes, words, reading in tried
+    )
     if left <= (SURE if stated.possible else LEAVES):
         yield Suspicion(
             "shape",
@@ -117,6 +129,33 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
             f"{located([axis + 1 for axis in axes], words)}: the model leaves"
             f" {100 * left:.2g} % of the mean squares then; {CAUSES[cause].remedy}",
         )
+    elif drives and likely:
+        yield Suspicion(
+            "shape",
+            ("joints", driven, "torque", "sign"),
+            f"friction would drive joint {driven + 1}: {100 * stated.driven[driven]:.0f} % of the"
+            " mean square that the rigid bodies leave has the direction of its speed; correct the"
+            " sign of its torque or of its position",
+        )
+
+
+def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
+    """A reading with either sign of each axis's torque: an exchange is of columns, not of signs."""
+    for signs in product((1.0, -1.0), repeat=len(axes)):
+        found = reading
+        for axis, sign in zip(axes, signs, strict=True):
+            found = found.at(axis, sign_tau=sign)
+        yield found
+
+
+def _left(
+    robot: Robot, excerpts: Sequence[Excerpt], reading: Reading, solver: SimultaneousFit
+) -> float:
+    """Share of the mean squares that a reading leaves if it is taken at its word."""
+    file = robot.file.model_copy(update={"gravity": tuple(reading.gravity.tolist())})
+    turned = Robot(file, robot.source, robot.text)
+    read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
+    return float(np.exp(np.log(solver.weight / SimultaneousFit(turned, read).weight).mean()))
 
 
 def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:

@@ -214,16 +214,16 @@ def _good(model: Model, usual_effect: Array | None) -> Reservation:
     reason = f"torques of the rigid bodies on a free motion are known within {_within(relative)}"
     hidden = _hidden(model, relative)
     if not hidden:
-        return good(f"{reason} (one standard error){_scale(model.robot)}")
-    usual = dict.fromkeys((each.cause, f"within {each.usual:g} {each.unit}") for each in hidden)
+        return good(f"{reason}, one standard error{_scale(model.robot)}")
+    usual = dict.fromkeys((each.cause, f"±{each.usual:g} {each.unit}") for each in hidden)
     conditions = ", ".join(
         f"{cause}{_listed([each.axis for each in hidden if each.cause == cause])} {size}"
         for cause, size in usual
     )
     return good(
-        f"{reason} (one standard error) if what does not show is as stated, within"
-        f" {_within(_with_hidden(model, relative, hidden, usual_effect))} if it is right so far:"
-        f" {conditions}",
+        f"{reason}, one standard error, if what the recordings do not show is exactly as stated;"
+        f" within {_within(_with_hidden(model, relative, hidden, usual_effect))} if it is within"
+        f" its usual tolerances: {conditions}",
         "state the uncertainty of torque constants and rotor inertias in the robot file, where it"
         " is known better",
     )

@@ -115,6 +115,8 @@ class Explained(NamedTuple):
     left : ndarray, shape (n_channels,)
         s_a^2, the mean squares that are left.
     p : ndarray, shape (n_base,)
+    driven : ndarray, shape (n_channels,)
+        Share of the mean square that the rigid bodies leave by which friction drives each axis.
     possible : bool
         Whether friction takes power everywhere, and all motion has a positive energy.
     """
@@ -122,6 +124,7 @@ class Explained(NamedTuple):
     misfit: float
     left: Array
     p: Array
+    driven: Array
     possible: bool
 
 
@@ -158,10 +161,9 @@ def explained(
     least = np.maximum(evidence.finest, np.finfo(float).tiny) ** 2
     left = np.maximum(blocks.mean_squares(x), least)
     p = x[:n_base]
-    possible = not _driving(evidence, reading, torque - X @ x[: X.shape[1]]) and not _negative(
-        robot, evidence, reading, p
-    )
-    return Explained(float(blocks.counts[0] @ np.log(left)), left, p, possible)
+    driven = _driven(evidence, reading, torque - X @ x[: X.shape[1]])
+    possible = not driven.any() and not _negative(robot, evidence, reading, p)
+    return Explained(float(blocks.counts[0] @ np.log(left)), left, p, driven, possible)
 
 
 def roughly(robot: Robot, evidence: Evidence, reading: Reading, more: Array) -> float:
@@ -169,16 +171,18 @@ def roughly(robot: Robot, evidence: Evidence, reading: Reading, more: Array) -> 
     return explained(robot, evidence, reading, more, ROUGHLY).misfit
 
 
-def _driving(evidence: Evidence, reading: Reading, left: Array) -> bool:
-    """Whether friction drives an axis: the power that it takes is negative."""
+def _driven(evidence: Evidence, reading: Reading, left: Array) -> Array:
+    """Share of what is left that drives each axis; 0 where friction takes power."""
+    found = np.zeros(evidence.n_channels)
     for channel in np.unique(evidence.axis):
         rows, joint = evidence.axis == channel, reading.torques.index(int(channel))
         turned = reading.sign_q[joint] * reading.sign_tau[joint]
         direction = np.sign(evidence.motion[1, 1, rows, reading.order[joint]])
         rest = left[rows] - left[rows].mean()
-        if np.ptp(direction) > 0 and turned * rest @ direction < 0:
-            return True
-    return False
+        along = turned * rest @ direction
+        if np.ptp(direction) > 0 and along < 0:
+            found[channel] = along**2 / (direction @ direction * (rest @ rest))
+    return found
 
 
 def _negative(robot: Robot, evidence: Evidence, reading: Reading, p: Array) -> bool:

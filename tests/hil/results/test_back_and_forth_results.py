@@ -109,5 +109,5 @@ def test_a_whole_and_a_partial_estimate_are_reported(run: Run, partial: Run) -> 
     whole, part = (report(each).read_text() for each in (run, partial))
     assert "All 6 base parameters of arm were identified from strokes back and forth" in whole
     assert "Friction over the speed" in whole
-    assert whole.count("<figure") == 3
+    assert whole.count("<figure") == 4
     assert "Those not identified are zero in the model." in part

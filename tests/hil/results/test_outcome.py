@@ -120,7 +120,8 @@ def test_the_first_sentence_states_what_must_be_right_since_it_does_not_show(mod
     )
     assert usual > stated
     assert reason.endswith(
-        "if it is right so far: torque constant (axes 4, 6) within 10 %, zero (axis 5) within 0.5 %"
+        "if it is within its usual tolerances: torque constant (axes 4, 6) ±10 %, zero (axis 5)"
+        " ±0.5 %"
     )
 
 

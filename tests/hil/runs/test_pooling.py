@@ -91,7 +91,7 @@ def test_a_run_named_twice_is_refused(run):
 
 
 def test_a_run_shows_its_torque_noise(run, manutec):
-    noise, _ = experience(open_runs([run]))
+    noise, *_ = experience(open_runs([run]))
     share = noise.torque / manutec.torque_limit
     assert share == pytest.approx(NOISE, rel=0.25)
     assert np.median(share) == pytest.approx(NOISE, rel=0.1)
