@@ -1,4 +1,4 @@
-"""How well recordings tell what is wrong: flaws of stated sizes, clean runs, honest words, time.
+"""How well recordings show what is wrong: flaws of stated sizes, clean runs, honest words, time.
 
 Flaws of a plant are measured on one that differs from the robot file; what differs in robot file,
 drives file or map alone is changed there, or in what these make of a clean run's recordings, which

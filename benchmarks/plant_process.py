@@ -1,11 +1,11 @@
-"""The virtual plant as a process of its own, on the wall clock, in real time."""
+"""The virtual plant as a process of its own, on the wall clock, in real time; others that load."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from hil.cli.realtime import PRIORITY
@@ -32,3 +32,13 @@ def plant(
             sys.exit(f"the plant must have real time: {error}")
         finally:
             process.kill()
+
+
+@contextmanager
+def load(processes: int) -> Iterator[None]:
+    """Let so many processes compute without a pause."""
+    with ExitStack() as stack:
+        for _ in range(processes):
+            burning = subprocess.Popen((sys.executable, "-c", "while True: pass"))
+            stack.callback(stack.enter_context(burning).kill)
+        yield

@@ -13,37 +13,29 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
-from plant_process import plant
+from plant_process import load, plant
 
 from hil.runs.run import Run
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HIL = (sys.executable, "-m", "hil")
 BUSY = 8
 """Processes that compute without a pause."""
-
-
-@contextmanager
-def load() -> Iterator[None]:
-    """Keep the computer busy."""
-    with ExitStack() as stack:
-        for _ in range(BUSY):
-            burn = subprocess.Popen((sys.executable, "-c", "while True: pass"))
-            stack.callback(stack.enter_context(burn).kill)
-        yield
+PATIENCE = 600.0
+"""Time after which a run that has neither ended nor come to its end is left [s]."""
 
 
 def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) -> str:
     """Run the plan once; say what became of it."""
     command = (*HIL, "run", str(plan), "-o", str(folder), *place, *options)
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=PATIENCE
+        )
+    except subprocess.TimeoutExpired:
+        return f"under way after {PATIENCE:.0f} s"
     if done.returncode:
         return f"ENDED ({done.returncode}): {done.stderr.strip().splitlines()[-1]}"
     recordings = [measured.recording for measured in Run.open(folder)]
@@ -63,7 +55,7 @@ def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> 
             ended = 0
             for number in range(runs):
                 folder = Path(scratch) / f"{name}-{number}"
-                with plant(interface, channel), load():
+                with plant(interface, channel), load(BUSY):
                     line = streamed(plan, folder, place, *options)
                 ended += line.startswith("ENDED")
                 print(f"{name:10s} {number + 1:3d}: {line}", flush=True)

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import gc
 import os
-import subprocess
 import sys
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import numpy as np
-from plant_process import plant
+from plant_process import load, plant
 
 from drivers.drive_bus import SampleFlag
 from drivers.drives_file import load_drives
@@ -26,7 +25,7 @@ from hil.cli.realtime import real_time
 from hil.model.robot import ROBOTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from contextlib import AbstractContextManager
 
 INTERFACE, CHANNEL = "local", "wake-ups"
 WARM_UP = 250
@@ -36,17 +35,6 @@ DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml").model_copy(
     update={"sync_period": PERIOD, "heartbeat_timeout": 2.0, "sdo_timeout": 5.0}
 )
 GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
-
-
-@contextmanager
-def load() -> Iterator[None]:
-    """Keep all cores busy."""
-    burn = (sys.executable, "-c", "while True: pass")
-    with ExitStack() as stack:
-        for _ in range(os.cpu_count() or 1):
-            process = stack.enter_context(subprocess.Popen(burn))
-            stack.callback(process.kill)
-        yield
 
 
 def measured(samples: int, *, realtime: bool) -> str:
@@ -69,12 +57,17 @@ def measured(samples: int, *, realtime: bool) -> str:
     )
 
 
+def all_cores() -> AbstractContextManager[None]:
+    """Keep all cores busy."""
+    return load(os.cpu_count() or 1)
+
+
 def main(samples: int = 5000) -> None:
     """Print a line for each case."""
     with real_time() as measures:
         print(*measures, sep="\n")
     with plant(INTERFACE, CHANNEL, lambda: measured(WARM_UP, realtime=False)):
-        for name, burden in (("idle", nullcontext), ("all cores busy", load)):
+        for name, burden in (("idle", nullcontext), ("all cores busy", all_cores)):
             for realtime in (False, True):
                 with burden():
                     line = measured(samples, realtime=realtime)

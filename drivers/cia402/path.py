@@ -117,18 +117,18 @@ class Path:
         return q
 
     @property
-    def velocity(self) -> Array:
-        """How fast each axis is led at `at`, shape (n_axes,) [increments/s]."""
-        k = min(round(self.at), self._last)
-        speed: Array = self.pace * (self._exact[k + 2] - self._exact[k]) / (2 * self._period)
-        return speed
-
-    @property
     def overrun(self) -> tuple[Array, float]:
         """How far each axis overruns the last set-point if no other comes, until it is back [s]."""
-        speed = self.velocity
+        before, _, after = self._around
+        speed = self.pace * (after - before) / (2 * self._period)
         way: Array = np.sign(speed) * speed**2 / (2 * self._limits)
         return way, float((2 * np.abs(speed) / self._limits).max())
+
+    @property
+    def _around(self) -> Array:
+        """Set-points one before `at`, next to it and one after it, shape (3, n_axes)."""
+        k = min(round(self.at), self._last)
+        return self._exact[k : k + 3]
 
     def go_on(self, before: Path, at: float) -> None:
         """Go on at a place of this path as one before it was passed."""
@@ -178,8 +178,7 @@ class Path:
 
     def _change(self, aim: float) -> None:
         """Let the pace approach one that is aimed at as fast as all axes can follow."""
-        k = min(round(self.at), self._last)
-        a, b, c = self._exact[k : k + 3]
+        a, b, c = self._around
         speed = (c - a) / (2 * self._period)
         bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2
         with np.errstate(divide="ignore"):

@@ -206,7 +206,7 @@ class Battery:
         }
 
     def _of(self, axis: int) -> Indices:
-        """Columns that tell of the noise of an axis; of all axes where it is none."""
+        """Columns that show the noise of an axis; of all axes where it is none."""
         return np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
 
     @cached_property

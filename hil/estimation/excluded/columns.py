@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.estimation.excluded.causes import CAUSES
+from hil.estimation.excluded.causes import CAUSES, FITTED
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
@@ -83,6 +83,11 @@ class Columns:
         for k, name in enumerate(self.names):
             found.setdefault((name.cause, name.axis), []).append(k)
         return found
+
+    @property
+    def fitted(self) -> list[int]:
+        """Those that every estimate takes into account."""
+        return [k for k, name in enumerate(self.names) if name.cause in FITTED]
 
 
 class _Rows:

@@ -22,7 +22,6 @@ from scipy import special
 
 from hil.estimation.excluded.alternatives import ROWS, Reading, alternatives, explained
 from hil.estimation.excluded.battery import LEVEL, Battery
-from hil.estimation.excluded.causes import FITTED
 from hil.estimation.excluded.columns import columns
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded, Found, located
@@ -70,9 +69,7 @@ def excluded(robot: Robot, p: Array, evidence: Evidence, leaves: float = 1.0) ->
         limits go.
     """
     every = columns(robot, p, evidence)
-    battery = first = Battery(
-        evidence, every, [k for k, name in enumerate(every.names) if name.cause in FITTED]
-    )
+    battery = first = Battery(evidence, every, every.fitted)
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[_Step] = []
     while len(found) < MOST:
@@ -214,12 +211,7 @@ class _Instead:
 
     @cached_property
     def _stated(self) -> Explained:
-        return self._of(self._fitted)
-
-    @cached_property
-    def _fitted(self) -> list[int]:
-        names = self.battery.columns.names
-        return [k for k, name in enumerate(names) if name.cause in FITTED]
+        return self._of(self.battery.columns.fitted)
 
     @property
     def _slipped(self) -> int:
@@ -241,7 +233,7 @@ class _Instead:
         """The reading that explains most with its like, if columns do not explain more."""
         thin, values = self._thin
         one = _typical(self.battery)
-        fitted = values[:, self._fitted]
+        fitted = values[:, self.battery.columns.fitted]
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(
@@ -267,7 +259,7 @@ class _Instead:
         for cause in self.causes:  # a load explains what a zero of the last axes does
             if cause.cause == "load":
                 at = self.tests["load", -1]
-                load = self._of([*self._fitted, *at])
+                load = self._of([*self.battery.columns.fitted, *at])
                 if alike(self._gain(load, len(at)), best):
                     return cause.model_copy(update={"others": tuple(named)})
         first = same[0]

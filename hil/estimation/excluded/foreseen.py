@@ -17,7 +17,6 @@ import numpy as np
 
 from hil.errors import NotIdentifiable
 from hil.estimation.excluded.battery import Battery
-from hil.estimation.excluded.causes import FITTED
 from hil.estimation.excluded.columns import columns
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.limits import limits
@@ -65,8 +64,7 @@ def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) ->
     solver.loaded = np.zeros(robot.n_joints, dtype=bool)  # recordings alone show friction of loads
     evidence = measured(robot, solver, prepared)
     every = columns(robot, p, evidence)
-    fitted = [k for k, name in enumerate(every.names) if name.cause in FITTED]
-    battery = Battery(evidence, every, fitted)
+    battery = Battery(evidence, every, every.fitted)
     tests = sum(bool(battery.visible[at].any()) for at in every.tests.values())
     return Excluded(found=(), limits=limits(robot, battery, every, tests), tests=tests)
 

@@ -115,15 +115,38 @@ def test_friction_at_reversals_does_not_hide_joints_in_another_order(seen, manut
     assert words == "axes 2 and 3: each has the recordings of the other"
 
 
-def test_a_map_that_explains_nearly_all_is_not_refused_for_one_that_explains_more():
-    portal = load_robot(str(ROBOTS / "cartesian.yaml"))
+def on_a_portal(masses):
+    """A free motion of three sliding axes, most of whose force is friction."""
     w = 2 * np.pi * np.array([0.11, 0.13, 0.17])
     q, qd = 0.2 * np.sin(np.outer(T, w)), 0.2 * w * np.cos(np.outer(T, w))
-    masses = np.array([4.0, 8.0, 12.0])  # in no order that links can have
     tau = masses * -(w**2) * q + np.array([30.0, 40.0, 50.0]) * np.tanh(qd / 0.01)
     tau[:, 2] += 9.81 * masses[2]
     tau += np.random.default_rng(3).normal(0, 0.01, tau.shape) * np.std(tau, axis=0)
-    assert said(excerpt(q, tau), portal) == []
+    return excerpt(q, tau)
+
+
+def test_a_map_that_explains_nearly_all_is_not_refused_for_one_that_explains_more():
+    in_no_order_that_links_can_have = np.array([4.0, 8.0, 12.0])
+    portal = load_robot(str(ROBOTS / "cartesian.yaml"))
+    assert said(on_a_portal(in_no_order_that_links_can_have), portal) == []
+
+
+def test_a_force_of_the_wrong_sign_shows_by_friction_alone():
+    seen, portal = (
+        on_a_portal(np.array([12.0, 8.0, 4.0])),
+        load_robot(str(ROBOTS / "cartesian.yaml")),
+    )
+    assert said(seen, portal) == []
+    ((place, words),) = said(seen, portal, tau=seen.tau * [-1, 1, 1])
+    assert place == ("joints", 0, "torque", "sign")
+    assert re.match(r"friction would drive joint 1: 9\d % of the mean square", words)
+
+
+def test_torques_that_are_exchanged_and_of_the_wrong_signs_as_well(seen, manutec):
+    tau = seen.tau[:, [0, 1, 2, 4, 3, 5]] * [1, 1, 1, -1, -1, 1]
+    ((place, words),) = said(seen, manutec, tau=tau)
+    assert place == ("joints", 3, "torque", "column")
+    assert words == "axes 4 and 5: each has the torque of the other"
 
 
 def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(seen, manutec):
