@@ -8,7 +8,7 @@ so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and
 that stated over gear^2. All base parameters are fitted anew under each. Readings are compared by
 the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they have as many
 unknowns as what is stated, or one more. Two things are impossible whatever the residual: friction
-that drives its axis, and motion of negative kinetic energy.
+that drives its axis, and motion of negative kinetic energy, each by more than noise makes it so.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import optimize
+from scipy import optimize, special
 
+from hil.estimation.excluded.battery import LEVEL
 from hil.estimation.excluded.columns import across_gravity, instants
 from hil.least_squares.regression import ROUNDS, Regression
+from hil.least_squares.solving import inverse
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
@@ -118,7 +120,8 @@ class Explained(NamedTuple):
     driven : ndarray, shape (n_channels,)
         Share of the mean square that the rigid bodies leave by which friction drives each axis.
     possible : bool
-        Whether friction takes power everywhere, and all motion has a positive energy.
+        Whether friction takes power everywhere, and all motion has a positive energy, as far as
+        noise lets that be known.
     """
 
     misfit: float
@@ -148,8 +151,12 @@ def explained(
     reading: Reading,
     more: Array | None = None,
     rounds: int = ROUNDS,
+    dispersion: float = 1.0,
 ) -> Explained:
-    """Fit base parameters under a reading, and of `more` columns, shape (n, k)."""
+    """Fit base parameters under a reading, and of `more` columns, shape (n, k).
+
+    What is impossible is so by more than noise of a `dispersion` makes it.
+    """
     torque, X = reading.rows(robot, evidence)
     n_base = X.shape[1]
     if more is not None:
@@ -162,8 +169,17 @@ def explained(
     left = np.maximum(blocks.mean_squares(x), least)
     p = x[:n_base]
     driven = _driven(evidence, reading, torque - X @ x[: X.shape[1]])
-    possible = not driven.any() and not _negative(robot, evidence, reading, p)
+    # of n samples of noise a share r^2 follows a direction with n r^2 / (1 - r^2) about 1
+    drives = blocks.counts[0] * driven > dispersion * _beyond(len(driven)) * (1.0 - driven)
+    possible = not drives.any() and not _negative(
+        robot, evidence, reading, p, lambda: dispersion * inverse(regression.normal.information)
+    )
     return Explained(float(blocks.counts[0] @ np.log(left)), left, p, driven, possible)
+
+
+def _beyond(n: int) -> float:
+    """Square of a standard normal that is the greatest of `n` in one direction in 5 %."""
+    return float(special.ndtri(LEVEL / n)) ** 2
 
 
 def roughly(robot: Robot, evidence: Evidence, reading: Reading, more: Array) -> float:
@@ -185,12 +201,29 @@ def _driven(evidence: Evidence, reading: Reading, left: Array) -> Array:
     return found
 
 
-def _negative(robot: Robot, evidence: Evidence, reading: Reading, p: Array) -> bool:
-    """Whether some motion would have a negative kinetic energy."""
+def _negative(
+    robot: Robot,
+    evidence: Evidence,
+    reading: Reading,
+    p: Array,
+    covariance: Callable[[], Array],
+) -> bool:
+    """Whether some motion would have a negative kinetic energy, whatever noise did to `p`.
+
+    That of a motion v is v'(M(q) + rotors) v, which is linear in p: so is its error.
+    """
     q = reading.motion(evidence)[0]
     some = q[:: max(1, len(q) // CONFIGURATIONS)]
     rotors = np.diag(robot.reflected_inertia / reading.gear**2)
-    return bool(np.linalg.eigvalsh(mass_matrix(robot, p, some) + rotors).min() < 0)
+    energies, motions = np.linalg.eigh(mass_matrix(robot, p, some) + rotors)
+    below = energies[:, 0] < 0
+    if not below.any():
+        return False
+    v = motions[below, :, 0]
+    A = regressor(robot, some[below], np.zeros_like(v), v, gravity=np.zeros(3))
+    a = np.einsum("ij,ijk->ik", v, A)
+    variance = np.einsum("ij,jk,ik->i", a, covariance()[: len(p), : len(p)], a)
+    return bool(np.any(energies[below, 0] ** 2 > _beyond(len(some)) * variance))
 
 
 def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:
@@ -245,7 +278,13 @@ def alternatives(
         Axis whose slip explains most to first order, the only one that is tried.
     """
     found = [
-        Alternative(cause, axes, np.nan, np.nan, explained(robot, thin, reading, fitted))
+        Alternative(
+            cause,
+            axes,
+            np.nan,
+            np.nan,
+            explained(robot, thin, reading, fitted, dispersion=dispersion),
+        )
         for cause, axes, reading in discrete(robot, thin)
     ]
     for cause, axis in _sized(robot, thin, slipped):
@@ -254,7 +293,9 @@ def alternatives(
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
         start = min(starts, key=lambda size, read=read: roughly(robot, thin, read(size), fitted))  # type: ignore[misc]
         each = _searched(
-            lambda size, read=read: explained(robot, thin, read(size), fitted),  # type: ignore[misc]
+            lambda size, read=read: explained(  # type: ignore[misc]
+                robot, thin, read(size), fitted, dispersion=dispersion
+            ),
             start,
             starts,
             stated.misfit,

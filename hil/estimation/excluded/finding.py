@@ -188,7 +188,7 @@ class _Instead:
     @property
     def found(self) -> tuple[Found, ...]:
         """What is found after all."""
-        scatter = _typical(self.battery)
+        scatter = self._scatter
         large = any(each.left < LARGE for each in self.causes)
         if not large and scatter < CONTRADICTS and self._stated.possible:
             return self.causes
@@ -222,7 +222,12 @@ class _Instead:
     def _of(self, given: Sequence[int]) -> Explained:
         """What is stated explains with some columns."""
         thin, values = self._thin
-        return explained(self.robot, thin, Reading.stated(self.robot), values[:, list(given)])
+        stated, more = Reading.stated(self.robot), values[:, list(given)]
+        return explained(self.robot, thin, stated, more, dispersion=self._scatter)
+
+    @cached_property
+    def _scatter(self) -> float:
+        return _typical(self.battery)
 
     def _gain(self, each: Explained, n: int) -> float:
         """What a reading, or columns, with `n` unknowns explain."""
@@ -232,12 +237,17 @@ class _Instead:
     def _likeliest(self) -> Found | None:
         """The reading that explains most with its like, if columns do not explain more."""
         thin, values = self._thin
-        one = _typical(self.battery)
         fitted = values[:, self.battery.columns.fitted]
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(
-                self.robot, thin, fitted, self._stated, one, self.first.sizes, self._slipped
+                self.robot,
+                thin,
+                fitted,
+                self._stated,
+                self._scatter,
+                self.first.sizes,
+                self._slipped,
             )
         ]
         best = max((gain for gain, _ in every), default=-np.inf)

@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 from free_run import arm, recorded
 
+from hil.estimation.excluded.evidence import measured
+from hil.estimation.excluded.finding import excluded
 from hil.estimation.excluded.proof import changed as changed_between
 from hil.estimation.excluded.proof import proved
+from hil.estimation.signals import signals
+from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot, parse_robot
 
@@ -117,6 +121,19 @@ def test_noise_is_no_cause(robot: Robot, good: FreeRecorded) -> None:
     rng = np.random.default_rng(4)
     loud = changed(good, lambda _q, tau, _t: tau.__iadd__(rng.normal(scale=3.0, size=tau.shape)))
     assert found_in(robot, loud) == ()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_small_inertia_that_noise_makes_negative_is_no_cause(seed: int) -> None:
+    text = arm(rotor_inertia=1e-8).text.replace("  - sy\n", "")
+    direct, rng = parse_robot(text, "arm.yaml"), np.random.default_rng(seed)
+    small = TRUTH | {"Izz2": 1e-3, "sx2": 0.0}
+    quiet = recorded(direct, np.array([small[head] for head in base_parameters(direct).heads]), n=3)
+    loud = changed(quiet, lambda _q, tau, _t: tau.__iadd__(rng.normal(scale=3.0, size=tau.shape)))
+    prepared = [(motion, signals(recording)) for motion, recording in loud]
+    solver = SimultaneousFit(direct, prepared)
+    evidence = measured(direct, solver, prepared)
+    assert excluded(direct, solver.solve(), evidence).found == ()
 
 
 @pytest.mark.parametrize(
