@@ -9,8 +9,10 @@ are campaigns of eight minutes and a minute of free motion of other robots' twin
 
 Rows: ``flaws`` (20 flaws of three sizes each), ``far`` (what no derivative shows), ``clean``,
 ``sizes`` (each cause at its stated size, added to a clean run as its column), ``time``, ``axes``
-(on which axes of a clean run a mistake shows at all). Wrong maps are those of `wrong_maps`. Every
-row states how often *good* was off by more than three times its stated error.
+(on which axes of a clean run a mistake shows at all), ``runs`` (in the folder of `benchmarks.paper`
+or of its like, a plant's file beside its runs: none of them holds a cause that is not accounted
+for). Wrong maps are those of `wrong_maps`. Every row states how often *good* was off by more than
+three times its stated error.
 """
 
 from __future__ import annotations
@@ -327,15 +329,25 @@ def said(folder: Path, case: Case) -> Said:
     """Measure, import or change a case, identify it, and judge what is said."""
     if case.twin:
         run = imported(folder, case)
-        robot, recorded, truth = run.robot, list(Pooled([run])), _twin(case.twin).truth
-    else:
-        run = campaign(folder, case.seed, case if case.size and case.cause in PLANTS else None)
-        robot, recorded = run.robot, list(Pooled([run]))
-        truth = true_parameters(robot, ROBOT)
-        if case.cause in RECORDED:
-            recorded = changed(recorded, RECORDED[case.cause], case.axis - 1, case.size)
-        elif case.cause in STATED and case.size:
-            robot = STATED[case.cause](robot, case.axis - 1, case.size)
+        return judged(run, run.robot, list(Pooled([run])), _twin(case.twin).truth)
+    run = campaign(folder, case.seed, case if case.size and case.cause in PLANTS else None)
+    robot, recorded = run.robot, list(Pooled([run]))
+    if case.cause in RECORDED:
+        recorded = changed(recorded, RECORDED[case.cause], case.axis - 1, case.size)
+    elif case.cause in STATED and case.size:
+        robot = STATED[case.cause](robot, case.axis - 1, case.size)
+    return judged(run, robot, recorded, true_parameters(run.robot, ROBOT))
+
+
+def of_run(folder: Path) -> Said:
+    """Judge what is said of a run of a plant whose file stands two folders above it."""
+    run = Run.open(folder)
+    truth = true_parameters(run.robot, folder.parents[1] / "plant.yaml")
+    return judged(run, run.robot, list(Pooled([run])), truth)
+
+
+def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -> Said:
+    """Identify recordings, and judge what is said by the truth."""
     begin = time.process_time()
     try:
         found = estimate(robot, recorded)
@@ -426,6 +438,19 @@ def show_clean(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int) -> It
     print(f"causes found in {alarms} of {len(cases)} clean runs")
 
 
+def show_runs(folder: Path, pool: ProcessPoolExecutor) -> Iterator[Said]:
+    """Print what is named in runs of other benchmarks, case by case."""
+    for plant in sorted(folder.glob("*/plant.yaml")):
+        runs = sorted(run for run in plant.parent.glob("*/seed-*") if run.is_dir())
+        every = list(pool.map(of_run, runs))
+        alarms = [each for each in every if each.found]
+        print(f"{plant.parent.name}: causes found in {len(alarms)} of {len(every)},"
+              f" {sum(each.word == 'good' for each in every)} good", flush=True)  # fmt: skip
+        for each in alarms[:3]:
+            print(f"  {each.word}: {'; '.join(map(str, each.found))[:300]}", flush=True)
+        yield from every
+
+
 def show_sizes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
     """Print how often a cause of the stated smallest size is found."""
     several = range(seed + 100, seed + 104)
@@ -496,8 +521,8 @@ def show_honest(every: Sequence[Said]) -> None:
 def main() -> None:
     """Measure, identify, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
-    rows = ("flaws", "far", "clean", "sizes", "time", "axes")
-    parser.add_argument("rows", nargs="*", metavar="ROW", default=rows[:-1])
+    rows = ("flaws", "far", "clean", "sizes", "time", "axes", "runs")
+    parser.add_argument("rows", nargs="*", metavar="ROW", default=rows[:5])
     parser.add_argument("--seed", type=int, default=900)
     parser.add_argument("--clean", type=int, default=20, help="clean campaigns, as many twins")
     parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")
@@ -505,7 +530,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary, ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
         folder = given.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        if not (folder / "plan.yaml").exists():
+        if "runs" in given.rows:
+            every += list(show_runs(folder, pool))
+        if set(given.rows) - {"runs"} and not (folder / "plan.yaml").exists():
             hil("plan", ROBOT, "-o", folder / "plan.yaml", *PLAN)
         if "flaws" in given.rows:
             every += list(show_flaws(folder, pool, given.seed))
