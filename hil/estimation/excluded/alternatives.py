@@ -27,7 +27,7 @@ from hil.least_squares.solving import inverse
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
@@ -273,7 +273,9 @@ def alternatives(
     dispersion : float
         Of misfits, which noise that is not white makes greater.
     sizes : dict
-        Sizes of causes to first order, which are tried too.
+        Sizes of causes to first order, which are tried too. Of a cause of one column that has none
+        the estimate spans the column: what another size explains is the difference between
+        smoothed motions and smoothed regressors, many times over.
     slipped : int
         Axis whose slip explains most to first order, the only one that is tried.
     """
@@ -287,7 +289,7 @@ def alternatives(
         )
         for cause, axes, reading in discrete(robot, thin)
     ]
-    for cause, axis in _sized(robot, thin, slipped):
+    for cause, axis in _sized(robot, sizes, slipped):
         instant = _instant(robot, thin, fitted, axis) if cause == "slip" else 0.0
         read = sized(robot, cause, axis, instant)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
@@ -342,15 +344,13 @@ def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int,
             yield "two torques exchanged", (i, j), replace(stated, torques=both)
 
 
-def _sized(robot: Robot, evidence: Evidence, slipped: int) -> Iterator[tuple[str, int]]:
-    for cause in STARTS:
-        if cause.startswith("gravity"):
-            if np.any(robot.gravity):
-                yield cause, -1
-        elif cause == "slip":
-            yield cause, slipped
-        else:
-            yield from ((cause, int(axis)) for axis in np.unique(evidence.axis))
+def _sized(
+    robot: Robot, sizes: Iterable[tuple[str, int]], slipped: int
+) -> Iterator[tuple[str, int]]:
+    yield "slip", slipped
+    if np.any(robot.gravity):
+        yield from (("gravity x", -1), ("gravity y", -1))
+    yield from (key for key in sizes if key[0] in STARTS)
 
 
 def _searched(
