@@ -50,6 +50,9 @@ DELAY = 6
 by its loops and interpolation."""
 GRACE = 2.0
 """Time that the axes may take to come to rest after the last set-point [s]."""
+LEAST, LOOKED_AT = 0.02, 60.0
+"""Share of its own pace at which a path must be passed in every so many seconds: half a minute of
+motion may take 25 minutes, while a computer that cannot do that will not recover by itself."""
 
 
 class CyclicPosition:
@@ -173,6 +176,7 @@ class CyclicPosition:
         path.caution = MEMORY - (self._process_data.time - self._stalled)
         self._points, self.moving, self.along, self._first = points.tolist(), True, 0.0, 0
         self._halting, self._arrived_late = False, 0.0
+        self._looked_at = self._process_data.time, 0.0
         self._rests = [standstill_of(axis, self._period) for axis in self._axes]
         self._patience = round(GRACE / self._period)
         return path
@@ -200,7 +204,9 @@ class CyclicPosition:
             self.along = path.at
             late = self._process_data.now() - self._process_data.time
             self._arrived_late = max(self._arrived_late, late)
-        return self._settle() if self.moving and not arriving else None
+        if arriving:
+            return self._creeping(path.at)
+        return self._settle() if self.moving else None
 
     def left_out(self, elapsed: float) -> None:
         """Take note that no SYNC came for so long [s]: axes overrun their last set-points."""
@@ -356,6 +362,22 @@ class CyclicPosition:
             lows = [low + min(way, 0) for low, way in zip(lows, overrun, strict=True)]
             highs = [high + max(way, 0) for high, way in zip(highs, overrun, strict=True)]
         self._trips.follow(lows, highs)
+
+    def _creeping(self, at: float) -> MoveFailed | None:
+        """Return that a path is hardly passed at all, once that has lasted."""
+        since, then = self._looked_at
+        elapsed = self._process_data.time - since
+        if elapsed < LOOKED_AT:
+            return None
+        self._looked_at = self._process_data.time, at
+        pace = (at - then) * self._period / elapsed
+        if pace >= LEAST:
+            return None
+        return MoveFailed(
+            f"path passed at {pace:.2%} of its own pace for {elapsed:.0f} s, at least {LEAST:.0%}"
+            " must be: set-points came late or telegrams stayed away again and again; relieve this"
+            " computer of other work, run with --realtime, sample more slowly, or check the wiring"
+        )
 
     def _settle(self) -> MoveFailed | None:
         positions, targets = self._process_data.positions, self._points[-1]

@@ -16,6 +16,9 @@ passed with caution for a while: no axis overruns by more than its following err
 
     r |q'| <= sqrt(2 a w).
 
+At such a pace a late set-point does no harm, so however often they are late, the path is not passed
+more slowly than that for it: only what keeps the axes from speeding up again may do so.
+
 What is fed forward is passed alike: velocity by r; of the torque, what holds the axes counts as it
 is and the rest, by acceleration and speed, by r^2.
 """
@@ -165,7 +168,7 @@ class Path:
         before = self.pace
         if calm or self.caution > 0.0 or self._aim < 1.0 or before < 1.0:
             self._aim = min(1.0, self._aim + self._period / TRUST)
-            self._change(0.0 if calm else self._aim)
+            self._change(calm=calm)
             self.caution -= self._period
             self.slowed += min(before, self.pace) < 1.0
         self.at = min(self.at + (before + self.pace) / 2, self._last)
@@ -176,16 +179,19 @@ class Path:
         if periods > STILL:
             self.pace, self.caution = 0.0, MEMORY
 
-    def _change(self, aim: float) -> None:
-        """Let the pace approach one that is aimed at as fast as all axes can follow."""
+    def _change(self, *, calm: bool) -> None:
+        """Let the pace approach the one that is aimed at as fast as all axes can follow."""
         a, b, c = self._around
         speed = (c - a) / (2 * self._period)
         bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2
         with np.errstate(divide="ignore"):
             slower, faster = (SHARE * (self._limits + s * bend) / np.abs(speed) for s in (1, -1))
             stopping = (self._stops_within / np.abs(speed)).min()
+        aim = max(self._aim, min(stopping, 1.0))
         if self.caution > 0.0:
             aim = min(aim, stopping)
+        if calm:
+            aim = 0.0
         least = self.pace - max(slower.min(), 0.0) * self._period
         most = self.pace + min(max(faster.min(), 0.0), 1 / RECOVERY) * self._period
         self.pace = min(max(aim, least, 0.0), most)

@@ -101,4 +101,16 @@ def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> N
     assert paces[0] == 1.0
     assert paces == sorted(paces, reverse=True)
     assert paces[1] > 0.9
-    assert 0.1 < paces[3] < 0.4
+    assert 0.1 < paces[3] < 0.5
+
+
+def test_stalls_that_never_end_slow_a_path_down_no_further_than_they_are_harmless() -> None:
+    progress = []
+    for stalled in (3, 12, 50):
+        path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
+        for number in range(1, 1200):
+            if number % 25 == 0:
+                path.late(stalled)
+            path.step()
+        progress.append(path.at / 1199)
+    assert min(progress) == max(progress) > 0.1

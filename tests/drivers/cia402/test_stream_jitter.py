@@ -18,7 +18,7 @@ import pytest
 from personalities import drives_for, plant_file
 
 from drivers.canopen.drive_bus import CanopenDriveBus
-from drivers.drive_bus import Tripped
+from drivers.drive_bus import MoveFailed, Tripped
 from sim_plant.slave_network import SlaveNetwork
 from sim_plant.switch_on import load_machine
 
@@ -158,17 +158,34 @@ def test_a_drive_that_takes_set_points_on_arrival_only_is_served_and_the_jitter_
     assert "set-points acted when they arrived, up to 0 ms after SYNC" in notes[-1]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_host_that_stalls_slows_a_path_down_and_never_ends_it(seed: int) -> None:
-    bus, drives = StallingBus("manutec-r15", seed, share=0.01, longest=0.08), drives_for("plain")
+def stalled(seed: int, share: float, longest: float) -> tuple[np.ndarray, str]:
+    """Times of the samples of a path of 2.4 s with a host that stalls, and the last note."""
+    bus, drives = StallingBus("manutec-r15", seed, share, longest), drives_for("plain")
     with CanopenDriveBus(bus, drives) as axes:
         bus.stalling = True
         axes.stream(path(drives, 2.4).tolist())
         times = [axes.sample().time]
         while not (sample := axes.sample()).reached:
             times.append(sample.time)
-        assert np.diff(times).max() > 0.05
-        assert "path slowed down for " in axes.notes[-1]
+        return np.array(times), axes.notes[-1]
+
+
+@pytest.mark.parametrize(("seed", "share", "within"), [(0, 0.01, 25), (1, 0.01, 25), (0, 0.05, 40)])
+def test_a_host_that_stalls_slows_a_path_down_and_never_ends_it(
+    seed: int, share: float, within: float
+) -> None:
+    times, note = stalled(seed, share, 0.08)
+    assert np.diff(times).max() > 0.05
+    assert times[-1] - times[0] < within
+    assert "path slowed down for " in note
+
+
+def test_a_path_that_hardly_goes_on_any_more_is_ended_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("drivers.cia402.cyclic_position.LOOKED_AT", 2.0)
+    with pytest.raises(MoveFailed, match=r"path passed at [01]\.\d\d% of its own pace for 2 s"):
+        stalled(0, 1.0, 0.08)
 
 
 def test_a_trip_soon_after_a_late_sync_says_that_first() -> None:

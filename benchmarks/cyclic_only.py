@@ -1,0 +1,86 @@
+"""Whether drives that the driver leads by cyclic position give the model of profile position.
+
+The same plan is measured on plants whose noise and friction are of several seeds, once by drives
+that plan their strokes themselves and once by drives that have cyclic position alone, for which the
+driver plans. Both are identified by the improved method. Two measurements with errors of their own
+differ by sqrt(2) standard errors rms. So it is stated how far two runs of profile position are
+apart, two of cyclic position, and one of each; what of the difference is left in the mean of all
+seeds, which chance alone makes sqrt(2 / seeds); and how far both are from the truth::
+
+    python benchmarks/cyclic_only.py [--first 901] [--seeds 8] [--runs FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import combinations, product
+from pathlib import Path
+
+import numpy as np
+from golden import MANUTEC, PLANS, must
+
+from hil.estimation.identify import estimate
+from hil.ground_truth.true_parameters import true_parameters
+from hil.runs.pooling import Pooled
+from hil.runs.run import Run
+
+PLAN = "rough"
+KINDS = {"profile": (), "cyclic": ("personality=cyclic-only",)}
+"""Mode by which drives move, profile or cyclic position, and options of the plant that has it."""
+
+
+def measured(folder: Path, kind: str, seed: int) -> Run:
+    """Run of one seed, recorded unless it is there."""
+    run = folder / f"{kind}-{seed}"
+    if not (folder / f"{PLAN}.yaml").exists():
+        command, *rest = PLANS[PLAN]
+        must(folder, command, *rest, "-o", f"{PLAN}.yaml")
+    if not run.exists():
+        options = (f"seed={seed}", *KINDS[kind])
+        must(folder, "run", f"{PLAN}.yaml", "-o", run,
+             *(word for each in options for word in ("--bus-option", each)))  # fmt: skip
+    return Run.open(run)
+
+
+def main() -> None:
+    """Measure, identify, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("--first", type=int, default=901)
+    parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--runs", type=Path, default=Path("build/cyclic_only"))
+    given = parser.parse_args()
+    folder = given.runs.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    found: dict[str, list[np.ndarray]] = {kind: [] for kind in KINDS}
+    errors = []
+    for seed in range(given.first, given.first + given.seeds):
+        for kind in KINDS:
+            run = measured(folder, kind, seed)
+            made = estimate(run.robot, Pooled([run]), "improved")
+            found[kind].append(made.p)
+            errors.append(np.sqrt(np.diag(made.covariance)))
+            print(kind, seed, flush=True)
+    error = np.sqrt(np.mean(np.square(errors), axis=0))
+    # by standard errors, shape (seeds, n_base)
+    profile, cyclic = (np.array(rows) / error for rows in found.values())
+    truth = true_parameters(run.robot, MANUTEC) / error
+
+    def rms(differences: object) -> float:
+        return float(np.sqrt(np.mean(np.square(np.asarray(differences)))))
+
+    for kind, rows in zip(KINDS, (profile, cyclic), strict=True):
+        pairs = [a - b for a, b in combinations(rows, 2)]
+        print(f"two of {kind}: {rms(pairs):.2f} standard errors rms", end="")
+        print(f" ({min(map(rms, pairs)):.2f} to {max(map(rms, pairs)):.2f});", end="")
+        print(
+            f" from the truth {rms(rows - truth):.2f}, their mean {rms(rows.mean(0) - truth):.2f}"
+        )
+    pairs = [a - b for a, b in product(profile, cyclic)]
+    print(f"one of each: {rms(pairs):.2f} ({min(map(rms, pairs)):.2f} to", end="")
+    print(f" {max(map(rms, pairs)):.2f}), of the same seed {rms(profile - cyclic):.2f}")
+    mean, chance = rms((profile - cyclic).mean(0)), np.sqrt(2 / given.seeds)
+    print(f"in the mean of {given.seeds} seeds {mean:.2f}, by chance {chance:.2f}")
+
+
+if __name__ == "__main__":
+    main()
