@@ -68,18 +68,21 @@ def main() -> None:
     def rms(differences: object) -> float:
         return float(np.sqrt(np.mean(np.square(np.asarray(differences)))))
 
-    for kind, rows in zip(KINDS, (profile, cyclic), strict=True):
-        pairs = [a - b for a, b in combinations(rows, 2)]
-        print(f"two of {kind}: {rms(pairs):.2f} standard errors rms", end="")
-        print(f" ({min(map(rms, pairs)):.2f} to {max(map(rms, pairs)):.2f});", end="")
-        print(
-            f" from the truth {rms(rows - truth):.2f}, their mean {rms(rows.mean(0) - truth):.2f}"
-        )
-    pairs = [a - b for a, b in product(profile, cyclic)]
-    print(f"one of each: {rms(pairs):.2f} ({min(map(rms, pairs)):.2f} to", end="")
-    print(f" {max(map(rms, pairs)):.2f}), of the same seed {rms(profile - cyclic):.2f}")
-    mean, chance = rms((profile - cyclic).mean(0)), np.sqrt(2 / given.seeds)
-    print(f"in the mean of {given.seeds} seeds {mean:.2f}, by chance {chance:.2f}")
+    print("standard errors, rms over all base parameters")
+    for name, pairs in (
+        ("two of profile position", combinations(profile, 2)),
+        ("two of cyclic position", combinations(cyclic, 2)),
+        ("one of each", product(profile, cyclic)),
+        ("one of each, of the same seed", zip(profile, cyclic, strict=True)),
+    ):
+        apart = [rms(one - other) for one, other in pairs]
+        print(f"{name:30s} {rms(apart):.2f} ({min(apart):.2f} to {max(apart):.2f})")
+    chance = np.sqrt(2 / given.seeds)
+    print(f"in the mean of {given.seeds} seeds, by chance {chance:.2f}:", end="")
+    print(f" {rms((profile - cyclic).mean(0)):.2f}")
+    for name, rows in (("profile", profile), ("cyclic", cyclic)):
+        off = rows - truth
+        print(f"{name} position from the truth: {rms(off):.2f}, mean {rms(off.mean(0)):.2f}")
 
 
 if __name__ == "__main__":
