@@ -118,6 +118,34 @@ class AxisScale:
         return _floor(torque / self.torque_limit)
 
 
+@dataclass(frozen=True, slots=True)
+class Wrap:
+    """Positions of a drive that wrap around at the ends of a range (607B).
+
+    The range is wider than an axis's way, so each of them is one place of the axis.
+
+    Attributes
+    ----------
+    low, size : int
+        The lowest position that the drive shows, and how many there are: the highest may follow
+        upon itself in some drives, which makes one count.
+    first : int
+        From which place on the axis is counted [increments].
+    """
+
+    low: int
+    size: int
+    first: int
+
+    def unwrapped(self, position: int) -> int:
+        """Return the place of the axis that the drive shows as `position`."""
+        return self.first + (position - self.first) % self.size
+
+    def wrapped(self, place: int) -> int:
+        """Return how the drive shows a place."""
+        return self.low + (place - self.low) % self.size
+
+
 @dataclass(frozen=True, eq=False)
 class Axis:
     """One axis of a session.
@@ -140,7 +168,9 @@ class Axis:
     identity : str
         Its drive's (1018), in words.
     planned : bool
-        The driver plans its ways, since its drive has no profile position.
+        The driver plans its ways, since its drive has no profile position or its positions wrap.
+    wrap : Wrap or None
+        How they do.
     """
 
     index: int
@@ -151,6 +181,7 @@ class Axis:
     stop_deceleration: float | None = None
     identity: str = ""
     planned: bool = False
+    wrap: Wrap | None = None
 
     @classmethod
     def all(cls, drives: Sequence[AxisDrive], servers: Sequence[Objects]) -> tuple[Axis, ...]:

@@ -11,9 +11,9 @@ in a real drive.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 
@@ -76,6 +76,9 @@ class Personality(FileModel):
     counts_per_turn : int or None
         Counts of 6064h per revolution of the gear's output (6092h over 6091h), in which all
         positions are then; None: one count is one increment of the motor's encoder.
+    position_range : tuple of int or None
+        607Bh: positions are shown within it and wrap around at its ends. A target is taken to lie
+        in the same turn, as is usual, but in cyclic position, where it is the nearest such place.
     velocity_unit, acceleration_unit : str
         Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h. There "inc" is one count.
     sdo_states_size : bool
@@ -107,6 +110,7 @@ class Personality(FileModel):
     objects: tuple[ObjectChange, ...] = ()
     current: CurrentReadback | None = CurrentReadback()
     counts_per_turn: Annotated[int, Field(gt=0, lt=2**31)] | None = None
+    position_range: tuple[int, int] | None = None
     velocity_unit: Literal["inc/s", "rpm", "0.1 rpm"] = "inc/s"
     acceleration_unit: Literal["inc/s^2", "rpm/s", "0.1 rpm/s"] = "inc/s^2"
     sdo_states_size: bool = True
@@ -119,6 +123,12 @@ class Personality(FileModel):
     acknowledge_until_reached: bool = False
     target_reached_lag: Seconds = 0.0
     rpdo_at_once: bool = False
+
+    @model_validator(mode="after")
+    def _range_ordered(self) -> Self:
+        if self.position_range is not None and self.position_range[0] >= self.position_range[1]:
+            raise ValueError(f"position_range {self.position_range} must begin below its end")
+        return self
 
 
 PLAIN = Personality(name="plain", about="All that the plant's EDS declares, by the standard.")

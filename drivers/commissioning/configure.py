@@ -67,7 +67,7 @@ def commission(
     """
     server.judge = Readback(axis, drives, communication.requirements)
     identity = check_identity(server, axis)
-    mode = _take_mode(server, wait)
+    mode = _take_mode(server, wait, wraps=limits.wrap is not None)
     compare_statements(server, axis)
     _require_current(server, axis)
     planned = mode is Mode.CYCLIC_POSITION
@@ -100,7 +100,9 @@ def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
     )
 
 
-def _take_mode(server: RemoteDictionary, wait: Callable[[Callable[[], bool], float], bool]) -> Mode:
+def _take_mode(
+    server: RemoteDictionary, wait: Callable[[Callable[[], bool], float], bool], *, wraps: bool
+) -> Mode:
     """Choose profile position, or cyclic position, in which the driver plans the ways."""
     supported = server.find(objects.SUPPORTED_MODES)
     modes = [
@@ -108,6 +110,15 @@ def _take_mode(server: RemoteDictionary, wait: Callable[[Callable[[], bool], flo
         (Mode.CYCLIC_POSITION, "cyclic synchronous position mode"),
     ]
     has = [each for each in modes if supported is None or supported & each[0].supported_bit]
+    if wraps:  # a target of profile position may be reached by either way round
+        has = [each for each in has if each[0] is Mode.CYCLIC_POSITION]
+        if not has:
+            raise DriveRefused(
+                f"{server.label}: positions wrap around (607B) within the limits of the drives file"
+                f" and there is no cyclic synchronous position mode (6502 = {supported:08X}h, bit 7"
+                " is clear), in which the driver would lead the axis; have the drive count from"
+                " another zero, or switch 607B off with the maker's commissioning tool"
+            )
     if not has:
         raise DriveRefused(
             f"{server.label}: neither profile position nor cyclic synchronous position mode (6502 ="

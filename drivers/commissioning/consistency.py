@@ -12,7 +12,6 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
 from drivers.commissioning.ratings import compare_ratings
@@ -36,9 +35,6 @@ GEAR = "gear (6091)"
 SAME_GEAR = 1e-3
 """Ratios may differ by this share, which is what rounding in a drive comes to."""
 _COUNTS = "increments_per_revolution"
-_POSITION_RANGE = (objects.POSITION_RANGE_MIN, objects.POSITION_RANGE_MAX)
-_ALL_COUNTS = (1 << 32) - 1
-"""A range of positions (607B) that is as wide as 32 bits wraps around as any counter does."""
 _SAME = Fraction(1, 10**6)
 """Units that differ by less than this share are one."""
 _SPINDLE = Fraction(1, 1000)
@@ -61,29 +57,11 @@ def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
             )
         if comparison.grade is Grade.WARNING:
             server.note(f"{comparison.found}: {comparison.remedy}", lack=True)
-    _look_at_positions(server, axis)
-
-
-def _look_at_positions(server: RemoteDictionary, axis: AxisDrive) -> None:
-    """Note what shifts positions; refuse a drive whose positions wrap around within the limits."""
     if offset := _said(server, objects.HOME_OFFSET):
         server.note(
             f"{objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
             " the next homing or power-up on; zero in the drives file must allow for it"
         )
-    low, high = (_said(server, entry) for entry in _POSITION_RANGE)
-    if low is not None and high is not None and low < high and high - low < _ALL_COUNTS:
-        wraps = f"positions wrap around in [{low}, {high}] (607B)"
-        scale, limits, slack = AxisScale.of(axis), axis.limits, axis.position_window
-        ends = (limits.q_min - slack, limits.q_max + slack)
-        first, last = sorted(scale.position_to_counts(end) for end in ends)
-        if not low <= first <= last <= high:
-            raise DriveRefused(
-                f"{server.label}: {wraps}, the limits of the drives file are [{first}, {last}]: the"
-                " axis would be taken to jump; have the drive count from another zero (homing),"
-                " narrow the limits, or widen 607B with the maker's commissioning tool"
-            )
-        server.note(f"{wraps}, outside the limits of the drives file")
 
 
 def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Comparison]:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.commissioning.measures import FIELDS, measures
+from drivers.commissioning.position_range import ENDS, range_of, wrap_of
 from drivers.commissioning.requirements import OWN_LIMITS, is_set
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import AxisLimits
@@ -23,6 +24,7 @@ from drivers.drives_file import AxisLimits
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from drivers.axis import Wrap
     from drivers.commissioning.measures import Measure
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
@@ -51,6 +53,8 @@ class EffectiveLimits:
         Field of `limits` to the object of the drive that holds there, where the drive's is tighter.
     notes : tuple of str
         The same for the operator, with both numbers, and without the drive's name.
+    wrap : Wrap or None
+        How the drive's positions wrap around within the limits.
     """
 
     limits: AxisLimits
@@ -58,6 +62,7 @@ class EffectiveLimits:
     values: Mapping[Entry, int]
     own: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    wrap: Wrap | None = None
 
     def of(self, axis: AxisDrive) -> AxisDrive:
         """Return the axis with the limits that hold in place of the drives file's."""
@@ -111,7 +116,8 @@ def effective_limits(
     Raises
     ------
     DriveRefused
-        The two ranges of positions have nothing in common; an object that cannot be read.
+        The two ranges of positions have nothing in common, or positions wrap around in a range
+        that is too narrow; an object that cannot be read.
     NodeSilent
         No answer.
     """
@@ -119,7 +125,16 @@ def effective_limits(
     notes: list[str] = []
     values: dict[Entry, int] = {}
     own: dict[str, str] = {}
-    range_ = _range(find, axis, label, values, own, notes)
+    ends = range_of(find)
+    wrap = wrap_of(ends, axis, label)
+    if wrap is None:
+        range_ = _range(find, axis, label, values, own, notes)
+    else:
+        range_ = {"q_min": stated.q_min, "q_max": stated.q_max}
+        values |= _unlimited(find, wrap, label)
+    if ends is not None:
+        values |= dict(zip(ENDS, ends, strict=True))
+        notes.append(_turns(ends, wrap))
     holds = {"velocity": stated.velocity, "torque": stated.torque}
     holds |= {"acceleration": stated.acceleration, _STOP: stated.acceleration}
     for bound in bounds(axis):
@@ -142,10 +157,11 @@ def effective_limits(
         notes.append(_slow_stop(stop, axis))
     limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})
     own.pop(_STOP, None)
-    return EffectiveLimits(limits, stop, values, own, tuple(notes))
+    return EffectiveLimits(limits, stop, values, own, tuple(notes), wrap)
 
 
 _FIELDS = ("velocity", "acceleration", "torque")
+_RANGE = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
 _STOP = "stop_deceleration"
 _QUICK_STOP = objects.QUICK_STOP_DECELERATION
 _KEYS = {objects.MAX_DECELERATION: ("acceleration", _STOP), _QUICK_STOP: (_STOP,)}
@@ -161,7 +177,7 @@ def _range(
     notes: list[str],
 ) -> dict[str, float]:
     scale, limits = AxisScale.of(axis), axis.limits
-    entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
+    entries = _RANGE
     ours = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
     low, high = ours
     present = [find(entry) for entry in entries]
@@ -190,6 +206,31 @@ def _range(
             f" [{holds['q_min']:.5g}, {holds['q_max']:.5g}] {unit}"
         )
     return holds
+
+
+def _unlimited(find: Callable[[Entry], int | None], wrap: Wrap, label: str) -> dict[Entry, int]:
+    """Return software limits that leave the drive all its positions, as it has them if it does."""
+    ends = (wrap.low, wrap.low + wrap.size - 1)
+    low, high = (find(entry) for entry in _RANGE)
+    if low is None or high is None:
+        low, high = ends
+    elif low < high and not (low <= ends[0] and ends[1] <= high):
+        raise DriveRefused(
+            f"{label}: software limits (607D) [{low}, {high}] cut positions that wrap around in"
+            f" [{ends[0]}, {ends[1]}] (607B) within the limits of the drives file; switch them off"
+            " with the maker's commissioning tool, or have the drive count from another zero"
+        )
+    return dict(zip(_RANGE, (low, high), strict=True))
+
+
+def _turns(ends: tuple[int, int], wrap: Wrap | None) -> str:
+    wraps = f"positions wrap around in [{ends[0]}, {ends[1]}] (607B)"
+    if wrap is None:
+        return f"{wraps}, outside the limits of the drives file"
+    return (
+        f"{wraps}, within the limits of the drives file: each of them is one place of the axis; the"
+        " driver plans its ways and alone keeps its range"
+    )
 
 
 def _joint(scale: AxisScale, counts: list[int | None]) -> str:

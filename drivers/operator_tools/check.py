@@ -20,6 +20,7 @@ from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import check_identity
 from drivers.commissioning.consistency import GEAR, POSITION
 from drivers.commissioning.mix_up import fits, mixed_up
+from drivers.commissioning.position_range import range_of, wrap_of
 from drivers.commissioning.ratings import CURRENT, TORQUE
 from drivers.commissioning.verdict import Grade, Verdict, graded, refused
 from drivers.dictionary.live import read_dictionary
@@ -212,7 +213,9 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
         yield refused("all axes", "brakes", error)
         return
     for server, axis, *ends in zip(unpowered.servers, axes, before, after, strict=True):
-        sagged = abs(ends[1] - ends[0]) * abs(AxisScale.of(axis).position)
+        wrap = wrap_of(range_of(server.find), axis, server.label)
+        places = [wrap.unwrapped(end) if wrap else end for end in ends]
+        sagged = abs(places[1] - places[0]) * abs(AxisScale.of(axis).position)
         unit = axis.unit
         yield graded(
             sagged <= axis.position_window,

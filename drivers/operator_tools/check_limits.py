@@ -14,6 +14,7 @@ from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.commissioning.effective_limits import SLACK, Bound, bounds
 from drivers.commissioning.measures import Quantity, measures
+from drivers.commissioning.position_range import range_of, wrap_of
 from drivers.commissioning.requirements import is_set
 from drivers.commissioning.verdict import Grade, Verdict, graded
 
@@ -65,6 +66,9 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     ends = [server.find(e) for e in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)]
     stated = f"file: [{limits.q_min:.4g}, {limits.q_max:.4g}]"
     low, high = ends
+    if wrap_of(range_of(server.find), axis, server.label) is not None:
+        kept = "the driver alone keeps the axis's range, since the drive's positions wrap around"
+        return Verdict(Grade.WARNING, server.label, check, "no use (607B)", stated, kept)
     if low is None or high is None:
         return Verdict(
             Grade.REFUSED, server.label, check, "missing", stated, "use a drive that has them"

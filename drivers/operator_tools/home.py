@@ -78,7 +78,14 @@ def home(
     """
     alone = drives.model_copy(update={"axes": (axis,)})
     (server,) = bus.unpowered(alone).servers
-    _refuse(server, effective_limits(server.find, axis, server.label).of(axis), homing)
+    limits = effective_limits(server.find, axis, server.label)
+    if limits.wrap is not None:
+        raise DriveRefused(
+            f"{server.label}: positions wrap around (607B) within the limits of the drives file, so"
+            " that it would not hold its position by itself after homing; home it with the maker's"
+            " tool"
+        )
+    _refuse(server, limits.of(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
         f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."

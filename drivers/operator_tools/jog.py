@@ -67,14 +67,16 @@ def jog(
     (server,) = bus.unpowered(alone).servers
     limits = effective_limits(server.find, axis, server.label)
     held = limits.of(axis)
-    named = Axis(drives.axes.index(axis), axis, held, server, limits.own)
+    named = Axis(drives.axes.index(axis), axis, held, server, limits.own, wrap=limits.wrap)
     fastest = SLOW * held.limits.velocity
     if velocity > fastest:
         raise LimitExceeded(
             f"{axis.name}: {shown(axis, velocity)}/s must be at most {shown(axis, fastest)}/s, "
             f"{SLOW:.0%} of its limit; jog more slowly"
         )
-    start = named.scale.position_from_counts(float(server.get(objects.POSITION)))
+    position = server.get(objects.POSITION)
+    place = named.wrap.unwrapped(position) if named.wrap else position
+    start = named.scale.position_from_counts(float(place))
     move = small_move(held, start + way, velocity)
     check_move(move, named)
     intent = (

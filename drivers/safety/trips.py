@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from drivers.axis import Axis
+    from drivers.drives_file import AxisDrive
     from drivers.fieldbus import ProcessData
 
 TORQUE_SHARE = 0.95
@@ -55,7 +56,7 @@ class Trips:
     def __init__(self, axes: Sequence[Axis], period: float) -> None:
         self._axes = axes
         self._period = period
-        self._velocities = [fastest(axis) / axis.per_count for axis in axes]
+        self._velocities = [fastest(axis.drive) / axis.per_count for axis in axes]
         self._steps = [2 * velocity * period for velocity in self._velocities]
         self._currents = [
             (axis.drive.trip.torque or TORQUE_SHARE * axis.drive.limits.torque)
@@ -156,6 +157,6 @@ class Trips:
         return None
 
 
-def fastest(axis: Axis) -> float:
+def fastest(axis: AxisDrive) -> float:
     """Return the speed that an axis may not reach [rad/s or m/s]."""
-    return axis.drive.trip.velocity or SPEED_SHARE * axis.drive.limits.velocity
+    return axis.trip.velocity or SPEED_SHARE * axis.limits.velocity

@@ -105,6 +105,7 @@ def check_and_configure(
             stop_deceleration=held.stop_deceleration,
             identity=identity,
             planned=mode is not Mode.PROFILE_POSITION,
+            wrap=holding.wrap,
         )
 
     configured = _all(configure, pairs)

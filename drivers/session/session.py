@@ -21,6 +21,7 @@ from drivers.cia402.samples import SampleReader
 from drivers.cia402.set_point_limits import check_move, refuse_outside
 from drivers.cia402.states import State
 from drivers.cia402.stream_limits import check_feed_forward, check_path
+from drivers.cia402.unwrapping import unwrapped
 from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
 from drivers.safety.missing_telegrams import MissingTelegrams
@@ -97,6 +98,7 @@ class Session:
         self._anywhere = anywhere
         self._feed_forward = feed_forward
         self._planned = any(axis.planned for axis in axes)
+        connection.process_data = unwrapped(connection.process_data, axes)
         self._process_data = data = connection.process_data
         self._life_sign, self._power = connection.life_sign, connection.power
         self._supervision = connection.supervision

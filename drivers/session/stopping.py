@@ -144,7 +144,7 @@ class Stopping:
         """Return the speed of one axis whose encoder shows `counts` [increments/s], inf: unseen."""
         seen = axis.drive.limits.velocity if math.isinf(counts) else counts * axis.per_count
         commanded = (each.velocity(axis.index) for each in (self._cyclic, self._profile))
-        return max(*commanded, min(seen, fastest(axis)))  # a jump of the encoder is none
+        return max(*commanded, min(seen, fastest(axis.drive)))  # a jump of the encoder is none
 
     def _deceleration(self, axis: Axis) -> float:
         """Return how an axis slows down in a quick stop [rad/s^2 or m/s^2].

@@ -12,11 +12,12 @@ import re
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
+from sim_plant.personality import ObjectChange
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sim_plant.personality import ObjectChange, Personality
+    from sim_plant.personality import Personality
 
 VELOCITIES = (0x6081, 0x607F)
 ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6)
@@ -49,6 +50,8 @@ def variant(base: str, personality: Personality) -> str:
     )
     _convert_units(eds, personality)
     _place_current(eds, personality)
+    for subindex, end in enumerate(personality.position_range or (), start=1):
+        _change(eds, _range_end(subindex, end), personality.name)
     for change in personality.objects:
         _change(eds, change, personality.name)
     for index in personality.missing:
@@ -58,6 +61,10 @@ def variant(base: str, personality: Personality) -> str:
     text = io.StringIO()
     eds.write(text, space_around_delimiters=False)
     return text.getvalue()
+
+
+def _range_end(subindex: int, end: int) -> ObjectChange:
+    return ObjectChange(index=0x607B, subindex=subindex, type="i32", default=end)
 
 
 def _position_unit(personality: Personality) -> str:
@@ -128,7 +135,7 @@ def _declare(
     if not subindex:
         eds[whole] = entry
         return
-    eds[whole] = {"ParameterName": name, "ObjectType": "0x9", "SubNumber": "2"}
+    eds[whole] = {"ParameterName": name, "ObjectType": "0x9"}
     eds[f"{whole}sub0"] = entry | {
         "ParameterName": "Highest sub-index supported",
         "DataType": "0x0005",
@@ -137,6 +144,8 @@ def _declare(
         "PDOMapping": "0",
     }
     eds[f"{whole}sub{subindex:X}"] = entry
+    subs = [section for section in eds.sections() if section.startswith(f"{whole}sub")]
+    eds[whole]["SubNumber"] = str(len(subs))
 
 
 def _remove(eds: configparser.RawConfigParser, index: int) -> None:

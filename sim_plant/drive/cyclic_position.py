@@ -3,9 +3,9 @@
 Each write of the target position (607Ah) is a set-point; the drive interpolates towards it over the
 interpolation time period (60C2h, value and power of ten of a second). No handshake. A set-point
 that stays out brings the demand to rest at the last one within a further period. Until the first
-one has come the axis holds where it is, whatever 607Ah said before. Targets outside 607Dh are
-clipped, and halt (bit 8) stops as 605Dh says. Statusword bit 12 reports that
-set-points are followed.
+one has come the axis holds where it is, whatever 607Ah said before. Where positions wrap around
+(607Bh) a set-point is the nearest place that is shown so. Targets outside 607Dh are clipped, and
+halt (bit 8) stops as 605Dh says. Statusword bit 12 reports that set-points are followed.
 
 The velocity offset (60B1h) and the torque offset (60B2h) are added to the commands of the loops as
 long as the mode is followed, under halt too: each counts from when it is written until the next.
@@ -76,7 +76,9 @@ class CyclicPosition:
             return
         clipped = min(max(target, self._low), self._high)
         self._clipped = clipped != target
-        self._motion.follow(clipped, self._period)
+        turns = self._motion.turns
+        place = turns.nearest(clipped, self._motion.demand) if turns.size else clipped
+        self._motion.follow(place, self._period)
 
     def observe(self, _reading: Reading) -> None:
         """Take what was latched, which decides nothing here."""

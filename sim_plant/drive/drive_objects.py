@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import struct
+from functools import partial
 from typing import TYPE_CHECKING
 
 from sim_plant.canopen.eds import key
 from sim_plant.drive.process_image import STATUSWORD
-from sim_plant.drive.units import Units
+from sim_plant.drive.units import Turns, Units
 
 if TYPE_CHECKING:
     from sim_plant.canopen.object_dictionary import ObjectDictionary
@@ -16,14 +17,14 @@ if TYPE_CHECKING:
 
 _U32_MAX = 0xFFFF_FFFF
 _QUICK_STOP_OPTIONS = (0, 1, 2, 3, 5, 6, 7)
-_VELOCITY, _CURRENT = 1, 3
+_POSITION, _VELOCITY, _CURRENT, _DEMAND = 0, 1, 3, 4
 
 _SHOWN = {
-    0x6064: 0,
+    0x6064: _POSITION,
     0x6063: 0,
     0x606C: _VELOCITY,
     0x6077: 2,
-    0x6062: 4,
+    0x6062: _DEMAND,
     0x60F4: 5,
     0x6041: STATUSWORD,
 }
@@ -58,7 +59,11 @@ def present(dictionary: ObjectDictionary, image: AxisImage, settings: DriveSetti
     current, unit = settings.personality.current, Units.of(settings).velocity
     if current is not None and current.type != "f32":
         slots[key(current.index, current.subindex)] = image.slot(_CURRENT)
+    turns, wrapped = Turns.of(settings), (0x6064, 0x6062)
+    wrapping = {index: slots.pop(key(index)) for index in wrapped} if turns.size else {}
     dictionary.imaged(slots, image.values)
+    for index, slot in wrapping.items():
+        dictionary.source(index, 0, partial(_shown, turns, image, slot))
     if current is not None and current.type == "f32":
         shown = image.slot(_CURRENT)
 
@@ -70,6 +75,10 @@ def present(dictionary: ObjectDictionary, image: AxisImage, settings: DriveSetti
     if unit != 1:
         velocity = image.slot(_VELOCITY)
         dictionary.source(0x606C, 0, lambda: round(image.values.item(velocity) / unit))
+
+
+def _shown(turns: Turns, image: AxisImage, slot: int) -> int:
+    return turns.shown(image.values.item(slot))
 
 
 def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import enum
 from typing import TYPE_CHECKING
 
-from sim_plant.drive.units import Units
+from sim_plant.drive.units import Turns, Units
 from sim_plant.machine_protocol import AxisEvent
 
 if TYPE_CHECKING:
@@ -36,7 +36,13 @@ class Ramp(enum.IntEnum):
 
 
 class Motion:
-    """One axis under the limits of its dictionary."""
+    """One axis under the limits of its dictionary.
+
+    Attributes
+    ----------
+    turns : Turns
+        How its positions are shown.
+    """
 
     def __init__(
         self, dictionary: ObjectDictionary, axis: Axis, settings: DriveSettings, image: AxisImage
@@ -45,6 +51,7 @@ class Motion:
         self._axis = axis
         self._counts_per_rev = settings.counts_per_revolution
         self._units = Units.of(settings)
+        self.turns = Turns.of(settings)
         self._image = image
 
     @property
@@ -55,6 +62,11 @@ class Motion:
     @events.setter
     def events(self, bits: int) -> None:
         self._image.events = bits
+
+    @property
+    def demand(self) -> int:
+        """Where the axis was led at the last SYNC [increments]."""
+        return self._image.reading.demand
 
     @property
     def done(self) -> bool:

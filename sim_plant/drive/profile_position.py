@@ -176,8 +176,11 @@ class ProfilePosition:
     def _begin(self, set_point: SetPoint) -> None:
         wanted = set_point.target + (self._target if set_point.relative else 0)
         low, high = self._range()
-        self._target = min(max(wanted, low), high)
-        self._clipped = self._target != wanted
+        clipped = min(max(wanted, low), high)
+        self._clipped = clipped != wanted
+        turns = self._motion.turns
+        absolute = turns.size and not set_point.relative
+        self._target = turns.same_turn(clipped, self._motion.demand) if absolute else clipped
         if self._clipped:
             self._emergencies.raise_error(ErrorCode.POSITION_LIMIT)
         else:

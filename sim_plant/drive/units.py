@@ -1,4 +1,7 @@
-"""Units of a drive's profile objects, turned into the counts that its axis understands."""
+"""Units of a drive's profile objects, turned into the counts that its axis understands.
+
+The axis counts on for ever; a drive may show that within a range (607Bh), as those of rotary axes.
+"""
 
 from __future__ import annotations
 
@@ -34,6 +37,41 @@ class Units:
             _increments(personality.velocity_unit, counts),
             _increments(personality.acceleration_unit, counts),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Turns:
+    """Positions that wrap around within a range, or do not.
+
+    Attributes
+    ----------
+    low, size : int
+        The lowest position that is shown, and how many there are; 0 where nothing wraps.
+    """
+
+    low: int
+    size: int
+
+    @classmethod
+    def of(cls, settings: DriveSettings) -> Turns:
+        """Range of a drive's personality."""
+        low, high = settings.personality.position_range or (0, -1)
+        return cls(low, high - low + 1)
+
+    def shown(self, position: int) -> int:
+        """Return how a position of the axis is shown."""
+        return self.low + (position - self.low) % self.size if self.size else position
+
+    def nearest(self, target: int, position: int) -> int:
+        """Return the place nearest to `position` that is shown as `target`."""
+        if not self.size:
+            return target
+        half = self.size // 2
+        return position + (target - position + half) % self.size - half
+
+    def same_turn(self, target: int, position: int) -> int:
+        """Return the place that is shown as `target` in the turn that the axis is in."""
+        return target + position - self.shown(position)
 
 
 def _increments(unit: str, per_revolution: Fraction) -> float:

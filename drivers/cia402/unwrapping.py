@@ -1,0 +1,53 @@
+"""Process data of drives whose positions wrap around (`drivers.axis.Wrap`), as places of the axes.
+
+Positions that come are unwrapped and targets that go are wrapped, here and nowhere else: whoever
+moves and watches the axes sees no ends of a range.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from drivers.axis import Axis
+    from drivers.fieldbus import ProcessData
+
+
+def unwrapped(process_data: ProcessData, axes: Sequence[Axis]) -> ProcessData:
+    """Return process data in places of the axes: the same where no positions wrap around."""
+    if not any(axis.wrap for axis in axes):
+        return process_data
+    return cast("ProcessData", _Unwrapped(process_data, axes))
+
+
+class _Unwrapped:
+    """All but positions and targets is passed on as it is."""
+
+    def __init__(self, process_data: ProcessData, axes: Sequence[Axis]) -> None:
+        self.__dict__.update(_inner=process_data, _wraps=[axis.wrap for axis in axes])
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        setattr(self._inner, name, value)
+
+    @property
+    def positions(self) -> tuple[int, ...]:
+        """Places of all axes [increments]."""
+        pairs = zip(self._wraps, self._inner.positions, strict=True)
+        return tuple(wrap.unwrapped(position) if wrap else position for wrap, position in pairs)
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send a place [increments] and controlword to one axis."""
+        self._inner.command(axis, self._wrapped(axis, target), controlword)
+
+    def lead(self, axis: int, target: int) -> None:
+        """Send a set-point of a stream to one axis that follows it [increments]."""
+        self._inner.lead(axis, self._wrapped(axis, target))
+
+    def _wrapped(self, axis: int, target: int) -> int:
+        wrap = self._wraps[axis]
+        return wrap.wrapped(target) if wrap else target
