@@ -141,13 +141,14 @@ class TimedCanopenBus(CanopenBus):
         super().__init__(stopwatch, pacing)
         self._stopwatch, self._drives = stopwatch, drives
         self._found: tuple[CanopenCommunication, ...] = ()
+        self._period = 0.0
 
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> CanopenConnection:
         """Build all that is needed, and remember what the drives are set up to send."""
         connection = super().connect(drives, period, feed_forward=feed_forward)
-        self._found = connection.communications
+        self._found, self._period = connection.communications, period
         return connection
 
     def achievable_rate(self) -> tuple[float, float]:
@@ -155,3 +156,7 @@ class TimedCanopenBus(CanopenBus):
         slowest = 0.0 if self.lock_step else self._stopwatch.slowest
         sent = [drive.transmitted for drive in self._found]
         return achievable_rate(self._drives, slowest, sent), slowest
+
+    def jitter(self) -> float:
+        """Return how far SYNC was off its period where it acts [s], 0 in lock-step."""
+        return 0.0 if self.lock_step else self._stopwatch.jitter(self._period)

@@ -1,7 +1,9 @@
 """How often the drives can be asked.
 
 The rate of SYNC is bounded by the load of the bus (`bus_load`) and, on the wall clock, by how long
-the slowest answer takes, which a bus with a stopwatch finds out.
+the slowest answer takes and how far SYNC is off its period, which a bus with a stopwatch finds out.
+An adapter hands frames on when it likes, so SYNC acts at another instant than it was sent. Nobody
+but the drives sees that; as they answer each alike, their answers vary by no less.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 from drivers.can_bus.capabilities import Capabilities, capabilities_of
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
 from drivers.canopen.pdo_mapping import answers
-from drivers.canopen.sync_clock import WINDOW
+from drivers.canopen.sync_clock import PAUSE, WINDOW
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -63,8 +65,10 @@ class StopwatchBus(can.BusABC):
 
     Attributes
     ----------
+    sent : list of float
+        When each SYNC was sent [s].
     answers : list of float
-        From each SYNC to the last TPDO that followed it [s].
+        From each SYNC to the last TPDO that followed it [s], 0 where none did.
     """
 
     def __init__(
@@ -73,12 +77,12 @@ class StopwatchBus(can.BusABC):
         drives: DrivesFile,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
+        self.sent: list[float] = []
         self.answers: list[float] = []
         self.channel_info = inner.channel_info
         self._inner = inner
         self._clock = clock
         self._expected = {cob_id for axis in drives.axes for cob_id in answers(axis)}
-        self._sent: float | None = None
         self._by_kernel = False
         super().__init__("stopwatch")
 
@@ -86,6 +90,19 @@ class StopwatchBus(can.BusABC):
     def slowest(self) -> float:
         """Time in which `ANSWERED` of the SYNCs were answered [s]."""
         return float(np.quantile(self.answers, ANSWERED))
+
+    def jitter(self, period: float) -> float:
+        """Return how far SYNCs were off their period where they act, by `ANSWERED` of them [s].
+
+        That is how far they were off when they were sent, and by how much answers to them vary.
+        """
+        sent, answers = np.array(self.sent), np.array(self.answers)
+        gaps = np.diff(sent)[(answers[:-1] > 0) & (answers[1:] > 0)]
+        took = answers[answers > 0]
+        if not gaps.size:
+            return 0.0
+        off = np.quantile(np.abs(gaps[gaps < PAUSE] - period), ANSWERED)
+        return float(off + np.quantile(took, ANSWERED) - took.min())
 
     @property
     def capabilities(self) -> Capabilities:
@@ -112,13 +129,13 @@ class StopwatchBus(can.BusABC):
             return None
         if self._by_kernel and frame.arbitration_id == _SYNC and not frame.is_rx:
             self._begin(frame.timestamp)
-        elif self._sent is not None and frame.arbitration_id in self._expected:
+        elif self.sent and frame.arbitration_id in self._expected:
             now = frame.timestamp if self._by_kernel else self._clock()
-            self.answers[-1] = now - self._sent
+            self.answers[-1] = now - self.sent[-1]
         return frame
 
     def _begin(self, instant: float) -> None:
-        self._sent = instant
+        self.sent.append(instant)
         self.answers.append(0.0)
 
     def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:

@@ -60,6 +60,7 @@ def check(
     operator: Operator,
     keeper: SettingsKeeper | None = None,
     gravity: Gravity | None = None,
+    late: float = 0.0,
 ) -> Generator[Verdict, None, None]:
     """Check every axis of a drives file on a live bus.
 
@@ -77,6 +78,8 @@ def check(
         See `drivers.session.servo_axes.ServoAxes`.
     gravity : callable, optional
         Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
+    late : float
+        How late this process wakes up (see `drivers.operator_tools.sync_period.judge_period`).
 
     Yields
     ------
@@ -99,7 +102,7 @@ def check(
         )
         return
     require_consent(operator, _intent(drives, moves))
-    yield from check_powered(bus, drives, moves, operator, keeper, gravity)
+    yield from check_powered(bus, drives, moves, operator, keeper, gravity, late)
     yield from _brakes(bus.unpowered(drives), drives.axes)
 
 

@@ -20,6 +20,7 @@ from drivers.operator_tools.check_gravity import judge_direction
 from drivers.operator_tools.check_motion import judge_rest, judge_strokes
 from drivers.operator_tools.operator import StoppedByOperator, answer, supervised_sample
 from drivers.operator_tools.small_move import small_move, travel
+from drivers.operator_tools.sync_period import judge_period
 from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.operator_tools.check_gravity import Gravity
     from drivers.operator_tools.operator import Operator
-    from drivers.session.connection import Fieldbus, TimedFieldbus
+    from drivers.session.connection import Fieldbus
 
 REST_TIME = 1.0
 """How long axes are watched at rest, powered and unpowered [s]."""
@@ -74,6 +75,7 @@ def check_powered(
     operator: Operator,
     keeper: SettingsKeeper | None = None,
     gravity: Gravity | None = None,
+    late: float = 0.0,
 ) -> Iterator[Verdict]:
     """All that needs power; an error ends it with a verdict, after the axes are off."""
     step = "power-on"
@@ -85,7 +87,7 @@ def check_powered(
             step = "holding position"
             yield from _notes(axes)
             yield from _rest(axes, drives, operator)
-            yield _rate(timed, axes)
+            yield judge_period(timed, axes.period, late)
             for number, axis in enumerate(axes.held):
                 step = f"small move of {axis.drive.name}"
                 yield from _move(axes, number, axis.drive, moves, operator, gravity)
@@ -197,21 +199,6 @@ def _direction(
     }
     shown = {"y": "as seen", "o": "the other way", "w": "another amount"}[key]
     return graded(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))
-
-
-def _rate(timed: TimedFieldbus, axes: ServoAxes) -> Verdict:
-    """Highest rate of SYNC that bus and drives carry; in lock-step answers take no time."""
-    rate, slowest = timed.achievable_rate()
-    took = f"slowest answer {1000 * slowest:.2g} ms" if slowest else "answers are not timed here"
-    return graded(
-        1 / axes.period <= rate * (1 + 1e-9),
-        Grade.WARNING,
-        "bus",
-        "achievable rate of SYNC",
-        f"{rate:.0f} Hz, {took}",
-        f"file: {1 / axes.period:.4g} Hz",
-        f"lengthen sync_period to {1 / rate:.4g} s",
-    )
 
 
 def shown_way(axis: AxisDrive, way: float) -> str:

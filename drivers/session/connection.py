@@ -227,7 +227,13 @@ class Fieldbus(Protocol):
 
 
 class TimedFieldbus(Fieldbus, Protocol):
-    """An open bus that notes how long drives take to answer."""
+    """An open bus that notes when SYNC was sent and how long drives take to answer."""
 
     def achievable_rate(self) -> tuple[float, float]:
         """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 if not timed."""
+
+    def jitter(self) -> float:
+        """Return how far SYNC was off its period where it acts, but for one in a hundred [s].
+
+        0 where it is not timed.
+        """

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from drivers.commissioning.verdict import Verdict
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.found_settings.keeping import SettingsKeeper
-    from drivers.operator_tools.wake_ups import WakeUps
+    from drivers.operator_tools.sync_period import WakeUps
     from drivers.session.connection import Fieldbus
     from hil.arrays import Array
     from hil.terminal.keys import TerminalOperator
@@ -78,14 +78,13 @@ def check(
     with (
         _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
         bus_access.real_time_if(realtime, lock_step=bus.lock_step) as granted,
-        closing(
-            check_drives(bus, drives, moves, operator, keeper=keeper, gravity=gravity)
-        ) as verdicts,
     ):
         for line in granted:
             say(line)
-        computer = _wake_ups(bus, drives.sync_period, jitter_time, realtime=realtime)
-        serves = show_verdicts(chain(computer, verdicts), out)
+        computer, late = _wake_ups(bus, drives.sync_period, jitter_time, realtime=realtime)
+        checked = check_drives(bus, drives, moves, operator, keeper, gravity, late)
+        with closing(checked) as verdicts:
+            serves = show_verdicts(chain(computer, verdicts), out)
     if not serves:
         raise typer.Exit(1)
 
@@ -205,19 +204,27 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
     return model.gravity
 
 
-def _wake_ups(bus: Fieldbus, period: float, duration: float, *, realtime: bool) -> list[Verdict]:
-    """Measure how late this computer wakes up, before anything moves; nothing in lock-step."""
-    from drivers.operator_tools import wake_ups
+def _wake_ups(
+    bus: Fieldbus, period: float, duration: float, *, realtime: bool
+) -> tuple[list[Verdict], float]:
+    """Measure how late this computer wakes up, before anything moves; nothing in lock-step.
+
+    Returns
+    -------
+    list of Verdict, float
+        What to say of it; how late SYNC is by it [s].
+    """
+    from drivers.operator_tools import sync_period
 
     if duration and not bus.lock_step:
         # in words alone: a line that moves would itself keep the computer from waking up in time
         say(f"measuring this computer's wake-ups for {duration:g} s")
-    found = wake_ups.wake_ups_on(bus, period, duration) if duration else None
+    found = sync_period.wake_ups_on(bus, period, duration) if duration else None
     if found is None:
-        return []
-    show_wake_ups(found, wake_ups.IN_TIME, out)
-    judged = wake_ups.judge_wake_ups(found, real_time=realtime, by_kernel=bus.keeps_time)
-    return [judged]
+        return [], 0.0
+    show_wake_ups(found, sync_period.IN_TIME, out)
+    judged = sync_period.judge_wake_ups(found, real_time=realtime, by_kernel=bus.keeps_time)
+    return [judged], 0.0 if bus.keeps_time else found.quantile(sync_period.IN_TIME)
 
 
 def _si(drive: AxisDrive, value: float) -> float:

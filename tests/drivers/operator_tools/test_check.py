@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import can
+import numpy as np
 import pytest
 from kernel_bus import SocketcanLike
 from probing_bench import Answering, Scripted, bench, drives_of, spoilt_plant
@@ -269,6 +270,14 @@ def test_the_load_of_six_axes_is_that_of_the_worst_case_of_stuffing() -> None:
 
 def test_slow_answers_bound_the_rate_of_sync() -> None:
     assert achievable_rate(drives_of(1), answer=0.01) == pytest.approx(80)
+
+
+def test_sync_is_off_by_when_it_was_sent_and_by_how_much_answers_vary() -> None:
+    with bench() as inner, StopwatchBus(inner, drives_of(1)) as bus:
+        sent = 0.004 * np.arange(1001) + np.tile([0.0, 2e-4], 501)[:1001]
+        bus.sent = [*sent, 5.0, 5.3]  # a pause, and SYNCs that nobody answered yet
+        bus.answers = [*np.linspace(1e-3, 1.5e-3, 1001), 0.0, 0.0]
+        assert bus.jitter(0.004) == pytest.approx(2e-4 + 0.99 * 5e-4, rel=1e-3)
 
 
 def test_the_stopwatch_takes_the_last_answer_to_each_sync() -> None:

@@ -1,10 +1,14 @@
-"""How late this computer wakes up for a deadline: what SYNC on the wall clock can be at best.
+"""Which period of SYNC is kept: by this computer, its adapter, the bus and the drives together.
 
-Nothing is sent and no drive takes part. For some seconds the process does what the driver does
-between two SYNCs: it waits for the next deadline of an absolute grid, on the same bus. How late it
-comes is noted for every deadline, also for those that passed while it slept on. The driver leaves
-out a SYNC that is later than `drivers.fieldbus.TOO_LATE` of the period, so the highest
-rate is the one at which hardly any is.
+First nothing is sent and no drive takes part. For some seconds the process does what the driver
+does between two SYNCs: it waits for the next deadline of an absolute grid, on the same bus. How
+late it comes is noted for every deadline, also for those that passed while it slept on. The driver
+leaves out a SYNC that is later than `drivers.fieldbus.TOO_LATE` of the period, so the highest rate
+is the one at which hardly any is.
+
+Then, while powered drives hold their position, SYNC is sent and answered, and adapter, bus and
+drives show in it: how long answers take, and how far SYNC is off its period where it acts. An
+adapter that only this process can reach is measured along, since nothing else times SYNC there.
 
 Where SYNC comes by itself, as from the kernel, its deadlines are kept without us; a late wake-up
 delays there only what we see and how soon we react.
@@ -26,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.session.connection import Fieldbus
+    from drivers.session.connection import Fieldbus, TimedFieldbus
 
 RATES = (1000.0, 500.0, 250.0, 200.0, 125.0, 100.0, 50.0, 25.0)
 """Usual rates of SYNC, highest first [Hz]."""
@@ -66,8 +70,12 @@ class WakeUps:
     @property
     def recommended(self) -> float | None:
         """Highest of the usual rates that is kept, None if none is [Hz]."""
-        most = self.quantile(IN_TIME)
-        return next((rate for rate in RATES if most < TOO_LATE / rate), None)
+        return usual_rate(self.quantile(IN_TIME) / TOO_LATE)
+
+
+def usual_rate(shortest: float) -> float | None:
+    """Return the highest of the usual rates of a longer period [s], None if none is [Hz]."""
+    return next((rate for rate in RATES if shortest < 1 / rate), None)
 
 
 def measure_wake_ups(
@@ -133,4 +141,42 @@ def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) 
         + ("; SYNC is the kernel's, only supervision comes late" if by_kernel else ""),
         f"at most {1.0 - IN_TIME:.1%} later than {TOO_LATE:g} of the period",
         ", or ".join(remedies),
+    )
+
+
+def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
+    """Compare the highest rate of SYNC that all carry together with that of the drives file.
+
+    Parameters
+    ----------
+    timed : TimedFieldbus
+        On which powered drives have answered SYNC for a while.
+    period : float
+        Between two SYNCs by the drives file [s].
+    late : float
+        How late this process wakes up to send SYNC, but for one in a thousand [s]; 0 where SYNC
+        does not wait for it.
+    """
+    carried, slowest = timed.achievable_rate()
+    jitter = max(timed.jitter(), late)
+    bounds = {
+        "bus load and the drives' answers": 1 / carried,
+        "the jitter of SYNC by this computer and its adapter": jitter / TOO_LATE,
+    }
+    why = max(bounds, key=lambda name: bounds[name])
+    rate = usual_rate(bounds[why])
+    advice = "no usual rate is kept" if rate is None else f"set sync_period to {1 / rate:g} s"
+    return graded(
+        period * (1 + 1e-9) >= bounds[why],
+        Grade.WARNING,
+        "bus",
+        "achievable rate of SYNC",
+        f"{1 / bounds[why]:.0f} Hz, "
+        + (
+            f"slowest answer {1000 * slowest:.2g} ms, SYNC off by {1000 * jitter:.2g} ms at most"
+            if slowest
+            else "answers are not timed here"
+        ),
+        f"file: {1 / period:.4g} Hz",
+        f"{advice}: {why} allow no more",
     )

@@ -13,8 +13,9 @@ from rich.console import Console
 from drivers.canopen.bus import CanopenBus
 from drivers.canopen.sync_clock import TOO_LATE, WallClock
 from drivers.commissioning.verdict import Grade
-from drivers.operator_tools.wake_ups import (
+from drivers.operator_tools.sync_period import (
     WakeUps,
+    judge_period,
     judge_wake_ups,
     measure_wake_ups,
     wake_ups_on,
@@ -108,6 +109,34 @@ def test_a_computer_that_does_not_is_told_what_to_do(real_time: bool) -> None:
 def test_where_the_kernel_sends_sync_that_is_said() -> None:
     verdict = judge_wake_ups(WakeUps(0.004, np.zeros(9)), real_time=True, by_kernel=True)
     assert "SYNC is the kernel's" in verdict.found
+
+
+class Timed:
+    """What was measured on a bus under power."""
+
+    def __init__(self, rate: float, slowest: float, jitter: float) -> None:
+        self.achievable_rate = lambda: (rate, slowest)
+        self.jitter = lambda: jitter
+
+
+@pytest.mark.parametrize(
+    ("timed", "late", "found", "remedy"),
+    [
+        ((809.0, 1e-3, 3e-4), 4e-4, "809 Hz, slowest answer 1 ms, SYNC off by 0.4 ms", ""),
+        ((809.0, 1e-3, 3e-4), 3e-3, "167 Hz", "set sync_period to 0.008 s: the jitter of SYNC by"),
+        ((809.0, 1e-3, 4e-3), 3e-4, "125 Hz", "set sync_period to 0.01 s: the jitter of SYNC by"),
+        ((90.0, 9e-3, 1e-3), 0.0, "90 Hz", "set sync_period to 0.02 s: bus load and the drives'"),
+        ((10.0, 0.08, 1e-3), 0.0, "10 Hz", "no usual rate is kept: bus load"),
+        ((2154.0, 0.0, 0.0), 0.0, "2154 Hz, answers are not timed here", ""),
+    ],
+)
+def test_the_period_is_that_which_computer_adapter_bus_and_drives_keep_together(
+    timed: tuple[float, float, float], late: float, found: str, remedy: str
+) -> None:
+    verdict = judge_period(Timed(*timed), 0.004, late)
+    assert verdict.found.startswith(found)
+    assert verdict.remedy.startswith(remedy)
+    assert (verdict.grade is Grade.OK) is not bool(remedy)
 
 
 def test_in_lock_step_there_is_nothing_to_measure() -> None:
