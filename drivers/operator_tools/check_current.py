@@ -25,15 +25,12 @@ from drivers.cia402 import objects
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import Basis
-from drivers.operator_tools.check_motion import friction_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from drivers.drives_file import AxisDrive
-    from drivers.operator_tools.small_move import Stroke
+    from drivers.operator_tools.check_motion import Moved
     from drivers.remote_dictionary import RemoteDictionary
 
 CHECK = "unit of the current"
@@ -89,33 +86,10 @@ class CurrentReadings:
         self._pairs.append(pair)
 
 
-def judge_current_unit(
-    place: str,
-    drive: AxisDrive,
-    counts: NDArray[np.float64],
-    held: NDArray[np.float64],
-    strokes: Sequence[Stroke],
-) -> Verdict:
-    """Judge the unit that the drives file states for the current.
-
-    Parameters
-    ----------
-    place : str
-        The axis, for messages.
-    drive : AxisDrive
-        What the drives file states.
-    counts : ndarray, shape (n, 2)
-        Pairs of 6077 and of the object that is measured, from `CurrentReadings`; none where that
-        is 6077 itself.
-    held : ndarray, shape (m,)
-        Torque at rest, by the file's scale [N m]; NaN where TPDOs are missing.
-    strokes : sequence of Stroke
-        There and back.
-    """
-    ratio = _ratio(counts)
-    if ratio is not None:
-        return _by_ratio(place, drive, ratio)
-    return _by_magnitude(place, drive, held, strokes)
+def judge_current_unit(seen: Moved) -> Verdict:
+    """Judge the unit that the drives file states for the current."""
+    ratio = _ratio(seen.counts)
+    return _by_magnitude(seen) if ratio is None else _by_ratio(seen.place, seen.drive, ratio)
 
 
 def _ratio(counts: NDArray[np.float64]) -> float | None:
@@ -158,11 +132,10 @@ def _expected(drive: AxisDrive) -> dict[Basis, float]:
     return {basis: drive.rated_torque / 1000 / value for basis, value in torques.items() if value}
 
 
-def _by_magnitude(
-    place: str, drive: AxisDrive, held: NDArray[np.float64], strokes: Sequence[Stroke]
-) -> Verdict:
+def _by_magnitude(seen: Moved) -> Verdict:
+    place, drive, held = seen.place, seen.drive, seen.held
     rated = drive.gear_ratio * drive.rated_torque
-    friction, error = friction_of(strokes)
+    friction, error = seen.friction
     rest = abs(float(np.nanmean(held))) / rated if np.isfinite(held).any() else 0.0
     moved = abs(friction) / rated if abs(friction) > 4 * error else math.nan
     shown = "too little friction" if math.isnan(moved) else f"friction {moved:.1%}"

@@ -19,15 +19,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from drivers.commissioning.verdict import Grade, Verdict
-from drivers.operator_tools.check_motion import friction_of, gravity_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from drivers.drives_file import AxisDrive
-    from drivers.operator_tools.small_move import Stroke
+    from drivers.operator_tools.check_motion import Moved
 
 Gravity: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.float64]]"
 """Joint torques that hold an arm at rest [N m], shape (n,), at joint coordinates, shape (n,)."""
@@ -41,44 +39,30 @@ CLOSE = 0.3
 """The torque must be that near to one prediction, as a share of their distance."""
 
 
-def judge_direction(
-    place: str,
-    drive: AxisDrive,
-    number: int,
-    pose: NDArray[np.float64],
-    strokes: Sequence[Stroke],
-    gravity: Gravity | None,
-) -> Verdict:
+def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     """Judge the sign of one joint.
 
     Parameters
     ----------
-    place : str
-        The axis, for messages.
-    drive : AxisDrive
-        What the drives file states.
-    number : int
-        The joint, from 0.
-    pose : ndarray, shape (n,)
-        Where all joints rest [rad or m]; `number` moves, the others stay.
-    strokes : sequence of Stroke
-        There and back.
+    seen : Moved
+        What was seen of it.
     gravity : callable or None
         What a robot's model predicts; None where there is no model.
     """
+    place, drive, strokes = seen.place, seen.drive, seen.strokes
     if gravity is None:
         return _cannot_tell(place, "no model of the robot", "watch a jog, or give a run's model")
-    measured, error = gravity_of(strokes)
+    measured, error = seen.gravity
     if not math.isfinite(error):
         return _cannot_tell(place, "too few samples at constant speed", "move farther")
     passed = np.linspace(strokes[0].q[0], strokes[0].move.target, 11)
-    right = float(np.mean([_torque(gravity, pose, number, q) for q in passed]))
-    wrong = -float(np.mean([_torque(gravity, pose, number, -q) for q in passed]))
+    right = float(np.mean([_torque(gravity, seen, q) for q in passed]))
+    wrong = -float(np.mean([_torque(gravity, seen, -q) for q in passed]))
     unit = drive.effort_unit
     found = f"gravity {measured:+.3g} {unit}"
     bound = f"model: {right:+.3g} {unit}, turned round {wrong:+.3g} {unit}"
     apart = abs(right - wrong)
-    if apart < SIGNIFICANT * error + LEFT_OVER * abs(friction_of(strokes)[0]):
+    if apart < SIGNIFICANT * error + LEFT_OVER * abs(seen.friction[0]):
         remedy = "both are too near to each other here: bring the arm to where it is not upright"
         return _cannot_tell(place, found, remedy, bound)
     if abs(measured - right) < CLOSE * apart:
@@ -90,10 +74,10 @@ def judge_direction(
     return _cannot_tell(place, found, remedy, bound)
 
 
-def _torque(gravity: Gravity, pose: NDArray[np.float64], number: int, q: float) -> float:
-    at = pose.copy()
-    at[number] = q
-    return float(gravity(at)[number])
+def _torque(gravity: Gravity, seen: Moved, q: float) -> float:
+    at = seen.pose.copy()
+    at[seen.number] = q
+    return float(gravity(at)[seen.number])
 
 
 def _cannot_tell(place: str, found: str, remedy: str, bound: str = "") -> Verdict:

@@ -12,6 +12,8 @@ Friction takes power, whatever the axis and the load: tau_f > 0, or the current 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +40,62 @@ QUANTUM_MAX = 0.005
 """Of the torque limit: coarser steps of the current cost accuracy."""
 WINDOW_SHARE = 0.5
 """Of the following error window that a slow move may take up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """What was seen of an axis that rested, and then went there and back over the same way.
+
+    Attributes
+    ----------
+    place : str
+        The axis, for messages.
+    drive : AxisDrive
+        What the drives file states.
+    number : int
+        Its joint, from 0.
+    pose : ndarray, shape (n_axes,)
+        Where all joints rested [rad or m]; the others stayed there.
+    held : ndarray, shape (m,)
+        Its torque at rest, by the file's scale [N m or N]; NaN where TPDOs are missing.
+    counts : ndarray, shape (n, 2)
+        Pairs of 6077 and of the object that is measured; none where that is 6077 itself.
+    strokes : sequence of Stroke
+        There and back.
+    """
+
+    place: str
+    drive: AxisDrive
+    number: int
+    pose: NDArray[np.float64]
+    held: NDArray[np.float64]
+    counts: NDArray[np.float64]
+    strokes: Sequence[Stroke]
+
+    @cached_property
+    def friction(self) -> tuple[float, float]:
+        """Friction, positive where it takes power, and its standard error [N m].
+
+        Torque varies along the way, which counts as noise. 0 and infinity if the strokes were too
+        short.
+        """
+        return self._half_sum([math.copysign(1.0, _slope(stroke)) for stroke in self.strokes])
+
+    @cached_property
+    def gravity(self) -> tuple[float, float]:
+        """The torque that both directions have in common, and its standard error [N m]."""
+        return self._half_sum([1.0 for _ in self.strokes])
+
+    def _half_sum(self, signs: Sequence[float]) -> tuple[float, float]:
+        means, variances = [], []
+        for stroke, sign in zip(self.strokes, signs, strict=True):
+            tau = stroke.tau[stroke.cruising]
+            tau = tau[np.isfinite(tau)]
+            if tau.size < 2:
+                return 0.0, math.inf
+            means.append(sign * float(np.mean(tau)))
+            variances.append(float(np.var(tau)) / tau.size)
+        return sum(means) / 2, math.sqrt(sum(variances)) / 2
 
 
 def judge_rest(
@@ -87,32 +145,21 @@ def judge_rest(
     )
 
 
-def judge_strokes(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Iterator[Verdict]:
-    """Judge two strokes in opposite directions over the same way.
-
-    Parameters
-    ----------
-    place : str
-        The axis, for messages.
-    drive : AxisDrive
-        What the drives file states.
-    strokes : sequence of Stroke
-        There and back.
-    """
-    yield _velocity(place, drive, strokes)
-    yield _current_sign(place, drive, strokes)
-    yield _following(place, drive, strokes)
+def judge_strokes(seen: Moved) -> Iterator[Verdict]:
+    """Judge velocity, sign of the current and following error of both strokes."""
+    yield _velocity(seen)
+    yield _current_sign(seen)
+    yield _following(seen)
 
 
-def _velocity(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
-    wanted = strokes[0].move.velocity
-    found = [_slope(stroke) for stroke in strokes]
+def _velocity(seen: Moved) -> Verdict:
+    wanted, unit = seen.strokes[0].move.velocity, seen.drive.unit
+    found = [_slope(stroke) for stroke in seen.strokes]
     worst = max(found, key=lambda value: abs(abs(value) - wanted))
-    unit = drive.unit
     return graded(
         abs(abs(worst) - wanted) <= VELOCITY_SAME * wanted,
         Grade.REFUSED,
-        place,
+        seen.place,
         "velocity scale",
         f"{abs(worst):.4g} {unit}/s",
         f"commanded: {wanted:.4g} {unit}/s",
@@ -120,73 +167,39 @@ def _velocity(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdic
     )
 
 
-def _current_sign(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
-    friction, error = friction_of(strokes)
-    force = drive.effort_unit
-    found = f"friction {friction:+.3g} ± {error:.2g} {force}"
+def _current_sign(seen: Moved) -> Verdict:
+    friction, error = seen.friction
+    found = f"friction {friction:+.3g} ± {error:.2g} {seen.drive.effort_unit}"
     bound = "along the motion: positive"
     if not abs(friction) > SIGNIFICANT * error:
         remedy = "too little to decide: move farther, or make sure that this is the motor's current"
-        return Verdict(Grade.WARNING, place, "sign of the current", found, bound, remedy)
+        return Verdict(Grade.WARNING, seen.place, "sign of the current", found, bound, remedy)
     return graded(
         friction > 0,
         Grade.REFUSED,
-        place,
+        seen.place,
         "sign of the current",
         found,
         bound,
         "the current counts against the position: set current.sign: "
-        f"{-drive.current.sign} in the drives file",
+        f"{-seen.drive.current.sign} in the drives file",
     )
 
 
-def _following(place: str, drive: AxisDrive, strokes: Sequence[Stroke]) -> Verdict:
-    largest = max(stroke.following_error for stroke in strokes)
-    unit, window = drive.unit, drive.following_error_window
+def _following(seen: Moved) -> Verdict:
+    largest = max(stroke.following_error for stroke in seen.strokes)
+    unit, window = seen.drive.unit, seen.drive.following_error_window
     if math.isnan(largest):
-        return unknown(place, "following error (60F4)", "watch it in the maker's tool")
+        return unknown(seen.place, "following error (60F4)", "watch it in the maker's tool")
     return graded(
         largest <= WINDOW_SHARE * window,
         Grade.WARNING,
-        place,
+        seen.place,
         "following error (60F4)",
         f"{largest:.2g} {unit}",
         f"at most half of following_error_window, {window:g} {unit}",
         "widen following_error_window or tune the drive's position loop",
     )
-
-
-def friction_of(strokes: Sequence[Stroke]) -> tuple[float, float]:
-    """Return friction and its standard error; torque varies along the way, which counts as noise.
-
-    Parameters
-    ----------
-    strokes : sequence of Stroke
-        There and back.
-
-    Returns
-    -------
-    tuple of float
-        [N m], positive where it takes power; 0 and infinity if the strokes were too short.
-    """
-    return _half_sum(strokes, [math.copysign(1.0, _slope(stroke)) for stroke in strokes])
-
-
-def gravity_of(strokes: Sequence[Stroke]) -> tuple[float, float]:
-    """Return the torque that both directions have in common, and its standard error [N m]."""
-    return _half_sum(strokes, [1.0 for _ in strokes])
-
-
-def _half_sum(strokes: Sequence[Stroke], signs: Sequence[float]) -> tuple[float, float]:
-    means, variances = [], []
-    for stroke, sign in zip(strokes, signs, strict=True):
-        tau = stroke.tau[stroke.cruising]
-        tau = tau[np.isfinite(tau)]
-        if tau.size < 2:
-            return 0.0, math.inf
-        means.append(sign * float(np.mean(tau)))
-        variances.append(float(np.var(tau)) / tau.size)
-    return sum(means) / 2, math.sqrt(sum(variances)) / 2
 
 
 def _slope(stroke: Stroke) -> float:

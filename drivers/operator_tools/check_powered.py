@@ -17,7 +17,7 @@ from drivers.commissioning.verdict import Grade, Verdict, graded
 from drivers.drive_bus import DriveError, SampleFlag
 from drivers.operator_tools.check_current import CurrentReadings, judge_current_unit
 from drivers.operator_tools.check_gravity import judge_direction
-from drivers.operator_tools.check_motion import judge_rest, judge_strokes
+from drivers.operator_tools.check_motion import Moved, judge_rest, judge_strokes
 from drivers.operator_tools.operator import StoppedByOperator, answer, supervised_sample
 from drivers.operator_tools.small_move import small_move, travel
 from drivers.operator_tools.sync_period import judge_period
@@ -166,10 +166,11 @@ def _move(
         travel(axes, number, drive, small_move(drive, target, velocity), operator, readings.poll)
         for target in (start + way, start)
     ]
-    yield from judge_strokes(label, drive, strokes)
     torque = np.array([sample.tau[number] for sample in held])
-    yield judge_current_unit(label, drive, readings.counts, torque, strokes)
-    yield judge_direction(label, drive, number, np.array(pose), strokes, gravity)
+    seen = Moved(label, drive, number, np.array(pose), torque, readings.counts, strokes)
+    yield from judge_strokes(seen)
+    yield judge_current_unit(seen)
+    yield judge_direction(seen, gravity)
     yield _direction(axes, label, drive, way, operator)
 
 

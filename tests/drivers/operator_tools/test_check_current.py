@@ -21,6 +21,7 @@ from drivers.drive_bus import Move
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_current import NEAR, judge_current_unit
 from drivers.operator_tools.check_gravity import judge_direction
+from drivers.operator_tools.check_motion import Moved
 from drivers.operator_tools.check_powered import SmallMoves
 from drivers.operator_tools.small_move import Stroke
 from hil.ground_truth.true_parameters import true_parameters
@@ -116,6 +117,10 @@ def stroke(start: float, way: float, tau: float) -> Stroke:
     return Stroke(Move(start + way, 0.1, 1.0), np.arange(200) * 0.004, q, tau + noise, 0.0)
 
 
+def seen(drive: AxisDrive, counts: np.ndarray, held: np.ndarray, drawn: list[Stroke]) -> Moved:
+    return Moved("joint", drive, 0, np.array([0.3]), held, counts, drawn)
+
+
 def strokes(gravity: float, friction: float, start: float = 0.3) -> list[Stroke]:
     return [
         stroke(start, 0.05, gravity + friction),
@@ -143,7 +148,7 @@ def test_two_units_that_differ_by_more_than_a_factor_are_never_taken_for_one_ano
     factor = {BASES[0]: rated, BASES[1]: 1.0, BASES[2]: 1.0}
     counts = np.stack([np.round(per_mille), np.round(factor[shown] * per_mille)], axis=1)
     load = strokes(0.0, 5.0)
-    found = judge_current_unit("joint", drive, counts, np.zeros(10), load)
+    found = judge_current_unit(seen(drive, counts, np.zeros(10), load))
     apart = max(factor[shown] / factor[said], factor[said] / factor[shown])
     if apart < 1.01:
         assert "confirmed" in found.found
@@ -158,7 +163,7 @@ def test_a_ratio_of_the_root_of_two_is_a_confusion_of_rms_and_peak() -> None:
     drive = one_axis(rated_current=5.0, rated_torque=3.0, torque_constant=0.6)
     per_mille = np.linspace(-200, 200, 50)
     counts = np.stack([per_mille, per_mille * math.sqrt(2)], axis=1)
-    found = judge_current_unit("joint", drive, counts, np.zeros(10), strokes(0.0, 5.0))
+    found = judge_current_unit(seen(drive, counts, np.zeros(10), strokes(0.0, 5.0)))
     assert found.grade is Grade.WARNING
     assert "rms and peak are confused" in found.remedy
 
@@ -173,7 +178,7 @@ def test_a_ratio_of_the_root_of_two_is_a_confusion_of_rms_and_peak() -> None:
 )
 def test_a_ratio_that_means_nothing_is_not_used(counts: np.ndarray, found: str) -> None:
     # friction of 5 % of 300 N m: possible as per mille and as mA of a motor for 2 A
-    verdict = judge_current_unit("joint", one_axis(), counts, np.zeros(10), strokes(0.0, 15.0))
+    verdict = judge_current_unit(seen(one_axis(), counts, np.zeros(10), strokes(0.0, 15.0)))
     assert found in verdict.found
 
 
@@ -192,7 +197,7 @@ def test_magnitudes_that_no_motor_has_contradict(
 ) -> None:
     drive = one_axis(rated_current=rated, torque_constant=3.0 / rated)
     verdict = judge_current_unit(
-        "joint", drive, np.zeros((0, 2)), np.full(10, held), strokes(held, friction)
+        seen(drive, np.zeros((0, 2)), np.full(10, held), strokes(held, friction))
     )
     assert found in verdict.found
 
@@ -200,11 +205,10 @@ def test_magnitudes_that_no_motor_has_contradict(
 class TestDirection:
     """A pendulum of 100 N m: upright at q = 0, or horizontal there."""
 
-    POSE = np.array([0.3])
-
     def judged(self, gravity: Gravity | None, measured: float, friction: float = 10.0) -> Verdict:
         drawn = strokes(measured, friction)
-        return judge_direction("joint", one_axis(), 0, self.POSE, drawn, gravity)
+        nothing = np.zeros((0, 2)), np.zeros(0)
+        return judge_direction(seen(one_axis(), *nothing, drawn), gravity)
 
     @staticmethod
     def horizontal(q: np.ndarray) -> np.ndarray:
