@@ -10,14 +10,17 @@ so the pace may change by what the acceleration limit a leaves to every axis,
 
     -(a + q'' r^2) <= q' dr/dt <= a - q'' r^2.
 
-A drive whose set-points stay out stops at the last one at once, and its axis overruns it by the
-way v^2 / 2a that it needs for that. Where this has happened it may happen again, so a path is
-passed with caution for a while: no axis overruns by more than its following error window w,
+A drive whose set-points stay out stops at the last one at once, but its axis slows down by a at
+most: it overruns that set-point, by v^2 / 2a where it comes to rest. When set-points come again,
+the pace has lost what the axes have: a t / |q'| in a time t, so that they are led on as they move.
+
+Where this has happened it may happen again, so a path is passed with caution for a while: no axis
+overruns by more than its following error window w,
 
     r |q'| <= sqrt(2 a w).
 
-At such a pace a late set-point does no harm, so however often they are late, the path is not passed
-more slowly than that for it: only what keeps the axes from speeding up again may do so.
+At such a pace a late set-point does no harm. So however often they are late, nothing else than the
+limits of acceleration keeps the pace from growing to that again.
 
 What is fed forward is passed alike: velocity by r; of the torque, what holds the axes counts as it
 is and the rest, by acceleration and speed, by r^2.
@@ -25,6 +28,7 @@ is and the rest, by acceleration and speed, by r^2.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,7 +44,8 @@ SHARE = 0.9
 """Of what the acceleration limits leave; the rest is for the steps in which a pace changes."""
 
 RECOVERY = 0.3
-"""Time in which the pace goes from rest to the path's own at the least [s]."""
+"""Time in which the pace goes from rest to the path's own at the least, where late set-points would
+do harm [s]."""
 
 CAUTION, TRUST = 0.9, 1.0
 """Factor of the pace that is aimed at for each period by which set-points are late, and time in
@@ -128,6 +133,13 @@ class Path:
         return way, float((2 * np.abs(speed) / self._limits).max())
 
     @property
+    def _quickest(self) -> float:
+        """How fast the pace may change by the limits of acceleration [1/s]."""
+        before, _, after = self._around
+        with np.errstate(divide="ignore"):
+            return float((self._limits * 2 * self._period / np.abs(after - before)).min())
+
+    @property
     def _around(self) -> Array:
         """Set-points one before `at`, next to it and one after it, shape (3, n_axes)."""
         k = min(round(self.at), self._last)
@@ -174,10 +186,11 @@ class Path:
         self.at = min(self.at + (before + self.pace) / 2, self._last)
 
     def late(self, periods: float) -> None:
-        """Take note that set-points were late: drives have slowed down or rest at the last ones."""
+        """Take note that set-points were late: axes have slowed down, or rest at the last ones."""
         self._aim *= CAUTION**periods
         if periods > STILL:
-            self.pace, self.caution = 0.0, MEMORY
+            braked = self._quickest * periods * self._period
+            self.pace, self.caution = max(self.pace - braked, 0.0), MEMORY
 
     def _change(self, *, calm: bool) -> None:
         """Let the pace approach the one that is aimed at as fast as all axes can follow."""
@@ -187,13 +200,15 @@ class Path:
         with np.errstate(divide="ignore"):
             slower, faster = (SHARE * (self._limits + s * bend) / np.abs(speed) for s in (1, -1))
             stopping = (self._stops_within / np.abs(speed)).min()
-        aim = max(self._aim, min(stopping, 1.0))
+        harmless = min(stopping, 1.0)
+        aim = max(self._aim, harmless)
         if self.caution > 0.0:
             aim = min(aim, stopping)
         if calm:
             aim = 0.0
+        recovery = math.inf if self.pace < harmless else 1 / RECOVERY
         least = self.pace - max(slower.min(), 0.0) * self._period
-        most = self.pace + min(max(faster.min(), 0.0), 1 / RECOVERY) * self._period
+        most = self.pace + min(max(faster.min(), 0.0), recovery) * self._period
         self.pace = min(max(aim, least, 0.0), most)
 
 

@@ -113,4 +113,21 @@ def test_stalls_that_never_end_slow_a_path_down_no_further_than_they_are_harmles
                 path.late(stalled)
             path.step()
         progress.append(path.at / 1199)
-    assert min(progress) == max(progress) > 0.1
+    assert progress == sorted(progress, reverse=True)
+    assert progress[-1] > 0.3
+
+
+@pytest.mark.parametrize("periods", [1.6, 3.0, 6.0])
+def test_a_short_stall_takes_of_the_pace_what_the_limits_let_the_axes_lose_meanwhile(
+    periods: float,
+) -> None:
+    path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
+    for _ in range(150):
+        path.step()
+    before, speeds = path.pace, np.abs(np.diff(swing(T)[149:152:2], axis=0)[0]) / (2 * PERIOD)
+    path.late(periods)
+    lost = (before - path.pace) * speeds
+    assert (lost <= np.array(LIMITS) * periods * PERIOD * (1 + 1e-6)).all()
+    assert path.pace > 0.5
+    path.late(1000)
+    assert path.pace == 0.0
