@@ -10,11 +10,11 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.commissioning.measures import Quantity, measures
 from drivers.commissioning.requirement import Lack
 from drivers.commissioning.requirements import REQUIREMENTS, reaction_for
-from drivers.commissioning.software_limits import write_range
 from drivers.drive_bus import DriveRefused
 from drivers.remote_dictionary import Aborted
 
@@ -107,7 +107,7 @@ def _write_limits(
     values: Mapping[Entry, int],
     without: frozenset[Entry],
 ) -> None:
-    write_range(server, axis, values)
+    _write_range(server, axis, values)
     for entries in _LIMITS:
         if not _write_limit(server, entries, values):
             server.do_without(entries, REQUIREMENTS[entries[0]].without)
@@ -124,6 +124,45 @@ def _write_limits(
     for entry in _MOTION:
         if entry not in without:
             _write(server, entry, values[entry])
+
+
+def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
+    """Write software limits; where they are fixed, take and note them, unless they are off.
+
+    Fixed ones that lie inside ours stay. Those that lie outside do not hinder, but then it is the
+    driver alone that keeps the range. Off, they keep the axis from nothing, as in a drive without.
+    """
+    scale, limits = AxisScale.of(axis), axis.limits
+    entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
+    ends = [values[entry] for entry in entries]
+    if [server.find(entry) for entry in entries] == ends:
+        return
+    taken = [server.set_unless_fixed(entry, end) for entry, end in zip(entries, ends, strict=True)]
+    kept = [server.kept[entry] for entry in entries]
+    if all(taken) or kept == ends:
+        return
+    unit = axis.unit
+    low, high = sorted(scale.position_from_counts(float(end)) for end in kept)
+    own, ours = f"[{low:.5g}, {high:.5g}] {unit}", f"[{limits.q_min:g}, {limits.q_max:g}] {unit}"
+    if kept[0] >= kept[1]:
+        raise DriveRefused(
+            f"{server.label}: software limits (607D) are fixed at {kept[0]} and {kept[1]}, which "
+            "switches them off: the drive itself would take any target; set them with the maker's "
+            "commissioning tool"
+        )
+    server.note(
+        f"software limits (607D) are fixed at {own}, those of the drives file are "
+        f"{ours}: {_consequence(kept, ends)}"
+    )
+
+
+def _consequence(kept: Sequence[int], ends: Sequence[int]) -> str:
+    found = []
+    if kept[0] < ends[0] - 1 or kept[1] > ends[1] + 1:
+        found.append("the driver alone keeps the axis's range")
+    if kept[0] > ends[0] or kept[1] < ends[1]:
+        found.append("it takes no target beyond its own")
+    return " and ".join(found) or "they agree to an increment"
 
 
 def _write(server: RemoteDictionary, entry: Entry, value: int) -> None:
