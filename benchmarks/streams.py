@@ -10,6 +10,7 @@ periods of 10 s and is a session from power-on to power-off::
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -30,14 +31,16 @@ PATIENCE = 600.0
 def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) -> str:
     """Run the plan once; say what became of it."""
     command = (*HIL, "run", str(plan), "-o", str(folder), *place, *options)
+    # of its own, since what one that was left has not put back would end the next
+    state = {**os.environ, "XDG_STATE_HOME": str(folder.with_suffix(".state"))}
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=PATIENCE
+            command, capture_output=True, text=True, check=False, timeout=PATIENCE, env=state
         )
     except subprocess.TimeoutExpired:
         return f"under way after {PATIENCE:.0f} s"
     if done.returncode:
-        return f"ENDED ({done.returncode}): {done.stderr.strip().splitlines()[-1]}"
+        return f"ENDED ({done.returncode}): {done.stderr.strip()}"
     recordings = [measured.recording for measured in Run.open(folder)]
     slowed = np.concatenate([each.slowed for each in recordings])
     flagged = np.concatenate([each.flags for each in recordings]) != 0

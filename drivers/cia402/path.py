@@ -19,8 +19,8 @@ overruns by more than its following error window w,
 
     r |q'| <= sqrt(2 a w).
 
-At such a pace a late set-point does no harm. So however often they are late, nothing else than the
-limits of acceleration keeps the pace from growing to that again.
+At a quarter of such a pace a late set-point does no harm. So however often they are late, nothing
+else than the limits of acceleration keeps the pace from growing to that again.
 
 What is fed forward is passed alike: velocity by r; of the torque, what holds the axes counts as it
 is and the rest, by acceleration and speed, by r^2.
@@ -46,6 +46,11 @@ SHARE = 0.9
 RECOVERY = 0.3
 """Time in which the pace goes from rest to the path's own at the least, where late set-points would
 do harm [s]."""
+
+GENTLE = 0.25
+"""Share of the pace at which an axis overruns by its window: of 0.15 to 1, the one that passes an
+exciting trajectory soonest while torques are beyond 95 % of their limit for less than a sixth of
+the time, 5 to 42 % of the SYNCs being late by 10 ms on average; a share of 1 is ended by trips."""
 
 CAUTION, TRUST = 0.9, 1.0
 """Factor of the pace that is aimed at for each period by which set-points are late, and time in
@@ -200,7 +205,7 @@ class Path:
         with np.errstate(divide="ignore"):
             slower, faster = (SHARE * (self._limits + s * bend) / np.abs(speed) for s in (1, -1))
             stopping = (self._stops_within / np.abs(speed)).min()
-        harmless = min(stopping, 1.0)
+        harmless = min(GENTLE * stopping, 1.0)
         aim = max(self._aim, harmless)
         if self.caution > 0.0:
             aim = min(aim, stopping)

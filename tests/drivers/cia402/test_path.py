@@ -114,7 +114,7 @@ def test_stalls_that_never_end_slow_a_path_down_no_further_than_they_are_harmles
             path.step()
         progress.append(path.at / 1199)
     assert progress == sorted(progress, reverse=True)
-    assert progress[-1] > 0.3
+    assert progress[-1] > 0.1
 
 
 @pytest.mark.parametrize("periods", [1.6, 3.0, 6.0])

@@ -170,7 +170,7 @@ def stalled(seed: int, share: float, longest: float) -> tuple[np.ndarray, str]:
         return np.array(times), axes.notes[-1]
 
 
-@pytest.mark.parametrize(("seed", "share", "within"), [(0, 0.01, 10), (1, 0.01, 10), (0, 0.05, 25)])
+@pytest.mark.parametrize(("seed", "share", "within"), [(0, 0.01, 25), (1, 0.01, 25), (0, 0.05, 35)])
 def test_a_host_that_stalls_slows_a_path_down_and_never_ends_it(
     seed: int, share: float, within: float
 ) -> None:
