@@ -87,16 +87,16 @@ def leave(
 
 
 def _switch_off_running(session: Session, outcome: Outcome) -> None:
-    stopping, shutdown = session.stopping, session.stopping.shutdown
+    stopping = session.stopping
     stopping.stop()
-    shutdown.switch_off()
-    if all(shutdown.off):
+    stopping.switch_off()
+    if all(stopping.off):
         with suppress(Exception):
             session.note_offsets("after power-off")
-    outcome.notes += shutdown.conclude()
+    outcome.notes += stopping.conclude()
     servers = session.connection.servers
-    outcome.off = {server for server, off in zip(servers, shutdown.off, strict=True) if off}
-    outcome.problems += shutdown.problems
+    outcome.off = {server for server, off in zip(servers, stopping.off, strict=True) if off}
+    outcome.problems += stopping.problems
 
 
 def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:

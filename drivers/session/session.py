@@ -200,6 +200,7 @@ class Session:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
         if self.stopping.trip is not None:
             self.stopping.supervise()
+            self.stopping.refuse()
         data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
         before = data.time
         try:
@@ -238,6 +239,7 @@ class Session:
         """
         if self.stopping.trip is not None:
             self.stopping.supervise()
+            self.stopping.refuse()
         try:
             time = self._process_data.sync()
             self._life_sign.service()
@@ -319,7 +321,7 @@ class Session:
         lost = self._supervision.lost(words)
         if lost is not None:
             self.stopping.stop()
-            self.stopping.shutdown.await_rest()  # before the drive may be asked for the reason
+            self.stopping.await_rest()  # before the drive may be asked for the reason
             self._fail(self._supervision.diagnose(self.axes[lost].server, words[lost]))
         self._note(self._supervision.warnings())
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from drivers.session.connection import Connection
 
 
-class Stopping:
-    """Stops all axes and remembers why.
+class Stopping(Shutdown):
+    """A shutdown that knows how fast axes may be and how they slow down, and remembers its reason.
 
     Parameters
     ----------
@@ -44,8 +44,6 @@ class Stopping:
 
     Attributes
     ----------
-    shutdown : Shutdown
-        Sees to it that the axes stop, and switches them off.
     trip : DriveError or None
         Why all axes were stopped.
     """
@@ -58,33 +56,27 @@ class Stopping:
         profile: ProfilePosition,
         cyclic: CyclicPosition,
     ) -> None:
+        data, life_sign = connection.process_data, connection.life_sign
+        super().__init__(data, life_sign, axes, period, connection.power.switch_off)
         self.trip: DriveError | None = None
-        self.shutdown = Shutdown(
-            connection.process_data,
-            connection.life_sign,
-            axes,
-            period,
-            connection.power.switch_off,
-        )
-        self._connection, self._axes = connection, axes
         self._profile, self._cyclic = profile, cyclic
 
     def stop(self) -> None:
-        """Command all axes to stop, once; from then on `shutdown` sees to it."""
-        if self.shutdown.begun:
+        """Command all axes to stop, once; each SYNC that passes here sees to it from then on."""
+        if self.begun:
             return
         decelerations = [self._deceleration(axis) for axis in self._axes]
         speeds = self._speeds()
         self._profile.active.clear()
         self._cyclic.abandon()
-        self.shutdown.begin(speeds, decelerations)
+        self.begin(speeds, decelerations)
 
     def fail(self, trouble: DriveError) -> NoReturn:
         """Bring all axes to rest, remember why, and raise it."""
         if self.trip is None:
             self.stop()
             self.trip = trouble
-            self.shutdown.await_rest()
+            self.await_rest()
         raise trouble
 
     def refuse(self) -> None:
@@ -99,11 +91,6 @@ class Stopping:
             raise Tripped(
                 f"all axes were stopped and stay so until a deliberate reset(): {self.trip}"
             ) from self.trip
-
-    def supervise(self) -> None:
-        """See to it for one SYNC that stopped axes stay so, and refuse (see `refuse`)."""
-        self.shutdown.supervise()
-        self.refuse()
 
     def end(self, note: Callable[[Iterable[str]], None]) -> None:
         """Switch all axes off and allow motion again, where all have shown that they are off.
@@ -120,22 +107,22 @@ class Stopping:
         """
         with interrupts_held():
             self.stop()
-            self.shutdown.switch_off()
-            note(self.shutdown.conclude())
-        left = [axis.label for axis in self._axes if not self.shutdown.off[axis.index]]
+            self.switch_off()
+            note(self.conclude())
+        left = [axis.label for axis in self._axes if not self.off[axis.index]]
         if left:
             raise DriveFault(
                 f"{', '.join(left)}: not shown to be off, so nothing is powered on again; leave, "
                 "and check the drive"
             )
-        note(self.shutdown.problems)
-        self.shutdown.forget()
+        note(self.problems)
+        self.forget()
         self.trip = None
 
     def _speeds(self) -> list[float]:
         """Return how fast each axis may be [rad/s or m/s]: as measured, or commanded if faster."""
         try:
-            seen = self._connection.process_data.speeds()
+            seen = self._process_data.speeds()
             return [self._speed(axis, seen[axis.index]) for axis in self._axes]
         except Exception:  # nothing may keep the axes from being stopped
             return [axis.drive.limits.velocity for axis in self._axes]

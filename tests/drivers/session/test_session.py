@@ -62,7 +62,7 @@ def broken(*_: object, **__: object) -> None:
         "session.session.SampleReader",
         "session.session.MissingTelegrams",
         "session.session.CyclicPosition",
-        "session.stopping.Shutdown",
+        "session.session.Stopping",
     ],
 )
 def test_whichever_part_cannot_be_built_nothing_is_left_and_the_bus_can_be_entered_later(
