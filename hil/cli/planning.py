@@ -126,6 +126,14 @@ def plan(
             " set-points.",
         ),
     ] = False,
+    distinguish: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CAUSE\\[,CAUSE...]",
+            help="Causes that the plan is to show in their usual size and to tell from each other,"
+            " such as 'load,zero of axis 4'; what it adds lasts as long as the plan at most.",
+        ),
+    ] = None,
     run: Annotated[
         list[Path] | None,
         typer.Option(
@@ -166,8 +174,13 @@ def plan(
             " other; for trajectories alone there is hil trajectory plan",
         ),
         (
-            noise_from is not None and minutes is None,
-            "--noise-from is for --minutes; a plan by counts uses no noise",
+            distinguish is not None and (run or minutes is not None),
+            "--distinguish adds to a plan by counts, as much as causes need; leave --minutes and"
+            " --refine out",
+        ),
+        (
+            noise_from is not None and minutes is None and distinguish is None,
+            "--noise-from is for --minutes and --distinguish; a plan by counts uses no noise",
         ),
     ):
         if wrong:
@@ -183,6 +196,10 @@ def plan(
 
         the_robot = load_robot(str(name))
         refuse_unknown(the_robot)
+        if distinguish is not None:
+            from hil.estimation.excluded.distinguishing import causes_named
+
+            named = causes_named(the_robot, distinguish)
         try:
             guard = load_guard(workspace, the_robot)
             if minutes is None:
@@ -197,9 +214,22 @@ def plan(
                     the_robot, minutes, expected_of(the_robot, noise_from).noise, warm_up, guard,
                     with_trajectories=with_trajectories,
                 )  # fmt: skip
+            if distinguish is not None:
+                from hil.cli.robot_drives import expected_of
+                from hil.estimation.excluded import distinguishing
+                from hil.results.tables import excluded
+
+                now("choosing measurements that distinguish causes")
+                expected = expected_of(the_robot, noise_from)
+                reached = distinguishing.distinguish(
+                    designed, the_robot, expected.noise, expected.p, named
+                )
+                designed = reached.plan
         except ValueError as error:
             raise FileError(f"{name}: {error}") from error
     write_plan(output, designed, the_robot)
+    if distinguish is not None:
+        show(excluded.distinguished(reached, expected.source), *excluded.distinguishing(reached))
 
 
 def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:

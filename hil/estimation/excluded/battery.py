@@ -236,6 +236,12 @@ class Battery:
         kept = values > ALIKE * values.max()
         return at, vectors[:, kept] / np.sqrt(values[kept]) / length[:, None]
 
+    def gram(self, columns: Sequence[int]) -> Array:
+        """Inner products of some columns beside what is estimated, zero of those in its span."""
+        left = self._left[:, columns] * self.visible[list(columns)]
+        found: Array = left.T @ left
+        return found
+
     def drop(self, columns: Sequence[int]) -> tuple[float, int]:
         """Part of the weighted sum of squares that a cause explains, and its rank."""
         at, B = self._basis(columns)

@@ -171,3 +171,13 @@ distinguish the first is named first. A load comes before a zero: to home an axi
 one would spoil what was right."""
 FITTED = ("late torque",)
 """Causes that every estimate looks for and takes into account: they stay free beside the others."""
+SHOWN_BY = {
+    "load": "two runs would show it, without and with it (hil payload)",
+    "zero": "it is part of base parameters, and shifts no torque that they predict",
+    "torque constant": "a known mass on the flange would show it (hil payload --mass)",
+    "torques of all axes": "a known mass on the flange would show it (hil payload --mass)",
+    "rotor inertia": "a load of known inertia would show it, or the motor's data sheet",
+    "gear ratio": "count its teeth, or turn the joint by a known angle",
+    "position scale": "turn the joint by a known angle",
+}
+"""What shows causes that are part of what base parameters, friction or other columns stand for."""

@@ -32,6 +32,8 @@ from hil.runs.recording import IDLE, Recording
 
 if TYPE_CHECKING:
     from hil.arrays import Array
+    from hil.estimation.excluded.evidence import Evidence
+    from hil.estimation.simultaneous import Prepared
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan
@@ -50,26 +52,47 @@ def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) ->
     seed : int
         Of the noise.
     """
+    found = foreseen_tests(plan, robot, noise, p, seed)
+    if found is None:
+        return None
+    battery, tests = found
+    return Excluded(found=(), limits=limits(robot, battery, battery.columns, tests), tests=tests)
+
+
+def foreseen_tests(
+    plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0
+) -> tuple[Battery, int] | None:
+    """Tests of all causes in what a plan will record, and how many there are; see `foreseen`."""
     rng, time, prepared = np.random.default_rng(seed), 0.0, []
     for entry in timetable(plan, robot, plan.measurements):
         time += entry.travel
         if shows_parameters(entry.measurement):
-            made = _recorded(robot, entry.measurement, plan.sample_period, noise, p, rng, time)
+            made = recorded(robot, entry.measurement, plan.sample_period, noise, p, rng, time)
             prepared.append((entry.measurement, signals(made)))
         time += entry.duration
     try:
-        solver = SimultaneousFit(robot, prepared)
+        evidence = expected_evidence(robot, prepared)
     except NotIdentifiable:
         return None
-    solver.loaded = np.zeros(robot.n_joints, dtype=bool)  # recordings alone show friction of loads
-    evidence = measured(robot, solver, prepared)
     every = columns(robot, p, evidence)
     battery = Battery(evidence, every, every.fitted)
-    tests = sum(bool(battery.visible[at].any()) for at in every.tests.values())
-    return Excluded(found=(), limits=limits(robot, battery, every, tests), tests=tests)
+    return battery, sum(bool(battery.visible[at].any()) for at in every.tests.values())
 
 
-def _recorded(
+def expected_evidence(robot: Robot, prepared: Prepared) -> Evidence:
+    """Rows of expected recordings: recordings alone show whether a load has friction.
+
+    Raises
+    ------
+    NotIdentifiable
+        None of them shows anything.
+    """
+    solver = SimultaneousFit(robot, prepared)
+    solver.loaded = np.zeros(robot.n_joints, dtype=bool)
+    return measured(robot, solver, prepared)
+
+
+def recorded(
     robot: Robot,
     measurement: ParameterMeasurement,
     period: float,

@@ -13,9 +13,9 @@ import numpy as np
 from scipy import optimize, special
 
 from hil.estimation.excluded.battery import LEVEL
-from hil.estimation.excluded.causes import CAUSES, FITTED
+from hil.estimation.excluded.causes import FITTED
 from hil.estimation.excluded.result import Limit
-from hil.estimation.excluded.words import name_of, rank_of
+from hil.estimation.excluded.words import name_of, rank_of, unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,8 +30,6 @@ POWER = 0.8
 for the Behavioral Sciences, 1988, p. 56)."""
 MIDDLES = (np.arange(200) + 0.5) / 200
 """Probabilities at which a chi square is looked at."""
-SI = {"I": "kg m²", "s": "kg m", "m": "kg"}
-"""Units of a link's parameters by their first letters."""
 
 
 def limits(
@@ -44,7 +42,7 @@ def limits(
             cause=name_of(key),
             axis=key[1] + 1,
             part=part,
-            unit=SI[part[0]] if part else CAUSES[name_of(key)].unit_of(robot, key[1]),
+            unit=unit_of(robot, key, part),
             size=size if np.isfinite(size) else None,
             torque=each,
         )

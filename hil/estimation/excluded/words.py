@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.columns import Columns, Key
     from hil.model.robot import Robot
 
+SI = {"I": "kg m²", "s": "kg m", "m": "kg"}
+"""Units of a link's parameters by their first letters."""
+
 
 def rank_of(cause: str, *axes: int) -> tuple[int, ...]:
     """Place of a cause in the table, then its axes: several are named in this order."""
@@ -23,6 +26,17 @@ def rank_of(cause: str, *axes: int) -> tuple[int, ...]:
 def name_of(key: Key) -> str:
     """Name of a cause in the table."""
     return key[0].rstrip(" 0123456789")
+
+
+def in_words(key: Key, part: str = "") -> str:
+    """A cause with its axis, or one of its columns, as commands take and tables show it."""
+    of_axis = f" of axis {key[1] + 1}" if key[1] >= 0 else ""
+    return f"{key[0]}{of_axis} {part}".strip()
+
+
+def unit_of(robot: Robot, key: Key, part: str = "") -> str:
+    """Unit of a cause, or of a parameter of a load."""
+    return SI[part[0]] if key[0] == "load" and part else CAUSES[name_of(key)].unit_of(robot, key[1])
 
 
 def axes_of(robot: Robot, key: Key) -> tuple[int, ...]:

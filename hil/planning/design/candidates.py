@@ -33,11 +33,11 @@ from hil.planning.prediction.information import shares
 from hil.planning.prediction.precision import scatter_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Indices
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import ElementMeasurement, ParameterMeasurement
     from hil.planning.prediction.information import Share
     from hil.planning.prediction.noise import Noise
     from hil.planning.workspace import Workspace
@@ -82,7 +82,16 @@ def pool(
     ValueError
         No configuration of an element keeps clear of the workspace's boxes.
     """
-    found: list[Option] = []
+    return [
+        Option(group, measurement, row, judged(robot, measurement, period, noise))
+        for group, measurement, row in strokes(robot, workspace, each)
+    ]
+
+
+def strokes(
+    robot: Robot, workspace: Workspace | None, each: int
+) -> Iterator[tuple[str, ElementMeasurement, Array]]:
+    """Plan `each` measurements of every element: group, measurement and row as of `Option`."""
     sought = base_parameters(robot).dependencies.sought()
     for name, kind in ELEMENT_KINDS.items():
         for element in ELEMENTS[name](robot, list(sought[kind.group])):
@@ -90,10 +99,7 @@ def pool(
             rows = element.row(q) / robot.torque_limit[element.axis]
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
                 turned = element.turned(robot, configuration, number)
-                measurement = element.measure(f"{kind.letter}{number}", turned, number)
-                found.append(Option(kind.group, measurement, row,
-                                    judged(robot, measurement, period, noise)))  # fmt: skip
-    return found
+                yield kind.group, element.measure(f"{kind.letter}{number}", turned, number), row
 
 
 def judged(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.results.rounding import significant
+import numpy as np
+
+from hil.results.rounding import clock, significant
 from hil.results.tables.table import Column, Part, Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from hil.estimation.excluded.distinguishing import Distinguished
     from hil.estimation.excluded.result import Excluded, Limit
     from hil.results.tables.table import Row
 
@@ -81,3 +84,46 @@ def sentences(proof: Excluded) -> Iterator[str]:
             f"invisible in the size that is usual of it: {names}; most is worth the {worst.cause}"
             f"{where}, {significant(100 * worst.worth, 2)} % of its torque"
         )
+
+
+def distinguished(found: Distinguished, source: str) -> Table:
+    """What a plan shows of causes that it is to distinguish, before it was added to and after."""
+    heads = ("usual", "found, before", "after", "told, before", "after")
+    columns = (Column("cause"), Column("unit"), *(Column(head, "right") for head in heads),
+               Column("most alike"))  # fmt: skip
+    rows = tuple(
+        (after.name, after.unit, significant(after.usual, 2) if after.usual else "",
+         _finite(before.shown), _finite(after.shown),
+         *((_finite(before.told), _finite(after.told)) if after.like else ("", "")),
+         after.like)
+        for before, after in zip(found.before, found.after, strict=True)
+    )  # fmt: skip
+    return Table(
+        title="What this plan will distinguish",
+        columns=columns,
+        parts=(Part(rows),),
+        notes=(
+            "smallest sizes that are found, and that are told from each other cause named, with a"
+            f" probability of 80 %; {NEVER} never; parameters {source}",
+        ),
+    )
+
+
+def distinguishing(found: Distinguished) -> Iterator[str]:
+    """What was added to a plan, and of which causes it does not show what is usual."""
+    before, after = map(clock, found.durations)
+    ids = f" ({', '.join(found.added)})" if found.added else ""
+    yield f"{len(found.added)} measurements added{ids}: {after} in place of {before}"
+    for each in found.after:
+        if each.remedy:
+            yield f"{each.name}: no measurement of strokes shows it; {each.remedy}"
+        elif not each.enough:
+            size = f"{significant(each.usual, 2)} {each.unit}" if each.usual else "what is found"
+            yield (
+                f"{each.name}: {size} is not told from {each.like or 'nothing at all'} in twice the"
+                " time of the plan; measure more (--gravity, --inertia, --coupling)"
+            )
+
+
+def _finite(size: float) -> str:
+    return significant(size, 2) if np.isfinite(size) else NEVER
