@@ -20,6 +20,7 @@ from hil.cli.outputs import (
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
+    from hil.estimation.options import Options
     from hil.results.model import Model
     from hil.runs.run import Run
 
@@ -53,6 +54,17 @@ def identify(
         ),
     ] = False,
     masses: Masses = None,
+    prior: Annotated[
+        str | None,
+        typer.Option(
+            metavar="cad=SHARE",
+            help="What the motion does not excite comes from the inertials of --urdf, masses and"
+            " moments uncertain by this share (1 sigma), such as cad=0.3.",
+        ),
+    ] = None,
+    urdf: Annotated[
+        Path | None, typer.Option(help="URDF of the robot with inertials, as CAD writes it.")
+    ] = None,
 ) -> None:
     """Estimate base parameters from runs of any kind; exit status 3 where that failed.
 
@@ -74,13 +86,14 @@ def identify(
         refuse_unwritable(path)
         run, *more = open_runs([*folders, *(others or ())])
         run = run.without(without or ())
+        options = options_of(prior, urdf, run)
         bounds.refuse_other_links(run.robot)
         if method is None:
             method, reason = identification.method_for(run, more)
             if run.imported or any(each.imported for each in more):
                 say(f"{method} method: {reason}")
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
-        found = identify_and_keep(run, method, more).model
+        found = identify_and_keep(run, method, more, options=options).model
         if consistent or masses:
             from hil.results.consistency import with_consistent_robot
 
@@ -104,6 +117,30 @@ def identify(
     say(f"model in {path} ({took})")
     if found.failed:
         raise typer.Exit(Status.REFUSED)
+
+
+def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
+    """Options of an estimate with a prior such as ``cad=0.3`` of a URDF's inertials."""
+    from checked_files.yaml_file import FileError
+    from hil.estimation.options import DEFAULTS, Options
+    from hil.estimation.prior import Prior
+    from hil.export.urdf_file import bodies_of, given_urdf
+
+    if (prior is None) != (urdf is None):
+        raise typer.BadParameter("--prior and --urdf, whose inertials it takes, go together")
+    if prior is None or urdf is None:
+        return DEFAULTS
+    kind, _, share = prior.partition("=")
+    try:
+        relative = float(share)
+    except ValueError:
+        relative = 0.0
+    if kind != "cad" or not 0.0 < relative <= 1.0:
+        raise typer.BadParameter(f"--prior {prior}: must be cad=SHARE, of above 0 to 1: cad=0.3")
+    bodies = bodies_of(given_urdf(urdf, run.robot), run.robot)
+    if bodies is None:
+        raise FileError(f"{urdf}: a link has no inertial, or one that no body has; state them all")
+    return Options(prior=Prior(bodies, relative))
 
 
 @commands.command()

@@ -89,6 +89,8 @@ class Estimate:
     usual_effect : ndarray, shape (n_base, 2 n_joints), optional
         Change of p by usual tolerances of torque constants, then rotor inertias, where the robot
         file states no uncertainty (`Robot.usual_uncertainty`); None where the method does not know.
+    prior_share : ndarray, shape (n_base,), optional
+        Part of each variance that is a prior's, where one was given.
     joint : Joint, optional
         Regression of all samples behind the improved method, for what else is asked of them.
     """
@@ -116,6 +118,7 @@ class Estimate:
     torque_effect: Array | None = None
     usual_effect: Array | None = None
     gains: tuple[GainValue, ...] = ()
+    prior_share: Array | None = None
     joint: Joint | None = None
 
     @property

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import FreeSolver
     from hil.estimation.options import Options
+    from hil.estimation.prior import Prior
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
@@ -75,28 +76,38 @@ def fit_free_motions(
     """
     variant = VARIANTS[name]
     if name != DEFAULT:
-        return estimate_from(robot, name, variant.solver, gather(robot, recorded, variant, options))
+        gathered = gather(robot, recorded, variant, options)
+        return estimate_from(robot, name, variant.solver, gathered, options.prior)
     rates = gather_rates(robot, recorded, variant, options)
-    fastest = estimate_from(robot, name, variant.solver, rates[0])
-    return fastest if len(rates) == 1 else _of_all(robot, fastest, rates)
+    fastest = estimate_from(robot, name, variant.solver, rates[0], options.prior)
+    return fastest if len(rates) == 1 else _of_all(robot, fastest, rates, options.prior)
 
 
-def _of_all(robot: Robot, fastest: Estimate, rates: Sequence[Gathered]) -> Estimate:
+def _of_all(
+    robot: Robot, fastest: Estimate, rates: Sequence[Gathered], prior: Prior | None
+) -> Estimate:
     """Estimate of recordings of several rates; friction and settings are those of the fastest."""
     names = base_parameters(robot).names
     joint, n = balanced(as_kinds(rates), names), len(names)
-    fit = joint.regression.fit(cells=joint.cells)
+    fit, share = joint.regression.fit(cells=joint.cells), None
+    p, covariance = fit.x[:n], fit.covariance[:n, :n]
+    if prior is not None:
+        N = joint.regression.normal.information
+        p, covariance, share = prior.completed(robot, N, p, covariance)
     return replace(
         fastest,
-        p=fit.x[:n],
-        covariance=fit.covariance[:n, :n],
+        p=p,
+        covariance=covariance,
+        prior_share=share,
         degrees_of_freedom=fit.degrees_of_freedom[:n],
         left_out=tuple(LeftOut(each, FEW) for rate in rates for each in rate.found.too_short),
         n_measurements=sum(rate.found.n_recordings for rate in rates),
     )
 
 
-def estimate_from(robot: Robot, name: str, solver: FreeSolver, gathered: Gathered) -> Estimate:
+def estimate_from(
+    robot: Robot, name: str, solver: FreeSolver, gathered: Gathered, prior: Prior | None = None
+) -> Estimate:
     """Solve for base parameters and friction of recordings that are gathered.
 
     Raises
@@ -107,9 +118,9 @@ def estimate_from(robot: Robot, name: str, solver: FreeSolver, gathered: Gathere
     found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
     processing, products = gathered.processing, gathered.products
     visited = configurations(found)
-    solution = solve(robot, products, choice, solver, visited)
+    solution = solve(robot, products, choice, solver, visited, prior)
     classical = without_choice(products, weighted=True)
-    plain = solve(robot, products, classical, "least squares", visited).fit
+    plain = solve(robot, products, classical, "least squares", visited, prior).fit
     fit, n = solution.fit, len(gathered.first)
     left = Residuals.of(gathered, products, fit)
     gains = effect_of_gains(robot, gathered.recorded, scaling, choice)
@@ -125,6 +136,7 @@ def estimate_from(robot: Robot, name: str, solver: FreeSolver, gathered: Gathere
         local=(),
         left_out=tuple(LeftOut(each, FEW) for each in found.too_short),
         n_measurements=found.n_recordings,
+        prior_share=solution.prior_share,
         free=FreeMotionFit(
             cut_off=processing.cut_off,
             band=processing.band,

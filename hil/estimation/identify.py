@@ -116,6 +116,11 @@ def estimate(
     NotEnoughData
         A method for free motions without any.
     """
+    if options.prior is not None and method in (JOINT, BACK_AND_FORTH, "published"):
+        raise UnknownName(
+            f"method {method!r}: takes no prior; leave --prior out, or take --method improved, or"
+            f" '{DEFAULT}' for imports"
+        )
     if method not in METHODS:
         raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")
     return METHODS[method](robot, recorded, options)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from hil.errors import UnknownName
 
 if TYPE_CHECKING:
+    from hil.estimation.prior import Prior
     from hil.least_squares.regression import Covariance
 
 NUISANCES = ("lag", "compliance", "presliding", "drift")
@@ -30,11 +31,15 @@ class Options:
         Which of `NUISANCES` are looked for; each is taken only where the data show it.
     covariance : str
         One of `COVARIANCES` (`hil.least_squares.regression`).
+    prior : Prior, optional
+        What is known of the links' bodies, for what recordings leave open; by default nothing, and
+        recordings that leave anything open are refused.
     """
 
     friction: str = "auto"
     nuisance: tuple[str, ...] = NUISANCES
     covariance: Covariance = "CR2"
+    prior: Prior | None = None
 
     def __post_init__(self) -> None:
         for name in self.nuisance:

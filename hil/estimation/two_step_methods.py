@@ -157,13 +157,18 @@ def _improved(
     solver, drive_train = found.solver, found.drive_train
     fits, useless = local_fits(robot, found.prepared)
     condition = conditions(robot, fits)
-    require_rank(robot, found.prepared, fits, condition, solver)
+    if options.prior is None:
+        require_rank(robot, found.prepared, fits, condition, solver)
     fit = solver.regression.fit(options.covariance)
     p, n = solver.solve(), solver.n_base
     change, of_steps = solver.steps()
     covariance = fit.covariance[:n, :n] + drive_train.covariance
     covariance += covariance_of_gears(robot, raw, drive_train, p) + of_steps
-    p = p + change
+    p, share = p + change, None
+    if options.prior is not None:
+        p, covariance, share = options.prior.completed(
+            robot, solver.regression.normal.information, p, covariance
+        )
     estimate = estimate_of(
         robot, "improved", fits, condition, (*unusable, *useless), solver, p,
         covariance, fit.degrees_of_freedom[:n],
@@ -176,6 +181,7 @@ def _improved(
             robot, raw, drive_train, solver, found.rigid, estimate.local, covariance
         ),
         noise_covariance=solver.noise_covariance[:n, :n],
+        prior_share=share,
         joint=found,
         friction_law=campaign_friction(
             robot, p, (axes for _, axes in solver.stacked), history(robot, raw)

@@ -28,6 +28,7 @@ import numpy as np
 from checked_files.yaml_file import FileModel
 from hil.errors import FileError, NotEnoughData, NotIdentifiable
 from hil.estimation.identify import JOINT
+from hil.estimation.options import DEFAULTS
 from hil.results.provenance import RunStamp
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.estimate import Estimate
+    from hil.estimation.options import Options
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
@@ -91,11 +93,16 @@ def found_in(
 
 
 def identify_and_keep(
-    run: Run, method: str, others: Sequence[Run] = (), campaign: Sequence[Measured] | None = None
+    run: Run,
+    method: str,
+    others: Sequence[Run] = (),
+    campaign: Sequence[Measured] | None = None,
+    options: Options = DEFAULTS,
 ) -> Findings:
     """Identify a run, and keep that and what follows from it.
 
-    Of several runs of one kind nothing is kept: a report of one of them is of it alone.
+    Of several runs of one kind nothing is kept: a report of one of them is of it alone. Neither is
+    it with a prior: what follows is asked of recordings.
 
     Parameters
     ----------
@@ -105,6 +112,7 @@ def identify_and_keep(
         Identified together with it.
     campaign : sequence of Measured, optional
         All of the run, where it was read already.
+    options : Options
 
     Raises
     ------
@@ -116,8 +124,8 @@ def identify_and_keep(
     # a report whose findings are kept needs nothing that is loaded here
     from hil.results.identification import identified  # noqa: PLC0415
 
-    if others and method != JOINT:
-        made = identified(run, method, others)
+    if (others and method != JOINT) or options.prior is not None:
+        made = identified(run, method, others, options=options)
         return Findings(made.estimate, made.model)
     alone = run.imported and not others  # nothing follows but the model, and it may be large
     if campaign is None:

@@ -18,6 +18,7 @@ from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for
+from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.model import Model
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.result import Excluded
     from hil.estimation.noise_levels import Levels
     from hil.estimation.options import Options
+    from hil.estimation.prior import Prior
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
     from hil.runs.run import Run
@@ -53,9 +55,14 @@ class Identified(NamedTuple):
     model: Model
 
 
-def identify(run: Run, method: str | None = None, others: Sequence[Run] = ()) -> Model:
-    """Identify the base parameters from a run; see `identified`."""
-    return identified(run, method, others).model
+def identify(
+    run: Run,
+    method: str | None = None,
+    others: Sequence[Run] = (),
+    prior: Prior | None = None,
+) -> Model:
+    """Identify the base parameters from a run; see `identified` and `Options`."""
+    return identified(run, method, others, options=replace(DEFAULTS, prior=prior)).model
 
 
 def identified(
@@ -142,8 +149,18 @@ def model_of(
         friction_law=found.free.law if found.free else found.friction_law,
         torque_effect=found.torque_effect,
         excluded=proof,
+        prior=_of_prior(run, found),
     )
     return replace(model, outcome=outcome(model, found.usual_effect))
+
+
+def _of_prior(run: Run, found: Estimate) -> dict[str, float]:
+    """Parameters of which more than half of the variance is a prior's, and how much."""
+    if found.prior_share is None:
+        return {}
+    names = base_parameters(run.robot).names
+    each = zip(names, found.prior_share.tolist(), strict=True)
+    return {name: share for name, share in each if share > 0.5}
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -6,7 +6,7 @@ torques with it, writes it to a file or shows it as tables is given it (`hil.res
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,6 +76,9 @@ class IdentifiedRobot:
     excluded : Excluded, optional
         What the recordings prove of all that may be wrong: found, excluded, invisible; None where
         too little was recorded, or the model was read from a file of a version without.
+    prior : dict of str to float
+        Parameters of which more is a prior's than recordings say: parts of their variances; empty
+        where none was given, or needed.
     """
 
     robot: Robot
@@ -96,6 +99,7 @@ class IdentifiedRobot:
     consistent: ConsistentRobot | None = None
     torque_effect: Array | None = None
     excluded: Excluded | None = None
+    prior: dict[str, float] = field(default_factory=dict)
 
     @property
     def failed(self) -> bool:

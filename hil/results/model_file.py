@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import yaml
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 NAME = "model.yaml"
 _AS_IDENTIFIED = (
     "provenance", "condition", "error_budget", "friction", "back_and_forth", "outcome",
-    "validations", "consistent", "excluded",
+    "validations", "consistent", "excluded", "prior",
 )  # fmt: skip
 """Fields that the file holds as the model does."""
 
@@ -100,6 +100,7 @@ class ModelFile(FileModel):
     robot_file: str | None = None
     torque_effect: tuple[tuple[float, ...], ...] | None = None
     excluded: Excluded | None = None
+    prior: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:
@@ -191,7 +192,7 @@ class ModelFile(FileModel):
         """As YAML, the robot file as a block of its own."""
         optional = (
             "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
-            "torque_effect", "excluded",
+            "torque_effect", "excluded", "prior",
         )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}
         return yaml.dump(

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.estimate import Estimate
+    from hil.estimation.prior import Prior
     from hil.least_squares.regression import Covariance
     from hil.results.model import Model
     from hil.results.tables.terminal import Summary
@@ -81,6 +82,7 @@ def regression(
     nuisance: Sequence[str] = ...,
     covariance: Covariance = ...,
     method: str | None = None,
+    prior: Prior | None = None,
 ) -> RegressionProblem: ...
 @overload
 def regression(
@@ -96,6 +98,7 @@ def regression(
     loaded: Sequence[Run] = (),
     mass: float | None = None,
     gains: bool = False,
+    prior: Prior | None = None,
 ) -> RegressionProblem | LoadProblem:
     """State what is asked of runs of one robot.
 
@@ -118,6 +121,9 @@ def regression(
         Of the load, if it is known [kg]: it is held.
     gains : bool
         Whether the gains of all axes are found by the mass.
+    prior : Prior, optional
+        Bodies of the links as CAD or a URDF states them, for what the runs do not excite
+        (`hil.estimation.prior`).
 
     Raises
     ------
@@ -139,9 +145,13 @@ def regression(
             f"friction {friction!r}: 0 of {len(runs)} runs were imported, and friction of what was"
             " measured here is found anew in each measurement; leave it at 'auto'"
         )
-    options = Options(friction, tuple(nuisance), covariance)
+    options = Options(friction, tuple(nuisance), covariance, prior)
     if loaded and method is not None:
         raise Mismatch(f"method {method!r}: a load is found by a recipe of its own; leave it out")
+    if loaded and prior is not None:
+        raise Mismatch(
+            "prior: of a robot's links; a load is found by recordings alone; leave it out"
+        )
     if not loaded and (mass is not None or gains):
         raise NotEnoughData("0 runs with a load, whose mass or gains are asked for: loaded=[run]")
     if loaded:

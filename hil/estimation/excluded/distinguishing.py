@@ -345,8 +345,10 @@ class _Search:
         information, shown, phi = self._sizes()
         now, seen = np.diag(self._beside(self.there)), np.isfinite(shown)
         known = (self.usual > 0) & self.visible
-        unit = np.median(now[seen] / information[seen]) if seen.any() else 1.0
-        unit = np.where(seen, now / np.where(seen, information, 1.0), unit)
+        # the battery thins rows out, and so knows less by about one factor
+        ratio = now[seen] / information[seen]
+        unit = np.full(len(now), np.median(ratio) if len(ratio) else 1.0)
+        unit[seen] = ratio
         need = np.full(len(now), noncentrality(1, FEW, LEVEL / self.tests))
         need[seen] = shown[seen] ** 2 * information[seen] / phi[seen]
         each = np.where(known, unit * phi / np.where(known, self.usual, 1.0) ** 2, 0.0)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
+    from hil.estimation.prior import Prior
     from hil.least_squares.regression import Fit, Regression
     from hil.model.robot import Robot
 
@@ -58,16 +59,24 @@ class Solution:
         Whether they were moved; else the torques contradict it.
     unusual : tuple of int
         Axes, from 0, whose offset is larger than friction's usually is, and passes for weight.
+    prior_share : ndarray, shape (n_base,), optional
+        Part of each base parameter's variance that is a prior's.
     """
 
     fit: Fit
     moved: float = 0.0
     possible: bool = True
     unusual: tuple[int, ...] = ()
+    prior_share: Array | None = None
 
 
 def solve(
-    robot: Robot, products: Products, choice: Choice, solver: FreeSolver, configurations: Array
+    robot: Robot,
+    products: Products,
+    choice: Choice,
+    solver: FreeSolver,
+    configurations: Array,
+    prior: Prior | None = None,
 ) -> Solution:
     """Solve for all unknowns.
 
@@ -75,14 +84,17 @@ def solve(
     ----------
     configurations : ndarray, shape (n, n_joints)
         Some of the motion's, where the mass matrix must be positive.
+    prior : Prior, optional
+        Of what the motion does not excite.
 
     Raises
     ------
     NotIdentifiable
-        Base parameters that the motion does not excite.
+        Base parameters that the motion does not excite, and no prior knows.
     """
     pieces = solved = choice.fitted(products)
-    require_determined(robot, pieces)
+    if prior is None:
+        require_determined(robot, pieces)
     if callable(solver):
         solved = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
@@ -91,10 +103,28 @@ def solve(
     covariance = fit.covariance
     covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
-    if solver != "positive":
-        return Solution(fit)
-    covariance = covariance + covariance_of_choices(products, choice)
-    return _possible(robot, pieces, replace(fit, covariance=covariance), configurations)
+    if solver == "positive":
+        covariance = covariance + covariance_of_choices(products, choice)
+        fit = replace(fit, covariance=covariance)
+    share = None
+    if prior is not None:
+        fit, share = _completed(robot, pieces, fit, prior)
+    found = Solution(fit)
+    if solver == "positive":
+        found = _possible(robot, pieces, fit, configurations)
+    return replace(found, prior_share=share)
+
+
+def _completed(robot: Robot, pieces: Regression, fit: Fit, prior: Prior) -> tuple[Fit, Array]:
+    """What a prior says of the base parameters, and all else as it follows from these."""
+    N, kept, n = pieces.normal.information, fit.kept, len(base_parameters(robot))
+    p, covariance, share = prior.completed(robot, N, fit.x[:n], fit.covariance[:n, :n])
+    T = np.zeros((len(fit.x), n))
+    T[kept] = np.vstack([np.eye(n), -inverse(N[n:, n:]) @ N[n:, :n]])
+    change = covariance - fit.covariance[:n, :n]
+    return replace(
+        fit, x=fit.x + T @ (p - fit.x[:n]), covariance=fit.covariance + T @ change @ T.T
+    ), share
 
 
 def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array) -> Solution:

@@ -247,7 +247,7 @@ def ordered(
     return [measurements[number] for number in order]
 
 
-def lasting(robot: Robot, measurements: Sequence[ParameterMeasurement]) -> float:
+def lasting(robot: Robot, measurements: Sequence[Measurement]) -> float:
     """Time of measurements in this order and of the ways between them [s]."""
     plan = as_plan(robot, measurements[:1])
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))

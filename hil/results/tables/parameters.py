@@ -85,7 +85,7 @@ def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) ->
     total = "" if strokes is None else strokes.sum_of(base.names[k])
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
-        f"{base.names[k]} + …" if total else base.names[k],
+        f"{base.names[k]} + …" if total else f"{base.names[k]}{_of_prior(model, base.names[k])}",
         *uncertain(value, error),
         *(ends if prediction else (rounded((high - low) / 2, error),)),
         percent(error, value),
@@ -93,6 +93,11 @@ def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) ->
         unit(base.units[k]),
         total or base.expressions[k],
     )
+
+
+def _of_prior(model: IdentifiedRobot, name: str) -> str:
+    """Mark of what comes from a prior, not from recordings."""
+    return " (prior)" if name in model.prior else ""
 
 
 def _effect(prediction: Prediction, k: int) -> str:

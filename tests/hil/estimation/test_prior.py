@@ -1,0 +1,159 @@
+"""A prior of links' bodies completes what recordings leave open, and nothing else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import free_run
+import numpy as np
+import pytest
+from free_run import arm, recorded, some_motion
+
+from hil.errors import InvalidValue, NotIdentifiable, UnknownName
+from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.identify import estimate
+from hil.estimation.options import Options
+from hil.estimation.prior import Prior
+from hil.model.frames import parameter_map
+
+if TYPE_CHECKING:
+    from free_run import FreeRecorded
+    from numpy.typing import NDArray
+
+    from hil.estimation.estimate import Estimate
+    from hil.model.robot import Robot
+
+    Array = NDArray[np.float64]
+
+BODIES = np.array([
+    [0.5, 0.1, 0.0, 3.0, 0.0, 3.0, 4.0, 0.5, 0.2, 10.0],
+    [0.2, 0.05, 0.0, 1.0, 0.0, 1.1, 1.5, -0.2, 0.1, 4.0],
+])  # fmt: skip
+"""Ixx, Ixy, Ixz, Iyy, Iyz, Izz, sx, sy, sz, m of each link."""
+UNEXCITED, EXCITED = (0, 1, 2), (3, 4, 5)
+"""Base parameters where axis 1 stands still: those of link 1, those of link 2."""
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return arm()
+
+
+@pytest.fixture(scope="module")
+def truth(robot: Robot) -> Array:
+    return Prior(BODIES, 0.3).of(robot)[0]
+
+
+@pytest.fixture(scope="module")
+def moving(robot: Robot, truth: Array) -> FreeRecorded:
+    """Both axes move: everything is excited."""
+    return recorded(robot, truth)
+
+
+@pytest.fixture(scope="module")
+def one_still(robot: Robot, truth: Array) -> FreeRecorded:
+    """Axis 1 stands still: nothing shows its inertia, and weight is like an offset."""
+
+    def still(t: Array, seed: int = 0) -> tuple[Array, Array, Array]:
+        q, qd, qdd = some_motion(t, seed)
+        for x, value in ((q, 0.4), (qd, 0.0), (qdd, 0.0)):
+            x[:, 0] = value
+        return q, qd, qdd
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(free_run, "some_motion", still)
+        return recorded(robot, truth)
+
+
+def found(robot: Robot, data: FreeRecorded, bodies: Array | None = None) -> Estimate:
+    prior = None if bodies is None else Prior(bodies, 0.3)
+    return estimate(robot, data, DEFAULT, Options(prior=prior))
+
+
+def test_without_a_prior_what_the_motion_does_not_excite_is_refused(
+    robot: Robot, one_still: FreeRecorded
+) -> None:
+    with pytest.raises(NotIdentifiable, match="p1, p2, p3"):
+        found(robot, one_still)
+
+
+@pytest.mark.parametrize("wrong", [1.0, 2.0])
+def test_a_prior_moves_nothing_where_data_say_all(
+    robot: Robot, moving: FreeRecorded, wrong: float
+) -> None:
+    alone, beside = found(robot, moving), found(robot, moving, wrong * BODIES)
+    np.testing.assert_array_equal(beside.p, alone.p)
+    np.testing.assert_array_equal(beside.covariance, alone.covariance)
+    assert not beside.prior_share.any()
+
+
+def test_what_is_not_excited_has_the_stated_values_and_sigmas(
+    robot: Robot, one_still: FreeRecorded
+) -> None:
+    p, root = Prior(BODIES, 0.3).of(robot)
+    made = found(robot, one_still, BODIES)
+    for k in UNEXCITED:
+        sigma = np.linalg.norm(root[k])
+        assert made.p[k] == pytest.approx(p[k], abs=0.05 * sigma)
+        assert made.standard_error[k] == pytest.approx(sigma, rel=0.05)
+        assert made.prior_share[k] > 0.95
+
+
+def test_bodies_twice_as_heavy_leave_what_is_excited_unchanged(
+    robot: Robot, one_still: FreeRecorded, truth: Array
+) -> None:
+    right, heavy = (found(robot, one_still, factor * BODIES) for factor in (1.0, 2.0))
+    for k in EXCITED:
+        assert abs(heavy.p[k] - right.p[k]) < 0.05 * right.standard_error[k]
+        assert abs(right.p[k] - truth[k]) < 4.0 * right.standard_error[k]
+        assert right.prior_share[k] < 0.05
+    for k in UNEXCITED:
+        assert heavy.p[k] == pytest.approx(2.0 * right.p[k], rel=0.05)
+
+
+def test_friction_follows_what_the_prior_says_of_weight(
+    robot: Robot, one_still: FreeRecorded, truth: Array
+) -> None:
+    """Recorded torques are explained as well, whatever the prior says."""
+    right, heavy = (found(robot, one_still, factor * BODIES) for factor in (1.0, 2.0))
+    np.testing.assert_allclose(heavy.residual, right.residual, rtol=0.01)
+
+
+def test_a_prior_is_the_same_in_every_frame() -> None:
+    """Sigmas go with the body, not with the frame that its figures are stated in."""
+    away = np.eye(4)
+    away[:3, 3] = 0.4, -0.2, 0.7
+    T = parameter_map(away)
+    here, there = covariance(BODIES[:1]), covariance(BODIES[:1] @ T.T)
+    np.testing.assert_allclose(there, T @ here @ T.T, rtol=1e-9, atol=1e-9)
+
+
+def test_sigmas_of_mass_and_centre_are_shares_of_mass_and_size() -> None:
+    gyration = np.array([0.3, 0.2, 0.1])
+    spread = 5.0 * np.diag(gyration**2)
+    own = np.trace(spread) * np.eye(3) - spread
+    body = np.array([own[0, 0], 0, 0, own[1, 1], 0, own[2, 2], 0, 0, 0, 5.0])
+    sigma = np.sqrt(np.diag(covariance(body[np.newaxis])))
+    assert sigma[9] == pytest.approx(0.3 * 5.0)
+    np.testing.assert_allclose(sigma[6:9], 0.3 * 5.0 * gyration / np.sqrt(2.0))
+
+
+def covariance(bodies: Array) -> Array:
+    root = Prior(bodies, 0.3).roots
+    return root @ root.T
+
+
+@pytest.mark.parametrize("relative", [0.0, -0.3, 1.5, np.nan])
+def test_a_prior_of_no_share_is_refused(relative: float) -> None:
+    with pytest.raises(InvalidValue, match="share"):
+        Prior(BODIES, relative)
+
+
+def test_figures_that_no_body_has_are_refused_with_their_link() -> None:
+    with pytest.raises(InvalidValue, match="link 2"):
+        Prior(BODIES * np.array([[1.0], [0.0]]), 0.3)
+
+
+def test_methods_that_take_no_prior_say_so(robot: Robot, moving: FreeRecorded) -> None:
+    with pytest.raises(UnknownName, match="takes no prior"):
+        estimate(robot, moving, "published", Options(prior=Prior(BODIES, 0.3)))
