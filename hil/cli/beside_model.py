@@ -23,7 +23,15 @@ from hil.cli.arguments import (
 )
 from hil.cli.live import PortsOptional, Shown, listeners
 from hil.cli.measuring import OnBus
-from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, say_simulated, show
+from hil.cli.outputs import (
+    Status,
+    folder_to_write,
+    new_folder,
+    output_option,
+    say_simulated,
+    show,
+    show_causes,
+)
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
@@ -181,7 +189,21 @@ def watch(
     finally:
         _keep(output, the_plan, watcher, str(file_of(model_path)))
     if watcher.alarms:
+        _show_causes(output / RUN, model_path, watcher.alarms[0].time, len(the_plan.measurements))
         raise typer.Exit(Status.ALARMED)
+
+
+def _show_causes(folder: Path, model_path: Path, since: float, most: int) -> None:
+    """Print what recordings show of a change since those of the model, cause by cause.
+
+    A push is over soon and no lasting change: what lasts from the first alarm on shows in one pass
+    of the plan.
+    """
+    from hil.runs.run import Run
+
+    run = Run.open(folder)
+    ended = [each.measurement.id for each in run if each.recording.time[-1] < since]
+    show_causes(model_path, run.without([*ended, *run.ids[len(ended) + most :]]))
 
 
 def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, learn: float) -> int:

@@ -24,6 +24,7 @@ from hil.cli.outputs import (
     say_judgement,
     say_simulated,
     show,
+    show_causes,
 )
 from hil.terminal.console import printable, say, working
 
@@ -95,24 +96,12 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
         show(scores(found, _notes(model, run)))
     say_judgement(found)
     if found.axes and found.word != "good":
-        _say_causes(model_path if model_path.is_dir() else model_path.parent, run.path)
+        show_causes(model_path, run)
     if found.axes:
         say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
     say(f"validation in {file}")
     if found.word == "failed":
         raise typer.Exit(Status.REFUSED)
-
-
-def _say_causes(before: Path, after: Path) -> None:
-    """Print what changed between two runs, by cause, where recordings of both are there."""
-    from hil.results.changes import by_cause
-    from hil.runs.run import Run
-
-    if all((folder / "run.json").exists() for folder in (before, after)):
-        with working("looking for causes in the recordings"):
-            causes = by_cause(Run.open(before), Run.open(after))
-        for cause in causes:
-            say(cause)
 
 
 def _notes(model: Model, run: Run) -> tuple[str, ...]:
@@ -134,6 +123,13 @@ def accept(
     draft: Annotated[
         bool, typer.Option("--draft", help="Write limits from this run, which is a good one.")
     ] = False,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            help="Run that a failed one is compared with, cause by cause; by default that which the"
+            " limits were drafted from, where it lies beside them or beside the run."
+        ),
+    ] = None,
     factor: Annotated[
         float, typer.Option(min=1.0, max=1000.0, help="Factor by which a draft widens intervals.")
     ] = 3.0,
@@ -148,8 +144,7 @@ def accept(
         return
     assert limits is not None  # noqa: S101 - see above
     stated = {"Serial number": printable(serial), "Operator": printable(operator)}
-    if not _accepted(folder, output, limits, stated):
-        raise typer.Exit(Status.REFUSED)
+    _accept(folder, output, limits, reference, stated)
 
 
 def _draft(folder: Path, output: Path, factor: float) -> None:
@@ -166,7 +161,9 @@ def _draft(folder: Path, output: Path, factor: float) -> None:
         " series may vary by")  # fmt: skip
 
 
-def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) -> bool:
+def _accept(
+    folder: Path, output: Path, limits: Path, reference: Path | None, stated: dict[str, str]
+) -> None:
     from checked_files.yaml_file import load_yaml
     from hil.report.further_pages import write_acceptance_page
     from hil.results.acceptance import Limits, checked, judge, write_junit
@@ -185,7 +182,12 @@ def _accepted(folder: Path, output: Path, limits: Path, stated: dict[str, str]) 
     say_simulated(run)
     show(checked(found))
     say_judgement(found, f"page in {output / PAGE}")
-    return found.word != "failed"
+    if found.word == "failed":
+        beside = (each.parent / bounds.drafted_from for each in (limits, folder.resolve()))
+        drafted_from = next((each for each in beside if (each / "run.json").exists()), None)
+        if before := reference or drafted_from:
+            show_causes(before, run)
+        raise typer.Exit(Status.REFUSED)
 
 
 @commands.command()
@@ -231,6 +233,7 @@ def history(
         from hil.results.history import read_history
         from hil.results.history_file import write_history
         from hil.runs.journal import NO_REAL_MACHINE
+        from hil.runs.run import Run
 
         if identify:
             _identify([*folders, *([reference] if reference else [])], now)
@@ -242,8 +245,8 @@ def history(
     newest = found.sentences(found.runs[-1])
     for sentence in newest:
         say(sentence, style="bold red")
-    if newest and Path(found.runs[-1].label).is_dir():
-        _say_causes(Path(found.reference), Path(found.runs[-1].label))
+    if newest and (Path(found.runs[-1].label) / "run.json").exists():
+        show_causes(Path(found.reference), Run.open(found.runs[-1].label))
     if not newest:
         say(f"{found.runs[-1].label}: nothing changed significantly")
     if json_file is not None:

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from hil.terminal.console import out, say
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from typer.models import OptionInfo
 
@@ -109,6 +109,15 @@ def show(*found: Table | str) -> None:
             terminal.show_sentence(each, out)
         else:
             terminal.show(each, out)
+
+
+def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
+    """Print what recordings show of a change since a run, cause by cause."""
+    from hil.results.history import by_cause
+
+    with working("looking for causes in the recordings"):
+        found = by_cause(before, after, known)
+    show(*found)
 
 
 def say_judgement(judgement: Judgement, more: str = "") -> None:

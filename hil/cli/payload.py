@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of
-from hil.cli.outputs import folder_to_write, output_option, refuse_unwritable, say_simulated, show
+from hil.cli.outputs import (
+    folder_to_write,
+    output_option,
+    refuse_unwritable,
+    say_simulated,
+    show,
+    show_causes,
+)
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
@@ -59,6 +66,7 @@ def two_runs(
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     with working("reading the runs") as now:
+        from hil.estimation.loads.figures import LOOSE
         from hil.results import load_file
         from hil.results import load_tables as tables
         from hil.results.problem import regression
@@ -74,6 +82,8 @@ def two_runs(
     kept = load_file.write_load(loaded, runs[0], runs[1:], found, tables.verdict(found.load))
     show(tables.changes(kept), quantities(kept.load))
     show(tables.goodness_of_fit(kept), tables.not_shown(kept), tables.torque_constants(kept))
+    if found.load.is_loose or kept.p_value <= LOOSE:
+        show_causes(without, runs[1], known=("load",))
     say(f"load in {path}; hil report {loaded} shows it")
 
 
@@ -152,6 +162,8 @@ def measure(
     say_simulated(*runs)
     for line in said:
         say(line)
+    if load.is_loose:
+        show_causes(bare_run.path, *runs, known=("load",))
     say(f"load in {output / NAME}")
 
 

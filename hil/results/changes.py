@@ -33,10 +33,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.estimation.excluded.proof import changed
 from hil.estimation.intervals import SIGNIFICANT, combined_degrees
 from hil.results.rounding import rounded, signed, significant
-from hil.runs.pooling import Pooled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +42,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.quantities import Kind, Quantity, Reading
-    from hil.runs.run import Run
 
 
 FEWEST = 3
@@ -198,21 +195,6 @@ def adjusted(tests: Sequence[Change]) -> tuple[Change, ...]:
 
 SURE = 1.3
 """Half-widths of intervals of 95 % by which the other quantities must show the factor."""
-
-
-def by_cause(before: Run, after: Run) -> tuple[str, ...]:
-    """What changed between the recordings of two runs of one robot, by cause, in sentences.
-
-    Raises
-    ------
-    FileError
-        A damaged recording.
-    """
-    proof = changed(before.robot, Pooled([before]), Pooled([after]))
-    return tuple(
-        f"changed since {before.path}, by its recordings: {cause}"
-        for cause in (proof.found if proof else ())
-    )
 
 
 class Rescaled(NamedTuple):

@@ -2,7 +2,8 @@
 
 Every run is compared with a reference, the first one by default, and with the one before; what is
 tested of a run counts together (`hil.results.changes`). Nothing but the models is read, so that
-hundreds of runs take seconds.
+hundreds of runs take seconds. What the recordings of two runs show of a change, cause by cause, is
+asked for by itself (`by_cause`).
 """
 
 from __future__ import annotations
@@ -11,9 +12,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.errors import InvalidValue, Mismatch
+from hil.estimation.excluded.proof import changed
 from hil.results.changes import adjusted, change, common_friction, rescaled
 from hil.results.model import Model
+from hil.results.provenance import same_recordings
 from hil.results.quantities import quantities, reading
+from hil.results.tables import excluded
+from hil.runs.pooling import Pooled
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,6 +29,7 @@ if TYPE_CHECKING:
     from hil.results.changes import Change, Rescaled
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.quantities import Quantity, Reading
+    from hil.results.tables.table import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +173,37 @@ def history_of(
     return History(
         found, runs, first.label, tests, notes, common, tuple(_rescaled(pairs, tests))
     )  # fmt: skip
+
+
+def by_cause(
+    before: Path, after: Sequence[Run], known: Sequence[str] = ()
+) -> tuple[Table | str, ...]:
+    """What changed between recordings, cause by cause, and what would have shown; or why not.
+
+    Parameters
+    ----------
+    before : Path
+        Folder of the earlier run, or a model's file in it.
+    after : sequence of Run
+        The later ones.
+    known : sequence of str
+        Causes that are known to have come, such as a load; what changed besides is looked for.
+
+    Raises
+    ------
+    FileError
+        A damaged recording.
+    """
+    before = before.parent if before.is_file() else before
+    if not (before / "run.json").exists():
+        return (f"recordings show what changed beside earlier ones, and {before} holds none",)
+    earlier = Run.open(before)
+    if different := _difference(earlier.robot, after[0].robot):
+        return (f"causes of a change stay open: {before} has another robot file, in {different}",)
+    if any(same_recordings(earlier, each) for each in after):
+        return ()
+    proof = changed(earlier.robot, Pooled([earlier]), Pooled(after), known)
+    return excluded.of_change(proof, earlier.robot.n_joints, str(before), known)
 
 
 def _others(runs: Sequence[KnownRun], k: int, first: KnownRun) -> list[KnownRun]:

@@ -38,7 +38,7 @@ from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS, split_tie
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
@@ -71,10 +71,13 @@ class Columns:
     names : tuple of Column
     values : ndarray, shape (n, n_columns)
         Torque per unit of each, which is that of its cause.
+    free : sequence of str
+        Causes that stay free beside the others.
     """
 
     names: tuple[Column, ...]
     values: Array
+    free: Sequence[str] = FITTED
 
     @property
     def tests(self) -> dict[Key, list[int]]:
@@ -86,8 +89,8 @@ class Columns:
 
     @property
     def fitted(self) -> list[int]:
-        """Those that every estimate takes into account."""
-        return [k for k, name in enumerate(self.names) if name.cause in FITTED]
+        """Those that stay free."""
+        return [k for k, name in enumerate(self.names) if name.cause in self.free]
 
 
 class _Rows:
@@ -161,7 +164,7 @@ class _Rows:
         return np.where(added, 0.0, self.p)
 
 
-def columns(robot: Robot, p: Array, evidence: Evidence) -> Columns:
+def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FITTED) -> Columns:
     """Columns of all causes on the rows of the evidence.
 
     Parameters
@@ -173,7 +176,7 @@ def columns(robot: Robot, p: Array, evidence: Evidence) -> Columns:
     values = np.column_stack([x for _, x in found])
     if evidence.later is not None:
         values *= evidence.later[:, np.newaxis]
-    return Columns(tuple(name for name, _ in found), values)
+    return Columns(tuple(name for name, _ in found), values, free)
 
 
 def instants(evidence: Evidence) -> list[float]:

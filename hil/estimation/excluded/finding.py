@@ -22,6 +22,7 @@ from scipy import special
 
 from hil.estimation.excluded.alternatives import ROWS, Reading, alternatives, explained
 from hil.estimation.excluded.battery import LEVEL, Battery
+from hil.estimation.excluded.causes import FITTED
 from hil.estimation.excluded.columns import columns
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded, Found, located
@@ -57,7 +58,9 @@ SAME = 0.98
 is not exact to 2 % where a cause is of any size."""
 
 
-def excluded(robot: Robot, p: Array, evidence: Evidence, leaves: float = 1.0) -> Excluded:
+def excluded(
+    robot: Robot, p: Array, evidence: Evidence, leaves: float = 1.0, known: Sequence[str] = ()
+) -> Excluded:
     """Test all causes.
 
     Parameters
@@ -67,8 +70,10 @@ def excluded(robot: Robot, p: Array, evidence: Evidence, leaves: float = 1.0) ->
     leaves : float
         Share of the mean square of some axis that a cause must not exceed to be shown, as far as
         limits go.
+    known : sequence of str
+        Causes that stay free beside the others.
     """
-    every = columns(robot, p, evidence)
+    every = columns(robot, p, evidence, (*FITTED, *known))
     battery = first = Battery(evidence, every, every.fitted)
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[_Step] = []

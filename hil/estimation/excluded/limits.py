@@ -13,7 +13,6 @@ import numpy as np
 from scipy import optimize, special
 
 from hil.estimation.excluded.battery import LEVEL
-from hil.estimation.excluded.causes import FITTED
 from hil.estimation.excluded.result import Limit
 from hil.estimation.excluded.words import name_of, rank_of, unit_of
 
@@ -47,7 +46,7 @@ def limits(
             torque=each,
         )
         for key, at in every.tests.items()
-        if key[0] not in FITTED
+        if key[0] not in every.free
         for part, size, each in _sizes(battery, key, at, torque, n_tests, leaves)
     ]
     hardest: dict[tuple[str, int, str], Limit] = {}  # of a torque that repeats, of all orders

@@ -17,7 +17,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
@@ -88,12 +88,18 @@ def changed(
     robot: Robot,
     before: Iterable[tuple[RecordedMotion, Recording]],
     after: Iterable[tuple[RecordedMotion, Recording]],
+    known: Sequence[str] = (),
 ) -> Excluded | None:
     """What changed between recordings, by cause; None where too little was recorded.
 
     Base parameters are those of all recordings, and causes act in the later ones alone. So what
     parameters would take for their own in one run shows here: a torque constant, a rotor, all of a
     load. Friction is each measurement's own, and no cause.
+
+    Parameters
+    ----------
+    known : sequence of str
+        Causes that are known to have come: they stay free beside the others.
     """
     earlier = list(_prepared(before))
     if not earlier:
@@ -109,7 +115,7 @@ def changed(
     shown = evidence.time + first >= begin
     if shown.all() or not shown.any():
         return None
-    found = excluded(robot, solver.solve(), replace(evidence, later=shown))
+    found = excluded(robot, solver.solve(), replace(evidence, later=shown), known=known)
     named = {(each.cause, each.axes): each for each in reversed(found.found)}
     causes = [each for each in found.found if named.get((each.cause, each.axes)) is each]
     return found.model_copy(

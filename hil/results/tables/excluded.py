@@ -47,6 +47,19 @@ def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
     return excluded(proof, n_joints, "What this plan will exclude", note)
 
 
+def of_change(
+    proof: Excluded | None, n_joints: int, before: str, known: Sequence[str] = ()
+) -> tuple[Table | str, ...]:
+    """What changed since a run, by its folder and cause, and what would have shown."""
+    if proof is None:
+        return (f"too little was recorded to show by cause what changed since {before}",)
+    besides = "".join(f", beside the {each}" for each in known)
+    said = [f"differs from {before} by cause{besides}: {each}" for each in proof.found]
+    nothing = f"no lasting cause by which it differs from {before} shows{besides}"
+    title = "What these recordings would show of a change"
+    return excluded(proof, n_joints, title), *(said or [nothing])
+
+
 def _rows(limits: Sequence[Limit], n_joints: int) -> Iterator[Row]:
     for cause, part in dict.fromkeys((each.cause, each.part) for each in limits):
         own = [each for each in limits if (each.cause, each.part) == (cause, part)]

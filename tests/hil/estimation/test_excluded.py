@@ -220,6 +220,18 @@ def test_a_load_that_came_between_two_runs_is_what_changed(
     assert (found[0].cause if found else None) == cause
 
 
+def test_what_changed_beside_a_load_that_is_known_of_is_named(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    loaded = heavier(robot, 0.2)
+    assert changed_between(robot, good, loaded, known=("load",)).found == ()
+    later = changed(loaded, lambda _q, tau, _t: tau.__itruediv__([1.1, 1.0]))
+    proof = changed_between(robot, good, later, known=("load",))
+    assert [(each.cause, each.axes) for each in proof.found] == [("torque constant", (1,))]
+    assert proof.found[0].size == pytest.approx(10.0, abs=1.0)
+    assert "load" not in {each.cause for each in proof.limits}
+
+
 def test_a_torque_constant_that_changed_between_two_runs_is_named_with_its_size(
     robot: Robot, good: FreeRecorded
 ) -> None:

@@ -138,6 +138,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     folder, done = pushed
     assert "from outside at" in done.output
     assert "2 alarms in" in done.output
+    assert "no lasting cause by which it differs from" in done.output  # pushes are over soon
     assert (folder / "watch.png").read_bytes().startswith(b"\x89PNG")
     found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)

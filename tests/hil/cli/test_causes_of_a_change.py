@@ -1,0 +1,85 @@
+"""`hil validate`, `accept`, `history` and `payload` name by cause what differs between two runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import yaml
+from small_run import write_run
+from synthetic import TABLE_3_A
+
+from hil.model.base_parameters import base_parameters
+from hil.results.identification import identify
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from command_line import Hil
+
+    from hil.model.robot import Robot
+
+LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
+FOUND = "by cause: axis 6: a load on it"
+
+
+@pytest.fixture(scope="module")
+def runs(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Identified runs: one without a load, one with it, one with it whose upper arm is another."""
+    place = tmp_path_factory.mktemp("runs")
+    phi = np.array([LOAD.get(name, 0.0) for name in manutec.standard_parameters])
+    change = base_parameters(manutec).matrix @ phi
+    other_arm = TABLE_3_A + change
+    other_arm[base_parameters(manutec).names.index("p4")] *= 1.02
+    for seed, (name, p) in enumerate(
+        {"bare": TABLE_3_A, "loaded": TABLE_3_A + change, "other_arm": other_arm}.items()
+    ):
+        run = write_run(place / name, manutec, (manutec, p), seed=seed + 1)
+        identify(run).save(run.path / "model.yaml")
+    return place
+
+
+def test_a_validation_that_is_not_good_names_what_changed(hil: Hil, runs: Path) -> None:
+    status, out, _ = hil("validate", runs / "loaded", "--model", runs / "bare" / "model.yaml")
+    assert (status, "doubtful: " in out) == (0, True)
+    assert FOUND in out
+    assert "What these recordings would show of a change" in out
+
+
+def test_a_history_names_what_changed_in_the_newest_run(hil: Hil, runs: Path) -> None:
+    _, out, _ = hil("history", runs / "bare", runs / "loaded")
+    assert FOUND in out
+
+
+@pytest.mark.parametrize("drafted", [True, False])
+def test_a_robot_that_is_not_accepted_is_compared_with_that_of_the_limits(
+    hil: Hil, runs: Path, tmp_path: Path, *, drafted: bool
+) -> None:
+    limits = tmp_path / "limits.yaml"
+    hil("accept", runs / "bare", "--draft", "-o", limits)
+    beside = () if drafted else ("--reference", runs / "bare")
+    if not drafted:
+        content = yaml.safe_load(limits.read_text())
+        limits.write_text(yaml.safe_dump(content | {"drafted_from": "elsewhere"}))
+    given = "accept", runs / "loaded", "--limits", limits, "-o", tmp_path / "accepted", *beside
+    status, out, _ = hil(*given)
+    assert (status, FOUND in out) == (3, True)
+
+
+def test_what_no_load_explains_is_looked_for_beside_it(hil: Hil, runs: Path) -> None:
+    _, out, _ = hil("payload", runs / "bare", runs / "loaded")
+    assert "differs from" not in out
+    _, out, _ = hil("payload", runs / "bare", runs / "other_arm")
+    assert "something else changed between the runs" in out
+    assert "beside the load" in out
+    assert "load sx6" not in out
+
+
+def test_a_reference_that_cannot_be_compared_is_stated(
+    hil: Hil, runs: Path, tmp_path: Path
+) -> None:
+    model = tmp_path / "model.yaml"
+    model.write_bytes((runs / "bare" / "model.yaml").read_bytes())
+    _, out, _ = hil("validate", runs / "loaded", "--model", model)
+    assert f"recordings show what changed beside earlier ones, and {tmp_path} holds none" in out
