@@ -43,7 +43,6 @@ from drift_study.summary import GROUPS
 from rivals.cramer_rao import cramer_rao
 
 from hil.cli.robot_drives import packaged_drives
-from hil.estimation.causes import CauseName
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import load_robot
@@ -90,7 +89,7 @@ class Case:
         What differs from it in every seed.
     targets : dict
         Relative errors of the improved method, rms over seeds [%].
-    cause : CauseName, optional
+    cause : str, optional
         To be named first; by default nothing is to be named.
     """
 
@@ -100,7 +99,7 @@ class Case:
     targets: dict[str, float] = field(default_factory=dict)
     sync: float | None = None
     increments: int | None = None
-    cause: CauseName | None = None
+    cause: str | None = None
 
 
 PLANS = {
@@ -117,23 +116,24 @@ CASES = {
     "still": Case(change=SCENARIOS["off"]),
     "lag": Case(targets={"diagonal": 0.1}),
     "bodies": Case(plant=f"{ROBOT}-bodies", targets={"diagonal": 0.1}),
-    "load": Case(change=SCENARIOS["load"], targets={"torque": 0.1}, cause=CauseName.LOAD_FRICTION),
+    "load": Case(change=SCENARIOS["load"], targets={"torque": 0.1}, cause="friction of the load"),
     "load-10": Case(
         change=Scenario("10 % of load as friction", {"drift": True}, {"load": 0.1}),
         targets={"torque": 0.1},
-        cause=CauseName.LOAD_FRICTION,
+        cause="friction of the load",
     ),
     "strong": Case(change=SCENARIOS["strong"], targets={"torque": 0.15}),
-    "gears": Case(targets={"torque": 0.12}, cause=CauseName.SOFT_GEARS),
-    "sync-8": Case(sync=0.008, targets={"torque": 0.12}, cause=CauseName.SLOW_SYNC),
-    "sync-12": Case(sync=0.012, targets={"torque": 0.12}, cause=CauseName.SLOW_SYNC),
-    "encoder": Case(increments=1024, targets={"torque": 0.12}, cause=CauseName.ENCODERS),
+    "gears": Case(targets={"torque": 0.12}, cause="soft gears"),
+    "sync-8": Case(sync=0.008, targets={"torque": 0.12}, cause="slow SYNC"),
+    "sync-12": Case(sync=0.012, targets={"torque": 0.12}, cause="slow SYNC"),
+    "encoder": Case(increments=1024, targets={"torque": 0.12}, cause="coarse encoders"),
     "ten": Case(plan="ten", targets={"diagonal": 0.015, "torque": 0.05}),
     "asymmetry": Case(
-        change=Scenario("asymmetric", {"drift": True}, asymmetry=5), cause=CauseName.ASYMMETRY
+        change=Scenario("asymmetric", {"drift": True}, asymmetry=5),
+        cause="friction that differs by direction",
     ),
-    "ripple": Case(cause=CauseName.RIPPLE),
-    "weak": Case(plan="weak", cause=CauseName.WEAK_EXCITATION),
+    "ripple": Case(cause="torque ripple of further orders"),
+    "weak": Case(plan="weak", cause="weak excitation"),
     "payload": Case(
         change=Scenario(
             "a load",

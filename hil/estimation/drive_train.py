@@ -67,6 +67,8 @@ RANK = 1e-6
 parameters so faintly that these would follow the corners of the motion as the lag does."""
 SOFT = 2.0
 """A compliance over its standard error from which on a gear counts as soft."""
+CERTAIN = 5.0
+"""Compliance or friction of the load over its standard error from which on it counts."""
 MOST_TWIST = 0.05
 """At the torque limit [rad]: more is no gear, but what few measurements make of their noise."""
 PASSES = 2

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.back_and_forth.description import HalfSums
     from hil.estimation.back_and_forth.result import BackAndForthFit
-    from hil.estimation.causes import Cause
     from hil.estimation.drive_train import DriveTrain, LoadFriction
     from hil.estimation.free_motion.result import FreeMotionFit, GainValue
     from hil.estimation.local_values import LocalValue
@@ -68,10 +67,6 @@ class Estimate:
         None where the method takes the torque as it was read and gears for rigid.
     load_friction : LoadFriction, optional
         Friction that grows with the transmitted torque; None where the method knows of none.
-    causes : tuple of Cause
-        What matters to the estimate, or would if it were not taken into account.
-    noise_covariance : ndarray, shape (n_base, n_base), optional
-        What the covariance would be if the residuals were white noise.
     gains : tuple of GainValue
         That the maps of imports left unknown, found together with what was measured here.
     free : FreeMotionFit, optional
@@ -108,8 +103,6 @@ class Estimate:
     n_measurements: int
     drive_train: DriveTrain | None = None
     load_friction: LoadFriction | None = None
-    causes: tuple[Cause, ...] = ()
-    noise_covariance: Array | None = None
     free: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
     half_sums: tuple[HalfSums, ...] = ()

@@ -29,8 +29,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
-from hil.estimation.causes import CERTAIN, find_causes
-from hil.estimation.drive_train import find_drive_train
+from hil.estimation.drive_train import CERTAIN, find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.history import history
@@ -177,10 +176,6 @@ def _improved(
         estimate,
         drive_train=drive_train,
         load_friction=solver.load_friction,
-        causes=find_causes(
-            robot, raw, drive_train, solver, found.rigid, estimate.local, covariance
-        ),
-        noise_covariance=solver.noise_covariance[:n, :n],
         prior_share=share,
         joint=found,
         friction_law=campaign_friction(

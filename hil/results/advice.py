@@ -1,12 +1,12 @@
 """What limits a result: the causes of its error, and what to measure or to mend.
 
-What a cause does to the base parameters (`hil.estimation.causes`) is carried to the torques of a
-free motion, which makes all of them comparable. Squares of torques add up: to what the scatter of
-the measurements leaves, that is noise and friction that wanders, come the causes that are not taken
-into account, and those that are, with what ignoring them would do. A cause is named if its share of
-that sum is worth it. Scatter itself is a cause where it is notable and nothing else explains most
-of it: then the motion hardly excites some parameters, or, if noise alone would not make them as
-uncertain, measurements disagree.
+What a cause does to the base parameters (`hil.estimation.excluded.effects`) is carried to the
+torques of a free motion, which makes all of them comparable. Squares of torques add up: to what the
+scatter of the measurements leaves, that is noise and friction that wanders, come the causes that
+are not taken into account, and those that are, with what ignoring them would do. A cause is named
+if its share of that sum is worth it. Scatter itself is a cause where it is notable and nothing else
+explains most of it: then the motion hardly excites some parameters, or, if noise alone would not
+make them as uncertain, measurements disagree.
 
 Every piece of advice names a figure and a remedy that can be carried out: doubtful where to do it
 is advised, good where it is a note. Which measurement would help a weak parameter most is
@@ -20,10 +20,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import special
 
-from hil.estimation.causes import Cause, CauseName
+from hil.estimation.excluded.causes import CAUSES
+from hil.estimation.excluded.effects import Effect, effects
+from hil.estimation.excluded.result import ErrorTerm
 from hil.estimation.free_motion.result import POOR
+from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.intervals import SIGNIFICANT
 from hil.least_squares.solving import inverse
 from hil.model.base_parameters import base_parameters
@@ -32,7 +34,6 @@ from hil.planning.prediction.identifiability import group_observations
 from hil.results.judgement import (
     FEWEST,
     NOTABLE,
-    ErrorTerm,
     Reservation,
     doubtful,
     good,
@@ -61,6 +62,7 @@ NAMED = 0.1
 CORRELATED = 0.9
 """Correlation from which on two parameters count as hard to distinguish: each is then 2.3 times as
 uncertain as it were if the other was known, 1 / sqrt(1 - 0.9^2)."""
+UNLIKE = "friction that differs by direction"
 OUTLIER = 4.0
 """Scatter inside a measurement over that of its axis's others from which on it stands out.
 
@@ -73,7 +75,7 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
 
     None where all is noise, and for methods that look for no causes.
     """
-    if estimate.noise_covariance is None:
+    if estimate.joint is None:
         return ()
     free = FreeTorques(robot)
     rms = free.rms(estimate.p)
@@ -84,29 +86,29 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     def scatter(covariance: Array) -> float:
         return relative(free.standard_error(covariance))
 
-    causes = list(estimate.causes)
-    explained = [scatter(cause.covariance) for cause in causes]
+    every = list(effects(robot, estimate.joint, estimate.local, estimate.covariance))
+    explained = [scatter(each.covariance) for each in every]
     torques = [
-        float(np.hypot(relative(free.rms(cause.change)), own))
-        for cause, own in zip(causes, explained, strict=True)
+        float(np.hypot(relative(free.rms(each.change)), own))
+        for each, own in zip(every, explained, strict=True)
     ]
     square = sum(own**2 for own in explained)
     rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
     if rest > NOTABLE and rest**2 > square:
-        weak = scatter(estimate.noise_covariance) > OF_NOISE * rest
-        name = CauseName.WEAK_EXCITATION if weak else CauseName.DISAGREEMENT
-        none = np.zeros_like(estimate.p)
+        n, none = len(estimate.p), np.zeros_like(estimate.p)
+        weak = scatter(estimate.joint.solver.noise_covariance[:n, :n]) > OF_NOISE * rest
+        cause = "weak excitation" if weak else "measurements that disagree"
         detail = f"torques are uncertain by {100 * rest:.2g} %"
-        causes.append(Cause(name, (), detail, none, estimate.covariance))
+        every.append(Effect(cause, (), detail, none, estimate.covariance))
         torques.append(rest)
         rest = 0.0
     total = rest**2 + sum(torque**2 for torque in torques)
     terms = [
         ErrorTerm(
-            cause=cause.name, axes=tuple(axis + 1 for axis in cause.axes), found=cause.detail,
-            torque=torque, share=torque**2 / total, accounted=cause.accounted,
+            cause=each.cause, axes=tuple(axis + 1 for axis in each.axes), found=each.detail,
+            torque=torque, share=torque**2 / total, accounted=CAUSES[each.cause].accounted,
         )
-        for cause, torque in zip(causes, torques, strict=True)
+        for each, torque in zip(every, torques, strict=True)
         if torque**2 > NAMED * total
     ]  # fmt: skip
     return tuple(sorted(terms, key=lambda term: -term.share))
@@ -308,25 +310,18 @@ def _drives(campaign: CampaignResult) -> Reservation | None:
 
 
 def _offsets(campaign: CampaignResult) -> Reservation | None:
-    """Half-sums that miss the model by the same amount everywhere, if that is no cause of error."""
-    estimate, found = campaign.estimate, {}
-    if any(cause.name == CauseName.ASYMMETRY for cause in estimate.causes):
+    """Friction that differs by direction, if that is no cause of error."""
+    if any(term.cause == UNLIKE for term in campaign.budget):
         return None
-    gravity = [v for v in estimate.local if v.symbol == "g"]
-    for axis in sorted({v.axis for v in gravity}):
-        left = np.array([v.value - v.model for v in gravity if v.axis == axis])
-        if (n := len(left)) < 2 or not left.std():
-            continue
-        beyond = abs(left.mean()) / (left.std(ddof=1) / np.sqrt(n))
-        if 2.0 * special.stdtr(n - 1, -beyond) < SIGNIFICANT:
-            shift = f"{signed(f'{left.mean():.2f}')} {campaign.robot.torque_unit(axis)}"
-            found[f"axis {axis + 1}"] = shift
+    tests = of_local_values(campaign.estimate.local).items()
+    found = {f"axis {axis + 1}": t.asymmetry for axis, t in tests if t.p_zero < SIGNIFICANT}
     if not found:
         return None
+    shares = ", ".join(signed(f"{100 * share:.2g}") for share in found.values())
     return good(
-        f"half-sums are off by {', '.join(found.values())} on average: friction differs by"
-        " direction, or the current sensor has an offset",
-        "nothing, as the improved method fits it; it shifts the published one's parameters",
+        f"half-sums are off by {shares} % of friction on average: it differs by direction, or the"
+        " current sensor has an offset",
+        CAUSES[UNLIKE].remedy,
         ", ".join(found),
     )
 

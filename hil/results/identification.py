@@ -112,8 +112,8 @@ def identified(
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
     proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
-    found = replace(found, joint=None)  # all samples: nothing else is asked of them
-    return Identified(found, model_of(run, found, others, proof))
+    model = model_of(run, found, others, proof)
+    return Identified(replace(found, joint=None), model)  # all samples: nothing else is asked
 
 
 def _with_cause(error: HilError, proof: Excluded | None) -> HilError:

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.consistent.result import ConsistentRobot
-    from hil.estimation.excluded.result import Excluded
+    from hil.estimation.excluded.result import ErrorTerm, Excluded
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
     from hil.friction.law import FrictionLaw
     from hil.model.robot import Robot
-    from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
+    from hil.results.judgement import Judgement, KeptJudgement
     from hil.results.provenance import Provenance
 
 

@@ -26,7 +26,6 @@ from pydantic import model_serializer, model_validator
 from scipy import special
 
 from checked_files.yaml_file import FileModel
-from hil.estimation.causes import REMEDIES, CauseName
 from hil.estimation.free_motion.result import LOOSE
 from hil.least_squares.uncertainty import TWICE
 from hil.model.drive_train_file import USUAL_BOUND
@@ -170,38 +169,6 @@ class KeptJudgement(Judgement):
     run: str
     validated: str
     relative: float | None
-
-
-class ErrorTerm(FileModel):
-    """One cause of error, as `model.yaml` keeps it.
-
-    Attributes
-    ----------
-    cause : CauseName
-    axes : tuple of int
-        From 1; none where it concerns all.
-    found : str
-        What was found, with its figure.
-    torque : float
-        Error of the torques on a free motion, mean over joints of its root mean square over that of
-        the torque; if the cause is accounted for, the error without that.
-    share : float
-        Of the sum of squares.
-    accounted : bool
-        Whether the estimate takes it into account.
-    """
-
-    cause: CauseName
-    axes: tuple[int, ...]
-    found: str
-    torque: float
-    share: float
-    accounted: bool
-
-    @property
-    def remedy(self) -> str:
-        """What to do about it."""
-        return REMEDIES[self.cause]
 
 
 def reservation(word: Word, reason: str, remedy: str = "", subject: str = "") -> Reservation:

@@ -19,13 +19,13 @@ from pydantic import Field, model_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
-from hil.estimation.excluded.result import Excluded
+from hil.estimation.excluded.result import ErrorTerm, Excluded
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, degrees_behind
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
-from hil.results.judgement import ErrorTerm, Judgement, KeptJudgement
+from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.provenance import Provenance
 
 if TYPE_CHECKING:

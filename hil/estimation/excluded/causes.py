@@ -36,6 +36,8 @@ class Cause(NamedTuple):
     remedy : str
     whole : bool
         Whether it leaves nothing of the parameters, whatever its size.
+    accounted : bool
+        Whether an estimate takes it into account, where it shows.
     """
 
     words: str
@@ -44,6 +46,7 @@ class Cause(NamedTuple):
     usual: float
     remedy: str
     whole: bool = False
+    accounted: bool = False
 
     def unit_of(self, robot: Robot, axis: int) -> str:
         """Unit at an axis, from 0; -1 where it concerns none."""
@@ -144,7 +147,7 @@ CAUSES = {
     ),
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
-        "nothing: methods without it find other parameters",
+        "nothing: it is fitted; methods without it find other parameters", accounted=True,
     ),
     # one cycle of a current controller
     "late torque": Cause(
@@ -159,6 +162,36 @@ CAUSES = {
     "play": Cause(
         "the link lags by the play of its gear, half of which is", "degrees", "mm", 1 / 120,
         "nothing to be corrected: positions of the link differ from those of the motor so far",
+    ),
+    # what the estimate itself states of its error (`effects`), in words of its own
+    "soft gears": Cause(
+        "", "", "", 0.0,
+        "nothing: links are placed where the gears let them be; a simulator or a feed-forward needs"
+        " the compliances too", accounted=True,
+    ),
+    "friction that differs by direction": Cause(
+        "", "", "", 0.0,
+        "nothing: it is fitted; it shifts what the published method finds", accounted=True,
+    ),
+    "torque ripple of further orders": Cause(
+        "", "", "", 0.0, "strokes at higher speeds, whose ripple the window takes away",
+    ),
+    "coarse encoders": Cause(
+        "", "", "", 0.0, "encoders of more increments, or longer measurements",
+    ),
+    "slow SYNC": Cause(
+        "", "", "", 0.0,
+        "a shorter SYNC period, in drives file and plan alike, or longer measurements",
+    ),
+    "weak excitation": Cause(
+        "", "", "", 0.0,
+        "measurements that move more joints through more of their ranges (hil plan, hil trajectory"
+        " plan)",
+    ),
+    "measurements that disagree": Cause(
+        "", "", "", 0.0,
+        "a look at what differs between them: a hand that touches something, a machine that warms"
+        " up, a motor that ripples",
     ),
     "unknown": Cause(
         "", "", "", 0.0,

@@ -1,4 +1,7 @@
-"""Found, excluded, invisible: what recordings prove of the causes that may spoil an estimate."""
+"""Found, excluded, invisible: what recordings prove of the causes that may spoil an estimate.
+
+And how much of its error each cause makes that an estimate knows of.
+"""
 
 from __future__ import annotations
 
@@ -124,6 +127,39 @@ class Excluded(FileModel):
         """Share of a cause's usual size that may go unnoticed at an axis, from 1; at most 1."""
         own = (each for each in self.limits if (each.cause, each.axis) == (cause, axis))
         return min((each.size / each.usual for each in own if each.size is not None), default=1.0)
+
+
+class ErrorTerm(FileModel):
+    """One cause of error, as `model.yaml` keeps it.
+
+    Attributes
+    ----------
+    cause : str
+        One of `hil.estimation.excluded.causes.CAUSES`.
+    axes : tuple of int
+        From 1; none where it concerns all.
+    found : str
+        What was found, with its figure.
+    torque : float
+        Error of the torques on a free motion, mean over joints of its root mean square over that of
+        the torque; if the cause is accounted for, the error without that.
+    share : float
+        Of the sum of squares.
+    accounted : bool
+        Whether the estimate takes it into account.
+    """
+
+    cause: str
+    axes: tuple[int, ...]
+    found: str
+    torque: float
+    share: float
+    accounted: bool
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return CAUSES[self.cause].remedy
 
 
 def located(axes: Sequence[int], words: str) -> str:

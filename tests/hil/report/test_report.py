@@ -17,13 +17,13 @@ from small_run import as_on_hardware, empty_plots, write_run
 
 from hil import cli
 from hil.errors import NotIdentifiable
-from hil.estimation.causes import Cause, CauseName
 from hil.estimation.estimate import LeftOut
+from hil.estimation.excluded.result import ErrorTerm
 from hil.estimation.two_step_methods import estimates
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.page import report
-from hil.results.advice import CampaignResult, advice, error_budget
+from hil.results.advice import CampaignResult, advice
 from hil.results.findings import kept
 from hil.results.identification import identify
 from hil.results.prediction import predict
@@ -236,10 +236,9 @@ class TestOtherRuns:
 
 
 class TestAdvice:
-    def advised(self, folder, estimate, campaign=None):
+    def advised(self, folder, estimate, campaign=None, budget=()):
         prediction = predict(estimate, folder.robot)
         campaign = list(folder) if campaign is None else campaign
-        budget = error_budget(estimate, folder.robot)
         found = advice(
             CampaignResult(estimate, prediction, budget, folder.robot, folder.plan, campaign)
         )
@@ -262,19 +261,21 @@ class TestAdvice:
         assert set(self.advised(folder, few)) == set(as_many)
 
     def test_causes_of_error_come_first_those_accounted_for_as_notes(self, folder, found):
-        best, none = found["improved"], np.zeros((14, 14))
-        causes = (
-            Cause(CauseName.ENCODERS, (2,), "much noise", np.zeros(14), 0.9 * best.covariance),
-            Cause(CauseName.SOFT_GEARS, (0, 2), "compliances", 0.02 * best.p, none, accounted=True),
-        )
-        items = self.advised(folder, replace(best, causes=causes))
-        assert next(iter(items)) == "axis 1, axis 3"
-        gears = items["axis 1, axis 3"]
-        assert re.fullmatch(r"soft gears: compliances; ignored, \d+ % of the error", gears.reason)
-        assert gears.word == "good"
-        alone = self.advised(folder, replace(best, causes=causes[:1]))["axis 3"]
-        assert re.fullmatch(r"coarse encoders: much noise; \d+ % of the error", alone.reason)
-        assert alone.word == "doubtful"
+        def term(cause, *axes, accounted):
+            return ErrorTerm(
+                cause=cause, axes=axes, found="a figure", torque=0.01, share=0.5,
+                accounted=accounted,
+            )  # fmt: skip
+
+        gears = term("soft gears", 1, 3, accounted=True)
+        encoders = term("coarse encoders", 3, accounted=False)
+        items = self.advised(folder, found["improved"], budget=(gears, encoders))
+        assert list(items)[:2] == ["axis 1, axis 3", "axis 3"]
+        assert items["axis 1, axis 3"].reason == "soft gears: a figure; ignored, 50 % of the error"
+        assert items["axis 1, axis 3"].word == "good"
+        assert items["axis 3"].reason == "coarse encoders: a figure; 50 % of the error"
+        assert items["axis 3"].remedy.startswith("encoders of more increments")
+        assert items["axis 3"].word == "doubtful"
 
     def test_a_measurement_that_scatters_stands_out(self, folder, found):
         local = found["improved"].local
@@ -311,9 +312,9 @@ class TestAdvice:
         assert "−0.97" in items["p1, p2"].reason
 
     def test_friction_that_differs_by_direction_is_of_note(self, folder, found):
-        items = self.advised(folder, replace(found["improved"], causes=()))
+        items = self.advised(folder, found["improved"])
         (subject,) = [s for s in items if s.startswith("axis 2")]
-        assert "−2.0" in items[subject].reason
+        assert "half-sums are off by" in items[subject].reason
         assert items[subject].word == "good"
 
     def test_drives_taken_as_exact_are_of_note(self, folder, found):

@@ -18,9 +18,9 @@ from hil.results.advice import error_budget
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from hil.estimation.excluded.result import ErrorTerm
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
-    from hil.results.judgement import ErrorTerm
     from hil.runs.recording import Recording
 
     Recorded = Sequence[tuple[Measurement, Recording]]
