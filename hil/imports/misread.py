@@ -1,7 +1,8 @@
 """Columns that are not what a map calls them.
 
 Positions, speeds and torques beyond the ranges and limits of the robot file, or next to nothing of
-them; torques that are something else, and one thing twice.
+them; velocities that are not those of the positions; torques that are something else, and one thing
+twice. What mechanics alone shows, `mechanics` finds.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.excluded.causes import CAUSES
 from hil.imports.evidence import Suspicion
+from hil.model.drive_train_file import USUAL_BOUND
 from hil.runs.recording import CHANCE
 
 if TYPE_CHECKING:
@@ -32,10 +35,89 @@ zero: so close that either side of it is as likely."""
 _SMALL = 0.03
 """Share of a limit or a range that no joint exceeds where all are in another unit, or on another
 side: between 1/57 of degrees or 1/50 of gears and what robots are moved for."""
-BEYOND, FAR_BEYOND = 0.05, 2.0
-"""Shares of a range beyond it that are stated, since stops yield and zeros are set by eye, and that
-are refused: degrees for radians exceed it 57 times."""
+WHOLE_TURN = 2.0
+"""Ranges beyond a joint's own from which on its positions are refused: an offset of a whole turn
+exceeds one of half a turn so far, degrees for radians 57 times."""
+EXCEEDED, ABSURD = 1.0 + USUAL_BOUND, 10.0
+"""Shares of a limit of speed or torque from which on that is stated, as far as a torque constant is
+usually off, and refused: the geometric mean of 2, which is the peak of a rated torque that a robot
+file states, and 50 of gears or 57 of degrees."""
+GREATEST = 1e6
+"""Speed, torque or force that no robot has [rad/s, m/s, N m or N]."""
+FITS = 0.9
+"""Correlation from which on two velocities count as of one joint. That of a sinusoid that a drive's
+filter delays is the cosine of its angle: 36 ms at 2 Hz, as fast as robots turn to and fro."""
+_NOISE = 1.0 - FITS
+"""Share of noise in the power of both velocities that takes their correlation below `FITS`, and
+their ratio by as much below 1."""
+OTHER = (2.0 / (1.0 - _NOISE)) ** 0.5
+"""Ratio of velocities that is refused: the geometric mean of what noise makes and of 2, the least
+that a wrong unit or instants of every other sample make."""
+ALIKE = 0.05
+"""Share of a torque by which it may differ from a velocity that it is: a parabola through 2 x
+`HALF_WIDTH` of positions takes (w T)^2 / 10 off a sinusoid's, which is that at 5.6 Hz. No robot has
+friction of just 1 N m s/rad and nothing else."""
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
+
+
+def other_units(robot: Robot, joint: int) -> dict[str, float]:
+    """Factors of positions or velocities in other units, or on the motor's side, than in SI."""
+    gear = float(robot.gear_ratio[joint])
+    turning = {"in deg": 180 / pi, "in rpm": 30 / pi} if robot.revolute[joint] else {"in mm": 1e3}
+    motor = {f"on the motor's side at a gear ratio of {gear:g}": gear}
+    return turning | (motor if gear != 1 else {})
+
+
+def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
+    """Recorded velocities against the derivatives of the positions, where these are no noise."""
+    noisy = evidence.noise_qd**2 > _NOISE * np.mean(evidence.qd**2, axis=0)
+    recorded = np.isfinite(evidence.recorded_qd).all(axis=0)
+    for joint in np.flatnonzero(recorded & evidence.moves & ~noisy).tolist():
+        own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
+        at = ("joints", joint, "velocity")
+        correlation = _correlation(own, other)
+        if abs(correlation) < FITS:
+            yield Suspicion("velocity", at, _fits_none(evidence, joint, correlation))
+            continue
+        scale = float(own @ other / (other @ other))
+        if abs(scale - 1) > _NOISE:
+            yield Suspicion(
+                "velocity",
+                at,
+                f"is {scale:.4g} times the derivative of the position of joint {joint + 1};"
+                f" {_why_scaled(scale, robot, joint)}",
+                certain=scale < 0 or abs(np.log(scale)) > np.log(OTHER),
+            )
+
+
+def _fits_none(evidence: Evidence, joint: int, correlation: float) -> str:
+    own = evidence.recorded_qd[:, joint]
+    for other in range(evidence.q.shape[1]):
+        if other != joint and abs(_correlation(own, evidence.qd[:, other])) > FITS:
+            return (
+                f"follows the position of joint {other + 1}, not of joint {joint + 1}; correct the"
+                " order of the columns"
+            )
+    return (
+        f"does not follow the position of joint {joint + 1} (correlation {correlation:.2f});"
+        " correct one of the columns, or leave velocity out"
+    )
+
+
+def _correlation(a: Array, b: Array) -> float:
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / scale if scale else 0.0
+
+
+def _why_scaled(scale: float, robot: Robot, joint: int) -> str:
+    """State what makes velocities this factor too great against positions."""
+    if scale < 0:
+        return "one of the two has the wrong sign: correct sign"
+    for unit, factor in other_units(robot, joint).items():
+        for what, fits in (("velocity", scale / factor), ("position", scale * factor)):
+            if abs(fits - 1) < _NOISE:
+                return f"{what} is {unit}: correct its unit or side"
+    return "correct unit, per_unit or the column of time"
 
 
 def misread_torques(
@@ -46,16 +128,16 @@ def misread_torques(
     yield from _without_sign(excerpts)
     for joint in np.flatnonzero(evidence.moves).tolist():
         tau, qd = evidence.tau[:, joint], evidence.qd[:, joint]
-        for factor, unit in ((1.0, "rad/s or m/s"), (180 / pi, "deg/s"), (30 / pi, "rpm")):
-            # 5 %: friction that is viscous alone, with a coefficient of just 1 N m s/rad, is no
-            # robot's
-            if np.linalg.norm(tau - factor * qd) < 0.05 * np.linalg.norm(tau):
+        for unit, factor in ({"in SI": 1.0} | other_units(robot, joint)).items():
+            if np.linalg.norm(tau - factor * qd) < ALIKE * np.linalg.norm(tau):
                 yield Suspicion(
                     "still",
                     ("joints", joint, "torque"),
-                    f"is the velocity of joint {joint + 1} in {unit}; name the torque's column",
+                    f"is the velocity of joint {joint + 1} {unit}; name the torque's column",
                 )
-    yield from _small_torques(evidence, robot, unknown_gains)
+    if not unknown_gains:
+        most = np.abs(evidence.tau).max(axis=0)
+        yield from small(evidence, robot, "torque", most, robot.torque_limit)
 
 
 def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
@@ -96,21 +178,29 @@ def _touches(x: Array) -> int:
     return int(np.count_nonzero((x > 0) & (x < CLOSE * np.quantile(np.abs(np.diff(x)), OFTEN))))
 
 
-def _small_torques(
-    evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]
+def small(
+    evidence: Evidence, robot: Robot, key: str, most: Array, of: Array
 ) -> Iterator[Suspicion]:
-    """All joints have very little torque, like that of motors taken for joints."""
-    shares = np.abs(evidence.tau).max(axis=0) / robot.torque_limit
-    if unknown_gains or not np.isfinite(shares).all():
-        return
+    """All joints use a small share of what they have, as in another unit or on the motor's side.
+
+    Parameters
+    ----------
+    key : str
+        Part of the map.
+    most, of : ndarray, shape (n_joints,)
+        Ways and ranges, or greatest torques and limits.
+    """
+    shares = most / of
     widest = int(np.argmax(shares))
-    if 0 < shares[widest] < _SMALL:
+    if np.isfinite(shares).all() and evidence.moves.any() and 0 < shares[widest] < _SMALL:
+        unit = (robot.position_unit if key == "position" else robot.torque_unit)(widest)
         yield Suspicion(
             "range",
-            ("joints", widest, "torque"),
-            f"has up to {np.abs(evidence.tau[:, widest]).max():.3g}"
-            f" {'N m' if robot.revolute[widest] else 'N'}, {100 * shares[widest]:.2g} % of its"
-            " limit, and no joint a greater share; are unit, gain and torque_side right?",
+            ("joints", widest, key),
+            f"{'moves by' if key == 'position' else 'has up to'} {most[widest]:.3g} {unit},"
+            f" {100 * shares[widest]:.2g} % of its"
+            f" {'range' if key == 'position' else 'limit'}, and no joint a greater share; are unit,"
+            f" {'per_unit' if key == 'position' else 'gain'} and {key}_side right?",
             certain=False,
         )
 
@@ -123,8 +213,8 @@ def range_suspicions(
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
-        if excess > BEYOND * (high - low):
-            far = excess > FAR_BEYOND * (high - low)
+        if excess > CAUSES["zero"].usual * (pi / 180 if robot.revolute[joint] else 1e-3):
+            far = excess > WHOLE_TURN * (high - low)
             yield Suspicion(
                 "range",
                 ("joints", joint, "position"),
@@ -141,47 +231,25 @@ def range_suspicions(
             if key == "torque" and joint in unknown_gains:
                 continue
             most = float(np.abs(values[:, joint]).max())
-            # greatest speed, torque and force that any robot may have, if its limits are not known:
-            # 1e6
-            bound = float(np.fmin(limit[joint], 1e6))
-            if most > 1.2 * bound:
+            bound = float(np.fmin(limit[joint], GREATEST))
+            if most > EXCEEDED * bound:
                 yield Suspicion(
                     "range",
                     ("joints", joint, key),
                     f"{'moves with' if key == 'position' else 'has'} up to {most:.4g} {per}, but"
                     f" joint {joint + 1} of {robot.name} is limited to {bound:.4g} {per}; correct"
                     " the unit, the gain or the side, or the limit in the robot file",
-                    certain=most > 10 * bound,
+                    certain=most > ABSURD * bound,
                 )
-
-
-def small_motion(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
-    """All joints move very little, like radians taken for degrees or for angles of motors."""
-    shares = np.ptp(evidence.q, axis=0) / (robot.q_max - robot.q_min)
-    widest = int(np.argmax(shares))
-    if evidence.moves[widest] and shares[widest] < _SMALL:
-        way, unit = float(np.ptp(evidence.q[:, widest])), robot.position_unit(widest)
-        yield Suspicion(
-            "range",
-            ("joints", widest, "position"),
-            f"moves by {way:.3g} {unit}, {100 * shares[widest]:.2g} % of its range, and no joint"
-            " by a greater share; are unit, per_unit and position_side right?",
-            certain=False,
-        )
 
 
 def _other_unit(q: Array, joint: int, robot: Robot) -> str:
     """State in which unit, or on which side, the positions would be within the range."""
     low, high = robot.q_min[joint], robot.q_max[joint]
-    slack = 0.02 * (high - low)
-    turning = bool(robot.revolute[joint])
-    gear = float(robot.gear_ratio[joint])
+    slack = CAUSES["zero"].usual * pi / 180
     fitting = [
-        what
-        for factor, what in (
-            (pi / 180 if turning else 1e-3, f"unit: {'deg' if turning else 'mm'}"),
-            (1 / gear, f"the motor's side at a gear ratio of {gear:g}"),
-        )
-        if factor != 1 and low - slack <= factor * q.min() and factor * q.max() <= high + slack
+        unit
+        for unit, factor in other_units(robot, joint).items()
+        if low - slack <= q.min() / factor and q.max() / factor <= high + slack
     ]
-    return f"they look like {' or '.join(fitting)}" if fitting else _OTHERWISE
+    return f"they look like positions {' or '.join(fitting)}" if fitting else _OTHERWISE

@@ -218,14 +218,14 @@ def contradiction(folder, columns=LONG, **changes):
 DATA = {
     "degrees for radians": (
         {"q1": np.degrees(Q[:, 0])},
-        " rad, but joint 1 of pair has -2 to 2 rad; they look like unit: deg"),
+        " rad, but joint 1 of pair has -2 to 2 rad; they look like positions in deg or on"),
     "the motor's side": (
-        {"q2": 20 * Q[:, 1]}, "they look like unit: deg or the motor's side at a gear ratio of 20"),
+        {"q2": 20 * Q[:, 1]}, "they look like positions in deg or on the motor's side at a gear ratio of 20"),
     "a velocity of the wrong sign": (
         {"v1": -QD[:, 0]}, "one of the two has the wrong sign: correct sign"),
     "a velocity in degrees": (
         {"v2": np.degrees(QD[:, 1])},
-        "times the derivative of the position of joint 2; velocity is in degrees"),
+        "times the derivative of the position of joint 2; velocity is in deg: "),
     "a velocity of the motor": (
         {"v1": 50 * QD[:, 0]}, "velocity is on the motor's side at a gear ratio of 50"),
     "velocities in another order": (
