@@ -220,7 +220,8 @@ DATA = {
         {"q1": np.degrees(Q[:, 0])},
         " rad, but joint 1 of pair has -2 to 2 rad; they look like positions in deg or on"),
     "the motor's side": (
-        {"q2": 20 * Q[:, 1]}, "they look like positions in deg or on the motor's side at a gear ratio of 20"),
+        {"q2": 20 * Q[:, 1]},
+        "they look like positions in deg or on the motor's side at a gear ratio of 20"),
     "a velocity of the wrong sign": (
         {"v1": -QD[:, 0]}, "one of the two has the wrong sign: correct sign"),
     "a velocity in degrees": (
