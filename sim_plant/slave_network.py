@@ -17,9 +17,9 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from sim_plant.canopen.object_dictionary import bounds
-from sim_plant.canopen.timers import Timers
 from sim_plant.drive.cia402_node import Cia402Node
-from sim_plant.drive.process_image import AxisImage, Field, FrameBlock, ProcessImage
+from sim_plant.drive.process_image import AxisImage, Field, FrameBlock
+from sim_plant.timed_network import TimedNetwork
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -54,7 +54,7 @@ class _Synced(NamedTuple):
     block: FrameBlock | None
 
 
-class SlaveNetwork:
+class SlaveNetwork(TimedNetwork):
     """Drives in front of a machine.
 
     Parameters
@@ -76,10 +76,9 @@ class SlaveNetwork:
     def __init__(
         self, machine: Machine, clock: Clock = "sync", cycle: float = CYCLE_DEFAULT
     ) -> None:
-        self._machine = machine
+        super().__init__(machine)
         self.cycle = self._default_cycle = cycle
         self._clock = clock
-        self._timers = Timers()
         self._past: list[CanFrame] = []
         self._present: list[CanFrame] = []
         self._stale = True
@@ -88,8 +87,7 @@ class SlaveNetwork:
         self._routes: dict[int, list[Callable[[bytes], None]]] = {}
         self._remote: dict[int, list[Callable[[], None]]] = {}
         self._event_actions: list[Callable[[], None]] = []
-        self._image = ProcessImage(len(machine.axes))
-        self.nodes = tuple(
+        self.nodes: tuple[Cia402Node, ...] = tuple(
             Cia402Node(
                 settings, axis, AxisImage(self._image, i), self._timers, self._emit, self._rewire
             )
@@ -97,12 +95,6 @@ class SlaveNetwork:
         )
         for node in self.nodes:
             node.dictionary.react(0x1006, lambda _subindex, _value: self._rewire())
-        machine.on_event = self._on_event
-
-    @property
-    def time(self) -> float:
-        """Time since power-on [s]."""
-        return self._timers.now
 
     def power_on(self) -> list[CanFrame]:
         """Boot all drives."""
@@ -163,29 +155,6 @@ class SlaveNetwork:
     def _frames_of(self, block: bytes) -> list[CanFrame]:
         now = self._timers.now
         return [(now, number, data[:size]) for number, size, data in FRAME.iter_unpack(block)]
-
-    def _advance(self, duration: float) -> None:
-        timers, machine = self._timers, self._machine
-        end = timers.now + duration
-        while timers.next <= end:
-            machine.advance(max(0.0, timers.next - timers.now))
-            timers.now = max(timers.now, timers.next)
-            timers.run()
-            self._settle()
-        machine.advance(end - timers.now)
-        timers.now = end
-
-    def _latch(self) -> None:
-        self._attend(self._image.latch(self._machine.read()))
-
-    def _attend(self, news: int) -> None:
-        """Let the drives of the axes whose bit is set look at them."""
-        for axis, node in enumerate(self.nodes):
-            if news >> axis & 1:
-                node.attend()
-
-    def _on_event(self, axis: int, events: int) -> None:
-        self.nodes[axis].handle_events(events)
 
     def _emit(self, identifier: int, data: bytes) -> None:
         self._present.append((self._timers.now, identifier, data))

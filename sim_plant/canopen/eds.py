@@ -16,7 +16,7 @@ from sim_plant.canopen.eds_variant import variant
 from sim_plant.personality import PLAIN, Personality
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
 EDS_PATH = Path(__file__).with_name("cia402_drive.eds")
 
@@ -97,10 +97,12 @@ def drive_entries(personality: Personality = PLAIN) -> dict[int, Entry]:
     return {key(entry.index, entry.subindex): entry for entry in _entries(text)}
 
 
-def inner_entries(personality: Personality) -> dict[int, Entry]:
+def inner_entries(
+    personality: Personality, visible: Callable[[Personality], Mapping[int, Entry]] = drive_entries
+) -> dict[int, Entry]:
     """Entries that the firmware works with, those that the drive hides from the bus included."""
     whole = personality.model_copy(update={"missing": (), "mapping_entries": 8})
-    return {**drive_entries(whole), **drive_entries(personality)}
+    return {**drive_entries(whole), **visible(personality)}
 
 
 def _entries(text: str) -> Iterator[Entry]:

@@ -44,17 +44,24 @@ class ObjectDictionary:
     node_id : int
     personality : Personality
         What the bus can reach; to the node itself all objects exist.
+    visible : callable
+        Returns what its bus can reach of a drive with a personality, by `key`.
     """
 
-    def __init__(self, node_id: int, personality: Personality = PLAIN) -> None:
+    def __init__(
+        self,
+        node_id: int,
+        personality: Personality = PLAIN,
+        visible: Callable[[Personality], Mapping[int, Entry]] = drive_entries,
+    ) -> None:
         self.node_id = node_id
-        self._entries = drive_entries(personality)
+        self._entries = visible(personality)
         self._indices = {entry.index for entry in self._entries.values()}
         self._defaults = {
             number: entry.default + node_id
             if entry.relative and isinstance(entry.default, int)
             else entry.default
-            for number, entry in inner_entries(personality).items()
+            for number, entry in inner_entries(personality, visible).items()
         }
         self._shapes = dict(_shapes(personality, self._entries))
         self._defaults |= {

@@ -49,7 +49,7 @@ class Pdo:
         self._dictionary = dictionary
         self._parameters = base + number
         self._mapping = PdoMapping(
-            dictionary, base + number, base + 0x200 + number, receives=base == 0x1400
+            dictionary, base + 0x200 + number, self._check_off, receives=base == 0x1400
         )
         self._rewired = rewired
         dictionary.guard(base + number, self._check)
@@ -70,6 +70,12 @@ class Pdo:
         self.transmission = self._dictionary.get(self._parameters, 2)
         self._layout, self._entries = self._mapping.compile()
         self._size = self._layout.size
+
+    def _check_off(self) -> None:
+        """Refuse changes of a mapping in use, save that a read-only COB-ID cannot be set to off."""
+        on = not self._dictionary.get(self._parameters, 1) & INVALID
+        if on and self._dictionary.entry(self._parameters, 1).writable:
+            raise SdoAbort(AbortCode.UNSUPPORTED_ACCESS)
 
     def _check(self, subindex: int, value: int) -> None:
         if subindex == 1:

@@ -1,9 +1,8 @@
 """PDO mappings: which objects share a frame, checked as CiA 301 asks and compiled to one struct.
 
-A mapping is changed in this order: PDO off (bit 31 of its COB-ID), count 0, entries, count n, PDO
-on. Anything else is refused, save that a PDO whose COB-ID is read-only need not be off. Entries are
-index << 16 | sub-index << 8 | bits; the indices 2 to 7 are dummies of a data type's width that an
-RPDO may use to skip bytes.
+A mapping is changed in this order: count 0, entries, count n, while its bus permits a change at
+all. Anything else is refused. Entries are index << 16 | sub-index << 8 | bits; the indices 2 to 7
+are dummies of a data type's width that an RPDO may use to skip bytes.
 """
 
 from __future__ import annotations
@@ -12,15 +11,14 @@ import struct
 from typing import TYPE_CHECKING
 
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
-from sim_plant.canopen.cob_id import INVALID
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sim_plant.canopen.eds import Entry
     from sim_plant.canopen.object_dictionary import ObjectDictionary
 
 _DUMMY_BITS = {2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
-_BYTES_MAX = 8
-
 
 class PdoMapping:
     """The mapping object of one PDO.
@@ -28,19 +26,30 @@ class PdoMapping:
     Parameters
     ----------
     dictionary : ObjectDictionary
-    parameters, mapping : int
-        Indices of the communication and of the mapping record.
+    mapping : int
+        Index of the mapping record.
+    check_changeable : callable
+        Raises `SdoAbort` where the mapping must not be changed now.
     receives : bool
         RPDO: objects are written, and dummies allowed.
+    bytes_max : int
+        That the mapped objects may have together.
     """
 
     def __init__(
-        self, dictionary: ObjectDictionary, parameters: int, mapping: int, *, receives: bool
+        self,
+        dictionary: ObjectDictionary,
+        mapping: int,
+        check_changeable: Callable[[], None],
+        *,
+        receives: bool,
+        bytes_max: int = 8,
     ) -> None:
         self._dictionary = dictionary
-        self._parameters = parameters
         self._mapping = mapping
+        self._check_changeable = check_changeable
         self._receives = receives
+        self._bytes_max = bytes_max
         dictionary.guard(mapping, self._check)
 
     def compile(self) -> tuple[struct.Struct, tuple[Entry, ...]]:
@@ -59,9 +68,7 @@ class PdoMapping:
         return [self._dictionary.get(self._mapping, n) for n in range(1, count + 1)]
 
     def _check(self, subindex: int, value: int) -> None:
-        on = not self._dictionary.get(self._parameters, 1) & INVALID
-        if on and self._dictionary.entry(self._parameters, 1).writable:
-            raise SdoAbort(AbortCode.UNSUPPORTED_ACCESS)
+        self._check_changeable()
         if subindex == 0:
             self._check_count(value)
         elif self._dictionary.get(self._mapping) != 0:
@@ -73,7 +80,7 @@ class PdoMapping:
         entries = self._entries(count)
         if 0 in entries:
             raise SdoAbort(AbortCode.NOT_MAPPABLE)
-        if sum(entry & 0xFF for entry in entries) > 8 * _BYTES_MAX:
+        if sum(entry & 0xFF for entry in entries) > 8 * self._bytes_max:
             raise SdoAbort(AbortCode.PDO_LENGTH)
 
     def _check_entry(self, number: int) -> None:

@@ -1,71 +1,33 @@
-"""A servo drive as a CANopen slave: CiA 402's power state machine in front of one axis.
-
-Commands come in through the controlword, whoever wrote it (SDO or PDO). Stopping on the way out of
-OPERATION ENABLED follows the option codes: the state is left when the axis stands still, at once
-where the option says so. Faults take the way over FAULT REACTION ACTIVE (605Eh) to FAULT, and are
-left by a rising edge of bit 7 once their cause is gone.
-"""
+"""A servo drive as a CANopen slave."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.canopen_node import CanopenNode
-from sim_plant.canopen.emcy import ErrorCode
-from sim_plant.drive.cia402_states import (
-    POWERED,
-    TRANSITIONS,
-    Command,
-    Control,
-    Input,
-    State,
-    Status,
-    command_of,
-)
-from sim_plant.drive.cyclic_position import CyclicPosition
-from sim_plant.drive.disobedience import OBEDIENT
-from sim_plant.drive.drive_objects import declare, present
-from sim_plant.drive.homing import Homing
-from sim_plant.drive.lagging_bit import LaggingBit
-from sim_plant.drive.mode import CYCLIC_POSITION, HOMING, ModeOfOperation
-from sim_plant.drive.motion import Motion, Ramp
-from sim_plant.drive.profile_position import ProfilePosition, StatusLags
-from sim_plant.drive.target_window import TargetWindow
-from sim_plant.machine_protocol import AxisEvent
+from sim_plant.canopen.nmt import NmtCommand
+from sim_plant.drive.cia402_drive import Cia402Drive
+from sim_plant.drive.cia402_states import State
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sim_plant.canopen.emcy import ErrorCode
     from sim_plant.canopen.timers import Timers
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
     from sim_plant.machine_protocol import Axis
-    from sim_plant.personality import Personality
-
-_SATURATED, _FOLLOWING = int(AxisEvent.SATURATED), int(AxisEvent.FOLLOWING_ERROR)
-_OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
-_STAYS_STOPPED = 4
-"""Quick stop options above this one stay in QUICK STOP ACTIVE; less 4 they are the ramp."""
 
 
-class Cia402Node(CanopenNode):
-    """One drive of the plant.
+class Cia402Node(CanopenNode, Cia402Drive):
+    """One drive of the plant on CAN.
 
     Parameters
     ----------
-    settings : DriveSettings
-    axis : Axis
-    image : AxisImage
-        What the axis shows.
+    settings, axis, image
+        As in `Cia402Drive`.
     timers, emit, rewired
         As in `CanopenNode`.
-
-    Attributes
-    ----------
-    state : State
-    disobedience : Disobedience
-        What the drive does not do although it is commanded.
     """
 
     def __init__(
@@ -77,263 +39,28 @@ class Cia402Node(CanopenNode):
         emit: Callable[[int, bytes], None],
         rewired: Callable[[], None],
     ) -> None:
-        personality = settings.personality
-        super().__init__(settings.node_id, timers, emit, rewired, personality)
-        self.state = State.NOT_READY
-        self.disobedience = OBEDIENT
-        self._image = image
-        self._timers = timers
-        self._controlword = 0
-        self._next_state: State | None = None
-        self._voltage: int = Status.VOLTAGE_ENABLED
-        self._locked = False
-        self._motion = Motion(self.dictionary, axis, settings, image)
-        self._window = TargetWindow(self.dictionary, timers, image, self._refresh)
-        self._position = ProfilePosition(
+        CanopenNode.__init__(self, settings.node_id, timers, emit, rewired, settings.personality)
+        Cia402Drive.__init__(
+            self,
+            settings,
+            axis,
+            image,
+            timers,
             self.dictionary,
-            self._motion,
-            self._window,
             self.emergencies,
-            self._lags(personality),
-            until_reached=personality.acknowledge_until_reached,
+            lambda: self._watched,
         )
-        self._homing = Homing(self.dictionary, self._motion, settings, image)
-        self._cyclic = CyclicPosition(self.dictionary, self._motion)
-        self._follower: ProfilePosition | Homing | CyclicPosition = self._position
-        self._mode = ModeOfOperation(self.dictionary, timers, personality, self._change_mode)
-        declare(self.dictionary, settings)
-        present(self.dictionary, image, settings)
-        self._connect_objects()
-        self._reset_profile()
 
-    # What the axis reports
-
-    def attend(self) -> None:
-        """Take what was latched at a SYNC, which has news."""
-        reading = self._image.reading
-        self._take_events(reading.events)
-        if self._follows_set_points:
-            self._follower.observe(reading)
-        self._refresh()
-
-    def handle_events(self, events: int) -> None:
-        """Take events at the instant at which they change."""
-        self._take_events(events)
-        self._refresh()
-
-    def _take_events(self, events: int) -> None:
-        self._motion.events = events
-        if events & _FOLLOWING and self.state in POWERED:
-            self.fail(ErrorCode.FOLLOWING_ERROR)
-        self._leave_at_rest()
-        if self._follows_set_points:
-            self._follower.progress()
-
-    # What may happen to a drive
-
-    def fail(self, code: int) -> None:
-        """Fall into a fault with error `code`, by way of the fault reaction (605Eh)."""
-        self.emergencies.raise_error(code)
-        if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            return
-        self.state = State.FAULT_REACTION_ACTIVE
-        self._slow_down(Ramp(self.dictionary.get(0x605E)), State.FAULT)
-        self._refresh()
-
-    def lose_voltage(self) -> None:
-        """Fall into a fault at once: without a DC link there is nothing to slow down with."""
-        self._voltage = 0
-        self.emergencies.raise_error(ErrorCode.UNDER_VOLTAGE)
-        self._enter(State.FAULT)
-        self._refresh()
-
-    def regain_voltage(self) -> None:
-        """Have a DC link again; the fault waits to be reset."""
-        self._voltage = Status.VOLTAGE_ENABLED
-        self._refresh()
-
-    def lock(self) -> None:
-        """Have safe torque off active: no torque, no voltage, and no way to switch on."""
-        self._locked, self._voltage = True, 0
-        if self.state not in (State.FAULT, State.NOT_READY):
-            self._enter(State.SWITCH_ON_DISABLED)
-        self._refresh()
-
-    def unlock(self) -> None:
-        """Have safe torque off released; the drive waits to be switched on."""
-        self._locked, self._voltage = False, Status.VOLTAGE_ENABLED
-        self._refresh()
-
-    # Commands
-
-    def _control(self, _subindex: int, controlword: int) -> None:
-        if controlword == self._controlword and self._follows_set_points:
-            return  # as with every set-point of a stream
-        risen = controlword & ~self._controlword
-        self._controlword = controlword
-        if self.state is State.FAULT:
-            healthy = self._watched and self._voltage
-            if risen & Control.FAULT_RESET and healthy:
-                self.emergencies.clear_all()
-                self._enter(State.SWITCH_ON_DISABLED)
-        elif self.state is not State.FAULT_REACTION_ACTIVE:
-            command = command_of(controlword)
-            if not (command in self.disobedience.ignored and self.state in POWERED):
-                self._command(command)
-            if self._follows_set_points:
-                self._follower.control(controlword)
-        self._refresh()
-
-    def _command(self, command: Command) -> None:
-        target = None if self._locked else TRANSITIONS.get((self.state, command))
-        if self._next_state is not None and command is Command.ENABLE_OPERATION:
-            self._resume()
-        elif target is State.QUICK_STOP_ACTIVE:
-            self._quick_stop()
-        elif target in _OPTION_OF_EXIT and self.state is State.OPERATION_ENABLED:
-            self._slow_down(Ramp(self.dictionary.get(_OPTION_OF_EXIT[target])), target)
-        elif self.state is State.QUICK_STOP_ACTIVE and target is State.OPERATION_ENABLED:
-            self._resume()
-        elif target is not None:
-            self._enter(target)
-
-    def _take_target(self, _subindex: int, target: int) -> None:
-        if self._follower is self._cyclic and self._follows_set_points:
-            shown = self._cyclic.show()
-            self._cyclic.follow(target)
-            if self._cyclic.show() != shown:
-                self._refresh()
-
-    def _change_mode(self) -> None:
-        """Leave what the old mode had under way; an axis in motion comes to rest."""
-        others: dict[int, Homing | CyclicPosition] = {
-            HOMING: self._homing,
-            CYCLIC_POSITION: self._cyclic,
-        }
-        following = others.get(self.dictionary.get(0x6060), self._position)
-        if following is self._follower:
-            return
-        self._follower.abandon()
-        self._follower = following
-        if self._follows_set_points:
-            self._motion.stop(Ramp.PROFILE)
-            self._follower.start(self._image.reading.demand, self._controlword)
-            self._refresh()
-
-    def _quick_stop(self) -> None:
-        option, defect = self.dictionary.get(0x605A), self.disobedience
-        stays = option > _STAYS_STOPPED
-        then = None if stays or defect.keeps_voltage else State.SWITCH_ON_DISABLED
-        self.state = State.QUICK_STOP_ACTIVE
-        if defect.runs_on:
-            self._next_state = then
-            self._leave_at_rest()
-        else:
-            self._slow_down(Ramp(option - _STAYS_STOPPED if stays else option), then)
-
-    def _resume(self) -> None:
-        """Take back a stop: hold where the axis is or comes to rest."""
-        quick = self.state is State.QUICK_STOP_ACTIVE
-        if quick and self.dictionary.get(0x605A) <= _STAYS_STOPPED:
-            return
-        self._next_state = None
-        self.state = State.OPERATION_ENABLED
-        self._follower.start(self._image.reading.demand, self._controlword)
-
-    # States
-
-    @property
-    def _follows_set_points(self) -> bool:
-        return self.state is State.OPERATION_ENABLED and self._next_state is None
-
-    def _enter(self, state: State) -> None:
-        was_powered = self.state in POWERED
-        self.state, self._next_state = state, None
-        if was_powered and state not in POWERED:
-            self._follower.abandon()
-            self._motion.disable()
-        elif not was_powered and state in POWERED:
-            self._motion.apply_torque_limit()
-            self._motion.apply_following_window()
-            self._motion.enable()
-            position = self._image.reading.position
-            self._follower.start(position, self._controlword)
-
-    def _slow_down(self, ramp: Ramp, then: State | None) -> None:
-        """Stop, and go to state `then` when at rest."""
-        self._follower.abandon()
-        if ramp is Ramp.NONE and then is not None:
-            self._enter(then)
-        else:
-            self._next_state = then
-            self._motion.stop(ramp)
-            self._leave_at_rest()
-
-    def _leave_at_rest(self) -> None:
-        if self._next_state is not None and self._motion.at_rest:
-            self._enter(self._next_state)
-
-    def _refresh(self) -> None:
-        status = self.state | self._voltage | Status.REMOTE
-        events = self._motion.events
-        if self.state in POWERED:
-            if self._follows_set_points:
-                status |= self._follower.show()
-            elif self._motion.at_rest:
-                status |= Status.TARGET_REACHED
-            if events & _SATURATED:
-                status |= Status.INTERNAL_LIMIT
-        if events & _FOLLOWING:
-            status |= Status.FOLLOWING_ERROR
-        self._image.statusword = status
-
-    # Communication
+    def restart(self) -> None:
+        """Begin as after power-on, as a node does whose own watchdog has found it hanging."""
+        self.nmt.receive(bytes([NmtCommand.RESET_NODE, self.node_id]))
 
     def _abort_connection(self, code: ErrorCode) -> None:
-        if self.state not in POWERED:
-            return
-        option = self.dictionary.get(0x6007)
-        if option == 1 or (option in (2, 3) and self.disobedience is not OBEDIENT):
-            self.fail(code)
-        elif option in (2, 3) and self.state is not State.FAULT_REACTION_ACTIVE:
-            self._command(Command.DISABLE_VOLTAGE if option == 2 else Command.QUICK_STOP)
-        self._refresh()
+        self.lose_connection(code)
 
     def _regain_heartbeat(self) -> None:
         if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             super()._regain_heartbeat()
 
     def _reset_profile(self) -> None:
-        self._enter(State.SWITCH_ON_DISABLED)
-        self._change_mode()
-        self._controlword = 0
-        self._motion.apply_torque_limit()
-        self._motion.apply_following_window()
-        self._motion.apply_own_feed_forward()
-        self._refresh()
-
-    def _lags(self, personality: Personality) -> StatusLags:
-        timers, node, late = self._timers, self.node_id, personality.acknowledge_lag
-        return StatusLags(
-            LaggingBit(
-                timers, (node, "reached"), 0.0, personality.target_reached_lag, self._refresh
-            ),
-            LaggingBit(timers, (node, "acknowledge"), late, late, self._refresh),
-        )
-
-    def _connect_objects(self) -> None:
-        dictionary, motion = self.dictionary, self._motion
-        dictionary.react(0x6040, self._control)
-        dictionary.react(0x607A, self._take_target)
-        dictionary.source(0x60FD, 0, lambda: Input.INTERLOCK if self._locked else 0)
-        for index in (0x6065, 0x6066):
-            dictionary.react(index, lambda _subindex, _value: motion.apply_following_window())
-        for index in (0x6072, 0x6073):
-            dictionary.react(index, lambda _subindex, _value: motion.apply_torque_limit())
-        dictionary.react(0x2010, lambda _subindex, _value: motion.apply_own_feed_forward())
-        for index in (0x6073, 0x6080):
-            dictionary.guard(index, self._only_without_power)
-
-    def _only_without_power(self, _subindex: int, _value: int) -> None:
-        if self.state in POWERED:
-            raise SdoAbort(AbortCode.DEVICE_STATE)
+        self.reset()

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.canopen.nmt import NmtCommand
 from sim_plant.drive.cia402_states import Command
 from sim_plant.drive.disobedience import OBEDIENT, Disobedience
 from sim_plant.faults.injection import NodeInjection
 
 if TYPE_CHECKING:
-    from sim_plant.canopen.canopen_node import CanopenNode
     from sim_plant.slave_network import CanFrame
 
 _NODE = 0x7F
@@ -37,7 +35,7 @@ class Reset(NodeInjection):
 
     def begin(self) -> None:
         """Restart."""
-        _restart(self.node)
+        self.node.restart()
 
 
 class NodeBusOff(NodeInjection):
@@ -82,7 +80,7 @@ class SupplyLost(NodeBusOff):
         """Boot."""
         super().end()
         self.node.regain_voltage()
-        _restart(self.node)
+        self.node.restart()
         return []
 
 
@@ -214,7 +212,3 @@ class StopWithoutEffect(_Disobedient):
     """The drive shows that it stops, and does not."""
 
     disobedience = Disobedience(runs_on=True)
-
-
-def _restart(node: CanopenNode) -> None:
-    node.nmt.receive(bytes([NmtCommand.RESET_NODE, node.node_id]))

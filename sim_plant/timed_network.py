@@ -1,0 +1,71 @@
+"""Drives in front of a machine, as time passes: what a bus of whichever kind stands on.
+
+The machine stops at every due timer, all axes are latched at the same instant, and each drive is
+handed what happens on its axis.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.timers import Timers
+from sim_plant.drive.process_image import ProcessImage
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sim_plant.drive.cia402_drive import Cia402Drive
+    from sim_plant.machine_protocol import Machine
+
+
+class TimedNetwork:
+    """Lets time pass for drives that a bus gives a voice.
+
+    Parameters
+    ----------
+    machine : Machine
+
+    Attributes
+    ----------
+    nodes : sequence of Cia402Drive
+        In joint order; the bus sets them.
+    """
+
+    nodes: Sequence[Cia402Drive] = ()
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._timers = Timers()
+        self._image = ProcessImage(len(machine.axes))
+        machine.on_event = self._on_event
+
+    @property
+    def time(self) -> float:
+        """Time since power-on [s]."""
+        return self._timers.now
+
+    def _advance(self, duration: float) -> None:
+        timers, machine = self._timers, self._machine
+        end = timers.now + duration
+        while timers.next <= end:
+            machine.advance(max(0.0, timers.next - timers.now))
+            timers.now = max(timers.now, timers.next)
+            timers.run()
+            self._settle()
+        machine.advance(end - timers.now)
+        timers.now = end
+
+    def _settle(self) -> None:
+        """Take note that all timers of an instant have run."""
+
+    def _latch(self) -> None:
+        self._attend(self._image.latch(self._machine.read()))
+
+    def _attend(self, news: int) -> None:
+        """Let the drives of the axes whose bit is set look at them."""
+        for axis, node in enumerate(self.nodes):
+            if news >> axis & 1:
+                node.attend()
+
+    def _on_event(self, axis: int, events: int) -> None:
+        self.nodes[axis].handle_events(events)
