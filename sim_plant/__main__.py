@@ -18,8 +18,9 @@ from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
     from sim_plant.machine_protocol import Machine
+    from sim_plant.plant import Plant
 
-SERVE = "serve"
+SERVE, ETHERCAT = "serve", "ethercat"
 
 
 class _ServesByDefault(TyperGroup):
@@ -44,8 +45,10 @@ app = typer.Typer(
 
 @app.command(SERVE)
 def main(
-    interface: Annotated[str, typer.Option(help="python-can interface, e.g. socketcan.")],
-    channel: Annotated[str, typer.Option(help="Its channel, e.g. vcan0.")],
+    interface: Annotated[
+        str, typer.Option(help="python-can interface, e.g. socketcan; or ethercat.")
+    ],
+    channel: Annotated[str, typer.Option(help="Its channel, e.g. vcan0; a network interface.")],
     plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the plant file's.")] = None,
     clock: Annotated[str, typer.Option(help="sync: SYNC lets time pass; or wall.")] = "sync",
@@ -58,13 +61,16 @@ def main(
     ] = CYCLE_DEFAULT,
     faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
 ) -> None:
-    """Serve the simulated plant's drives on a CAN bus, until Ctrl-C; what happens by default."""
+    """Serve the simulated plant's drives on a bus, until Ctrl-C; what happens by default."""
     try:
         options, passing = _options(bus_option or []), _clock(clock)
         machine = load_machine(plant, seed, personality)
         fault_plan = load_fault_plan(faults) if faults else None
+        if interface == ETHERCAT:
+            _serve_ethercat(channel, plant, machine, passing, cycle)
+            return
         with _open(interface, channel, options) as bus:
-            typer.echo(_announcement(machine, plant, bus, passing))
+            typer.echo(_announcement(machine, plant, bus.channel_info, passing))
             serve(bus, machine, passing, threading.Event(), fault_plan, cycle)
     except KeyboardInterrupt:
         typer.echo("stopped")
@@ -88,6 +94,15 @@ def new(
     except (FileError, OSError) as error:
         typer.echo(f"sim_plant: {error}", err=True)
         raise typer.Exit(1) from None
+
+
+def _serve_ethercat(channel: str, plant: str, machine: Plant, clock: Clock, cycle: float) -> None:
+    from sim_plant.ethercat.segment import Segment  # noqa: PLC0415 - CAN needs none of it
+    from sim_plant.serving.raw_ethernet import open_interface, serve_frames  # noqa: PLC0415
+
+    with open_interface(channel) as wire:
+        typer.echo(_announcement(machine, plant, f"EtherCAT on {channel}", clock))
+        serve_frames(wire, Segment(machine, clock, cycle), clock, threading.Event())
 
 
 def _open(interface: str, channel: str, options: dict[str, str]) -> can.BusABC:
@@ -114,12 +129,12 @@ def _clock(text: str) -> Clock:
     raise ValueError(f"--clock {text}: must be one of {', '.join(CLOCKS)}")
 
 
-def _announcement(machine: Machine, plant: str, bus: can.BusABC, clock: Clock) -> str:
+def _announcement(machine: Machine, plant: str, bus: object, clock: Clock) -> str:
     drives = ", ".join(f"{drive.node_id} {drive.name}" for drive in machine.drives)
     passing = "SYNC lets its time pass" if clock == "sync" else "on the wall clock"
     return (
         f"Simulated plant {plant}, {passing}: no real machine moves.\n"
-        f"Nodes {drives} on {bus.channel_info}. Ctrl-C ends it."
+        f"Nodes {drives} on {bus}. Ctrl-C ends it."
     )
 
 

@@ -93,7 +93,11 @@ def drive_eds(personality: Personality = PLAIN) -> str:
 @functools.cache
 def drive_entries(personality: Personality = PLAIN) -> dict[int, Entry]:
     """All entries of a drive's EDS, by `key`: what the bus can reach."""
-    text = drive_eds(personality)
+    return entries_of(drive_eds(personality))
+
+
+def entries_of(text: str) -> dict[int, Entry]:
+    """All entries of an EDS, by `key`."""
     return {key(entry.index, entry.subindex): entry for entry in _entries(text)}
 
 

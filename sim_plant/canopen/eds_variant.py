@@ -57,7 +57,7 @@ def variant(base: str, personality: Personality) -> str:
     for index in personality.missing:
         _remove(eds, index)
     _shape_mappings(eds, personality)
-    _list_objects(eds)
+    list_objects(eds)
     text = io.StringIO()
     eds.write(text, space_around_delimiters=False)
     return text.getvalue()
@@ -180,7 +180,8 @@ def _exists(eds: configparser.RawConfigParser, mapped: int) -> bool:
     return _section(eds, index, subindex) in eds
 
 
-def _list_objects(eds: configparser.RawConfigParser) -> None:
+def list_objects(eds: configparser.RawConfigParser) -> None:
+    """List the objects of an EDS anew, by their kinds."""
     indices = sorted(int(name, 16) for name in eds.sections() if re.fullmatch("[0-9A-F]{4}", name))
     mandatory = (0x1000, 0x1001, 0x1018)
     vendors = range(0x2000, 0x6000)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _DUMMY_BITS = {2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
 
+
 class PdoMapping:
     """The mapping object of one PDO.
 

@@ -1,0 +1,284 @@
+"""One EtherCAT slave controller: its memory, who may touch it how, and logical addresses.
+
+A sync manager guards a part of the process memory. In mailbox mode the part is full or empty: it is
+written while empty and read while full, and its last byte changes that. In buffered mode (process
+data) both sides have it whenever they like. FMMUs lay parts of the memory, to the bit, into the
+logical memory that all slaves share.
+
+What a frame sets off (a mailbox, a state request, an EEPROM command) happens when the frame has
+passed: `take_events`. Masters therefore find nothing answered in the same frame, as in hardware.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.frame import BROADCAST, LOGICAL, Datagram
+
+_FMMU = struct.Struct("<IHBBHBBB")
+_SYNC_MANAGER = struct.Struct("<HHBBBB")
+_FULL = 0x08
+_READ, _WRITE = 1, 2
+_WHOLE_BYTES = 0, 7, 0
+
+
+class SyncManager(NamedTuple):
+    """A part of the process memory and how a master may use it."""
+
+    start: int
+    size: int
+    control: int
+    status: int
+    activate: int
+    pdi: int
+
+    @property
+    def is_active(self) -> bool:
+        """Whether it guards anything."""
+        return bool(self.activate & 1) and self.size > 0
+
+    @property
+    def is_mailbox(self) -> bool:
+        """Whether its part is handed over, full or empty."""
+        return self.control & 0x03 == 0x02
+
+    @property
+    def is_written(self) -> bool:
+        """Whether the master writes its part, and the slave reads it."""
+        return self.control & 0x0C == 0x04
+
+    @property
+    def feeds_watchdog(self) -> bool:
+        """Whether a write to it triggers the watchdog of process data."""
+        return bool(self.control & 0x40)
+
+
+class _Fmmu(NamedTuple):
+    """Where a part of memory stands in logical memory."""
+
+    logical: int
+    size: int
+    start_bit: int
+    stop_bit: int
+    physical: int
+    physical_bit: int
+    kind: int
+
+
+class Controller:
+    """Memory of one slave, as masters reach it.
+
+    Attributes
+    ----------
+    memory : bytearray
+        Registers and process memory; the slave's own side writes it directly.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Be as after power-on."""
+        self.memory = reg.power_on()
+        self._events: set[int] = set()
+        self._managers: list[SyncManager] | None = None
+        self._fmmus: list[_Fmmu] | None = None
+
+    # What the slave's own side does
+
+    def word(self, place: int) -> int:
+        """Return a register of 16 bits."""
+        return int.from_bytes(self.memory[place : place + 2], "little")
+
+    def put(self, place: int, size: int, value: int) -> None:
+        """Show a value in a register, least significant byte first."""
+        self.memory[place : place + size] = value.to_bytes(size, "little")
+
+    @property
+    def managers(self) -> list[SyncManager]:
+        """All sync managers, as they are set now."""
+        if self._managers is None:
+            self._managers = [
+                SyncManager(*_SYNC_MANAGER.unpack_from(self.memory, reg.SYNC_MANAGER + 8 * n))
+                for n in range(reg.SYNC_MANAGERS)
+            ]
+            for number, guarded in enumerate(self._managers):
+                if not guarded.is_active:
+                    self.set_full(number, full=False)
+        return self._managers
+
+    def is_full(self, manager: int) -> bool:
+        """Whether a mailbox waits to be read."""
+        return bool(self.memory[_status(manager)] & _FULL)
+
+    def set_full(self, manager: int, *, full: bool) -> None:
+        """Hand a mailbox over."""
+        status = self.memory[_status(manager)]
+        self.memory[_status(manager)] = status | _FULL if full else status & ~_FULL
+
+    def acknowledge_repeat(self, manager: int, bit: int) -> None:
+        """Show that a request to repeat a mailbox has been seen."""
+        place = reg.SYNC_MANAGER + 8 * manager + 7
+        self.memory[place] = self.memory[place] & ~0x02 | bit
+        self._managers = None
+
+    def content(self, manager: int) -> bytes:
+        """Return what stands in the part of a sync manager."""
+        guarded = self.managers[manager]
+        return bytes(self.memory[guarded.start : guarded.start + guarded.size])
+
+    def take_events(self) -> set[int]:
+        """Return which registers and parts (by start) were written, or read empty, since."""
+        events, self._events = self._events, set()
+        return events
+
+    # What a datagram does
+
+    def serve(self, datagram: Datagram, *, reads: bool, writes: bool) -> None:
+        """Take part in a datagram that concerns this slave; it counts its work."""
+        if datagram.command in LOGICAL:
+            self._serve_logical(datagram, reads=reads, writes=writes)
+            return
+        found = self.read(datagram.offset, datagram.size) if reads else None
+        if writes and self.write(datagram.offset, datagram.data):
+            datagram.count(2 if reads else 1)
+        if found is not None:
+            if datagram.command in BROADCAST:
+                found = bytes(a | b for a, b in zip(datagram.data, found, strict=True))
+            datagram.data = found
+            datagram.count(1)
+
+    def read(self, place: int, size: int) -> bytes | None:
+        """Return a piece of memory, None if it cannot be had (now)."""
+        end = place + size
+        if end > reg.MEMORY_SIZE or not size:
+            return None
+        if end > reg.PROCESS_MEMORY:
+            for number, guarded in self._guards(place, end):
+                if guarded.is_written or (guarded.is_mailbox and not self.is_full(number)):
+                    return None
+                if guarded.is_mailbox and end >= guarded.start + guarded.size:
+                    self.set_full(number, full=False)
+                self._events.add(guarded.start)
+        return bytes(self.memory[place:end])
+
+    def write(self, place: int, data: bytes) -> bool:
+        """Change a piece of memory; return whether anything was taken."""
+        end = place + len(data)
+        if end > reg.MEMORY_SIZE or not data:
+            return False
+        if place < reg.PROCESS_MEMORY:
+            return self._write_registers(place, data)
+        for number, guarded in self._guards(place, end):
+            if not guarded.is_written or (guarded.is_mailbox and self.is_full(number)):
+                return False
+            if end >= guarded.start + guarded.size:
+                if guarded.is_mailbox:
+                    self.set_full(number, full=True)
+                self._events.add(guarded.start)
+        self.memory[place:end] = data
+        return True
+
+    def _guards(self, place: int, end: int) -> list[tuple[int, SyncManager]]:
+        return [
+            (number, guarded)
+            for number, guarded in enumerate(self.managers)
+            if guarded.is_active and guarded.start < end and place < guarded.start + guarded.size
+        ]
+
+    def _write_registers(self, place: int, data: bytes) -> bool:
+        taken = False
+        for at, value in enumerate(data, start=place):
+            if at in reg.WRITABLE:
+                self.memory[at] = 0 if at in reg.CLEARED else value
+                self._events.add(at)
+                taken = True
+        self._managers = self._fmmus = None
+        return taken
+
+    def _serve_logical(self, datagram: Datagram, *, reads: bool, writes: bool) -> None:
+        if self._fmmus is None:
+            self._fmmus = self._active_fmmus()
+        incoming, outgoing = datagram.data, bytearray(datagram.data)
+        done = 0
+        for fmmu in self._fmmus:
+            if writes and fmmu.kind & _WRITE and self._lay_out(fmmu, datagram.logical, incoming):
+                done |= _WRITE
+            if reads and fmmu.kind & _READ and self._lay_in(fmmu, datagram.logical, outgoing):
+                done |= _READ
+        if done & _READ:
+            datagram.data = bytes(outgoing)
+        datagram.count((done & _READ) + (done >> 1) * (2 if reads else 1))
+
+    def _active_fmmus(self) -> list[_Fmmu]:
+        found = []
+        for number in range(reg.FMMUS):
+            fields = _FMMU.unpack_from(self.memory, reg.FMMU + 16 * number)
+            logical, size, first, last, physical, shift, kind, active = fields
+            if active & 1 and size:
+                found.append(_Fmmu(logical, size, first & 7, last & 7, physical, shift & 7, kind))
+        return found
+
+    def _lay_out(self, fmmu: _Fmmu, start: int, data: bytes) -> bool:
+        """Write into memory what a datagram carries for it."""
+        place, first, size = _overlap(fmmu, start, len(data))
+        if size <= 0:
+            return False
+        if _is_bytewise(fmmu):
+            return self.write(place, data[first : first + size])
+        value, shift, mask = int.from_bytes(data[first : first + size], "little"), *_bits(fmmu)
+        covered = _covered(fmmu)
+        present = int.from_bytes(self.memory[fmmu.physical : fmmu.physical + covered], "little")
+        moved = (value >> fmmu.start_bit & mask) << shift
+        merged = present & ~(mask << shift) | moved
+        return size == fmmu.size and self.write(
+            fmmu.physical, (merged & (1 << 8 * covered) - 1).to_bytes(covered, "little")
+        )
+
+    def _lay_in(self, fmmu: _Fmmu, start: int, data: bytearray) -> bool:
+        """Put into a datagram what stands in memory for it."""
+        place, first, size = _overlap(fmmu, start, len(data))
+        if size <= 0 or (size != fmmu.size and not _is_bytewise(fmmu)):
+            return False
+        if _is_bytewise(fmmu):
+            found = self.read(place, size)
+        else:
+            found = self.read(fmmu.physical, _covered(fmmu))
+        if found is None:
+            return False
+        if not _is_bytewise(fmmu):
+            shift, mask = _bits(fmmu)
+            value = int.from_bytes(data[first : first + size], "little")
+            bits = int.from_bytes(found, "little") >> shift & mask
+            value = value & ~(mask << fmmu.start_bit) | bits << fmmu.start_bit
+            found = value.to_bytes(size, "little")
+        data[first : first + size] = found
+        return True
+
+
+def _status(manager: int) -> int:
+    return reg.SYNC_MANAGER + 8 * manager + 5
+
+
+def _is_bytewise(fmmu: _Fmmu) -> bool:
+    return (fmmu.start_bit, fmmu.stop_bit, fmmu.physical_bit) == _WHOLE_BYTES
+
+
+def _overlap(fmmu: _Fmmu, start: int, size: int) -> tuple[int, int, int]:
+    """Return physical place, place in the datagram and size of what both have [bytes]."""
+    low, high = max(fmmu.logical, start), min(fmmu.logical + fmmu.size, start + size)
+    return fmmu.physical + low - fmmu.logical, low - start, high - low
+
+
+def _bits(fmmu: _Fmmu) -> tuple[int, int]:
+    """Return by how much the bits are shifted in memory, and their mask unshifted."""
+    width = 8 * (fmmu.size - 1) + fmmu.stop_bit - fmmu.start_bit + 1
+    return fmmu.physical_bit, (1 << max(width, 0)) - 1
+
+
+def _covered(fmmu: _Fmmu) -> int:
+    """Return how many bytes of memory the bits of an FMMU touch."""
+    shift, mask = _bits(fmmu)
+    return max(1, (shift + mask.bit_length() + 7) // 8)

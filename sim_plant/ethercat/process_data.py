@@ -1,0 +1,139 @@
+"""Process data of a drive: which mappings 1C12h and 1C13h assign, their sizes, values in and out.
+
+An assignment and its mappings are changed in PREOP, with the number of entries set to zero first,
+and are taken over on the way to SAFEOP. From then on every cycle writes and reads all of them at
+once; the controlword acts last, so that it finds what came with it.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
+from sim_plant.canopen.eds import key
+from sim_plant.canopen.emcy import ErrorCode
+from sim_plant.canopen.object_dictionary import wrapped
+from sim_plant.canopen.pdo_mapping import PdoMapping
+from sim_plant.ethercat.objects import ASSIGNED_IN, ASSIGNED_OUT, PDOS, RECEIVED, SENT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_plant.canopen.eds import Entry
+    from sim_plant.canopen.emcy import Emergencies
+    from sim_plant.canopen.object_dictionary import ObjectDictionary
+
+SIZE_MAX = 256
+"""Bytes of process data in one direction: four mappings of eight objects have 128 at most."""
+_CONTROLWORD, _TARGET = 0x6040, 0x607A
+_EVERY_CYCLE = (_CONTROLWORD, _TARGET)
+"""Objects that are commands each time; any other acts when it is changed."""
+
+
+class ProcessData:
+    """Outputs (from the master) and inputs of one drive.
+
+    Parameters
+    ----------
+    dictionary : ObjectDictionary
+    emergencies : Emergencies
+    is_fixed : callable
+        Whether assignment and mappings must not be changed now.
+    """
+
+    def __init__(
+        self,
+        dictionary: ObjectDictionary,
+        emergencies: Emergencies,
+        is_fixed: Callable[[], bool],
+    ) -> None:
+        self._dictionary = dictionary
+        self._emergencies = emergencies
+        self._is_fixed = is_fixed
+        self._mappings = {
+            index: PdoMapping(
+                dictionary,
+                index,
+                self._check_free,
+                receives=base == RECEIVED,
+                bytes_max=SIZE_MAX,
+            )
+            for base in (RECEIVED, SENT)
+            for index in range(base, base + PDOS)
+        }
+        for index, base in ((ASSIGNED_OUT, RECEIVED), (ASSIGNED_IN, SENT)):
+            dictionary.guard(index, self._assignment_check(index, base))
+        self.compile()
+
+    def compile(self) -> None:
+        """Take over what is assigned and mapped now."""
+        received, self._outputs = self._layout(ASSIGNED_OUT)
+        sent, self._inputs = self._layout(ASSIGNED_IN)
+        self._received, self._sent = struct.Struct(received), struct.Struct(sent)
+        writers = [self._dictionary.writer(e.index, e.subindex) for e in self._outputs]
+        order = sorted(range(len(writers)), key=lambda n: self._outputs[n].index == _CONTROLWORD)
+        self._writers = [(n, writers[n], self._outputs[n].index in _EVERY_CYCLE) for n in order]
+        self._read = self._dictionary.row_reader([key(e.index, e.subindex) for e in self._inputs])
+        self.forget()
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Bytes of outputs and inputs as assigned and mapped now."""
+        received, sent = self._layout(ASSIGNED_OUT)[0], self._layout(ASSIGNED_IN)[0]
+        return struct.calcsize(received), struct.calcsize(sent)
+
+    def forget(self) -> None:
+        """Let the next outputs be news, whatever they are."""
+        self._last: tuple[int, ...] = ()
+
+    def act(self, data: bytes) -> None:
+        """Let outputs take effect."""
+        if len(data) < self._received.size:
+            return
+        values = self._received.unpack_from(data)
+        last, self._last = self._last, values
+        for n, write, always in self._writers:
+            if always or not last or values[n] != last[n]:
+                try:
+                    write(values[n])
+                except SdoAbort:
+                    self._emergencies.report(ErrorCode.PDO_VALUE)
+
+    def latch(self) -> bytes:
+        """Return the present inputs."""
+        values = self._read()
+        try:
+            return self._sent.pack(*values)
+        except struct.error:
+            fitting = zip(self._inputs, values, strict=True)
+            return self._sent.pack(*[wrapped(entry.code, value) for entry, value in fitting])
+
+    def _layout(self, assignment: int) -> tuple[str, tuple[Entry, ...]]:
+        layout = "<"
+        entries: tuple[Entry, ...] = ()
+        for subindex in range(1, self._dictionary.get(assignment) + 1):
+            mapping = self._mappings.get(self._dictionary.get(assignment, subindex))
+            if mapping is not None:
+                one, mapped = mapping.compile()
+                layout += one.format.lstrip("<")
+                entries += mapped
+        return layout, entries
+
+    def _check_free(self) -> None:
+        if self._is_fixed():
+            raise SdoAbort(AbortCode.DEVICE_STATE)
+
+    def _assignment_check(self, assignment: int, base: int) -> Callable[[int, int], None]:
+        def check(subindex: int, value: int) -> None:
+            self._check_free()
+            if subindex == 0:
+                numbers = [self._dictionary.get(assignment, n) for n in range(1, value + 1)]
+                if len(set(numbers) - {0}) < len([number for number in numbers if number]):
+                    raise SdoAbort(AbortCode.INCOMPATIBLE)
+            elif self._dictionary.get(assignment) != 0:
+                raise SdoAbort(AbortCode.UNSUPPORTED_ACCESS)
+            elif value and not base <= value < base + PDOS:
+                raise SdoAbort(AbortCode.INVALID_VALUE)
+
+        return check

@@ -1,0 +1,168 @@
+"""All drives of the plant on one line of EtherCAT: a frame goes in, and comes back worked on.
+
+Two clocks are possible. With ``"sync"`` time stands still between cycles: when every slave in
+SAFEOP or OP has got its outputs (or has been read, if it has none), they act, and one cycle
+passes. It is the longest SYNC0 cycle, else the longest 1C32h:2, else that of the option. So a
+master is as fast as the processor and always gets the same answers. With ``"wall"`` somebody calls
+`elapse`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sim_plant.drive.process_image import AxisImage
+from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.frame import (
+    BROADCAST,
+    LOGICAL,
+    MULTIPLE,
+    POSITION,
+    READING,
+    WRITING,
+    Command,
+    Datagram,
+    datagrams,
+    mark_passed,
+)
+from sim_plant.ethercat.objects import SYNC_OUT
+from sim_plant.ethercat.slave import EthercatSlave
+from sim_plant.slave_network import CYCLE_DEFAULT, Clock
+from sim_plant.timed_network import TimedNetwork
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sim_plant.machine_protocol import Machine
+
+_HOP = 300
+"""Time from one slave to the next, forwarding and 10 m of cable [ns]."""
+_SIMULTANEOUS = 1e-6
+"""SYNC0 of slaves are taken for one instant if they are not further apart [s]."""
+_LINK_FIRST, _LINK_NEXT = 0x0010, 0x0020
+_OPEN_FIRST, _OPEN_NEXT = 0x0200, 0x0800
+_CLOSED_NEXT, _CLOSED_OTHERS = 0x0400, 0x1000 | 0x4000
+_OPERATIONAL = 0x0001
+"""Bits of DL status: the slave's side works; link, communication or a closed loop at each port."""
+
+
+class Segment(TimedNetwork):
+    """Drives in front of a machine, on one cable.
+
+    Parameters
+    ----------
+    machine : Machine
+    clock : {"sync", "wall"}
+    cycle : float
+        What a cycle lets pass while no slave is set to one [s].
+
+    Attributes
+    ----------
+    nodes : tuple of EthercatSlave
+    time : float
+        Time since power-on [s].
+    cuts : set of int
+        Cables that are cut: 0 in front of the first slave, 1 behind it.
+    """
+
+    def __init__(
+        self, machine: Machine, clock: Clock = "sync", cycle: float = CYCLE_DEFAULT
+    ) -> None:
+        super().__init__(machine)
+        self._clock = clock
+        self._default_cycle = cycle
+        self._latched: float | None = None
+        self._exchanged: set[int] = set()
+        self.cuts: set[int] = set()
+        self.nodes: tuple[EthercatSlave, ...] = tuple(
+            EthercatSlave(settings, axis, AxisImage(self._image, i), self._timers, self._latch_once)
+            for i, (settings, axis) in enumerate(zip(machine.drives, machine.axes, strict=True))
+        )
+
+    def power_on(self) -> None:
+        """Boot all drives."""
+        self._latch()
+        for node in self.nodes:
+            node.boot()
+
+    def process(self, frame: bytes) -> bytes | None:
+        """Return what becomes of a frame on its way through all slaves, None if it is lost."""
+        reached = self._reached()
+        if not reached:
+            return None
+        self._show_links(len(reached))
+        passing = bytearray(frame)
+        for datagram in datagrams(passing):
+            if datagram.command is not Command.NOP:
+                self._pass(datagram, reached)
+        mark_passed(passing)
+        self._work(reached)
+        return bytes(passing)
+
+    def elapse(self, duration: float) -> None:
+        """Let time pass [s]."""
+        self._advance(duration)
+
+    @property
+    def cycle(self) -> float:
+        """What an exchange of process data lets pass [s]."""
+        longest = max(node.clock.cycle for node in self.nodes)
+        longest = longest or max(node.dictionary.get(SYNC_OUT, 2) for node in self.nodes)
+        return longest * 1e-9 or self._default_cycle
+
+    def _reached(self) -> Sequence[EthercatSlave]:
+        """Return the slaves as far as frames get."""
+        for number, node in enumerate(self.nodes):
+            if number in self.cuts or not node.is_connected:
+                return self.nodes[:number]
+        return self.nodes
+
+    def _pass(self, datagram: Datagram, reached: Sequence[EthercatSlave]) -> None:
+        command = datagram.command
+        reads, writes = command in READING, command in WRITING
+        for number, node in enumerate(reached):
+            if command in POSITION:
+                meant = datagram.position == 0
+            elif command in BROADCAST or command in LOGICAL:
+                meant = True
+            else:
+                meant = node.is_addressed(datagram)
+            if command in MULTIPLE:
+                node.serve(datagram, reads=meant, writes=not meant, delay=number * _HOP)
+            elif meant:
+                node.serve(datagram, reads=reads, writes=writes, delay=number * _HOP)
+            if command in POSITION or command in BROADCAST:
+                datagram.pass_on()
+
+    def _work(self, reached: Sequence[EthercatSlave]) -> None:
+        """Let happen what a frame has set off in the slaves."""
+        last = len(reached) - 1
+        due = False
+        for number, node in enumerate(reached):
+            back = (2 * last - number) * _HOP if number < last else None
+            if node.work(number * _HOP, back):
+                due = due or number in self._exchanged
+                self._exchanged.add(number)
+        if self._exchanged:
+            waiting = {n for n, node in enumerate(reached) if node.exchanges} - self._exchanged
+            if due or not waiting:
+                self._finish_cycle()
+
+    def _finish_cycle(self) -> None:
+        self._exchanged.clear()
+        for node in self.nodes:
+            node.synchronize()
+        if self._clock == "sync":
+            self._advance(self.cycle)
+
+    def _latch_once(self) -> None:
+        """Latch all axes, unless that was done at this instant for another slave."""
+        if self._latched is None or self.time - self._latched > _SIMULTANEOUS:
+            self._latched = self.time
+            self._latch()
+
+    def _show_links(self, count: int) -> None:
+        for number, node in enumerate(self.nodes[:count]):
+            status = _OPERATIONAL | _LINK_FIRST | _OPEN_FIRST | _CLOSED_OTHERS
+            status |= _LINK_NEXT | _OPEN_NEXT if number < count - 1 else _CLOSED_NEXT
+            node.controller.put(reg.DL_STATUS, 2, status)

@@ -1,0 +1,308 @@
+"""One drive of the plant as an EtherCAT slave: controller, states, mailbox, process data, clock.
+
+The slave sees each frame twice: while it passes (`serve`), and when it has passed (`work`), where
+whatever the frame has set off happens. With SYNC0 activated, outputs act and inputs are latched at
+each SYNC0; otherwise when the frame with the outputs has passed. Either way a master reads inputs
+that were latched before its frame came.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sim_plant.canopen.emcy import Emergencies, ErrorCode
+from sim_plant.canopen.object_dictionary import ObjectDictionary
+from sim_plant.drive.cia402_drive import Cia402Drive
+from sim_plant.ethercat import eeprom
+from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.al_states import AlCode, AlState, AlStates
+from sim_plant.ethercat.clock import Clock
+from sim_plant.ethercat.coe import CoeServer
+from sim_plant.ethercat.controller import Controller
+from sim_plant.ethercat.mailbox import HEADER, IN, OUT, Mailbox
+from sim_plant.ethercat.objects import (
+    CYCLE_MAX,
+    MIN_CYCLE,
+    SYNC_OUT,
+    coe_entries,
+    drive_objects,
+    without_can,
+)
+from sim_plant.ethercat.process_data import SIZE_MAX, ProcessData
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sim_plant.canopen.timers import Timers
+    from sim_plant.drive.process_image import AxisImage
+    from sim_plant.drive_settings import DriveSettings
+    from sim_plant.ethercat.frame import Datagram
+    from sim_plant.machine_protocol import Axis
+
+OUTPUTS, INPUTS = 2, 3
+"""Sync managers of process data."""
+_MAILBOX_MIN = HEADER.size + 16
+"""Bytes that a mailbox needs for the services that there are."""
+_TICK = 40e-9
+"""Unit of the watchdog's divider [s]."""
+_ROUNDING = 1e-9
+"""What sums of instants may be off by [s]."""
+
+
+class EthercatSlave(Cia402Drive):
+    """One drive of the plant on EtherCAT.
+
+    Parameters
+    ----------
+    settings, axis, image, timers
+        As in `Cia402Drive`.
+    latch : callable
+        Latches all axes at the present instant.
+
+    Attributes
+    ----------
+    controller : Controller
+    clock : Clock
+    states : AlStates
+    mailbox : Mailbox
+    coe : CoeServer
+    eeprom : Eeprom
+    is_connected : bool
+        Whether frames pass through it; False while it has no supply.
+    """
+
+    def __init__(
+        self,
+        settings: DriveSettings,
+        axis: Axis,
+        image: AxisImage,
+        timers: Timers,
+        latch: Callable[[], None],
+    ) -> None:
+        personality = without_can(settings.personality)
+        settings = replace(settings, personality=personality)
+        dictionary = ObjectDictionary(settings.node_id, personality, coe_entries)
+        objects = drive_objects(personality)
+        identity = settings.vendor_id, settings.product_code, settings.revision, settings.serial
+        self.is_connected = True
+        self.controller = Controller()
+        self.clock = Clock(self.controller)
+        self.eeprom = eeprom.Eeprom(eeprom.sii(objects, identity, settings.name))
+        self.mailbox = Mailbox(self.controller, self._serve_mailbox)
+        self.coe = CoeServer(
+            dictionary, objects, self.mailbox, states_size=personality.sdo_states_size
+        )
+        emergencies = Emergencies(dictionary, lambda _identifier, data: self.coe.emergency(data))
+        self.states = AlStates(
+            self.controller,
+            {
+                AlState.PREOP: self._check_mailboxes,
+                AlState.SAFEOP: self._check_process_data,
+                AlState.OP: self._check_clock,
+            },
+            self._change_state,
+        )
+        dictionary.limit(SYNC_OUT, 2, 0, CYCLE_MAX)
+        self.process_data = ProcessData(
+            dictionary, emergencies, lambda: self.states.state is not AlState.PREOP
+        )
+        self._latch_axes = latch
+        self._fed = 0.0
+        self._new_outputs = False
+        super().__init__(settings, axis, image, timers, dictionary, emergencies, lambda: True)
+
+    # Power
+
+    def boot(self) -> None:
+        """Begin as after power-on."""
+        self._timers.stop((self.node_id, "watchdog"))
+        self._timers.stop((self.node_id, "SYNC0"))
+        self.controller.reset()
+        self.eeprom.load(self.controller)
+        self.clock.reset(self._timers.now)
+        self.mailbox.reset()
+        self.states.reset()
+
+    def restart(self) -> None:
+        """Begin as after power-on, with a drive and objects that do so too."""
+        self.emergencies.reset()
+        self.dictionary.reset(0x1000, 0x9FFF)
+        self.reset()
+        self.boot()
+
+    def connect(self, connected: bool) -> None:
+        """Let frames pass, or none, as without supply."""
+        self.is_connected = connected
+
+    # Frames
+
+    def serve(self, datagram: Datagram, *, reads: bool, writes: bool, delay: int) -> None:
+        """Work on a datagram that concerns this slave, as it passes `delay` [ns] behind now."""
+        low, high = datagram.offset, datagram.offset + datagram.size
+        times = low < reg.TIME_OFFSET and high > reg.RECEIVE_TIMES
+        if times and reads:
+            self.clock.show(self._timers.now, delay)
+        if times and writes and low <= reg.SYSTEM_TIME and high >= reg.SYSTEM_TIME + 4:
+            received = int.from_bytes(datagram.data[reg.SYSTEM_TIME - low :][:8], "little")
+            self.clock.compare(received, self._timers.now, delay)
+        self.controller.serve(datagram, reads=reads, writes=writes)
+
+    def is_addressed(self, datagram: Datagram) -> bool:
+        """Whether a datagram names this slave by its address, or by its alias."""
+        position, by_alias = datagram.position, self.controller.memory[reg.DL_CONTROL + 3] & 1
+        return position == self.controller.word(reg.STATION) or bool(
+            by_alias and position == self.controller.word(reg.ALIAS)
+        )
+
+    def work(self, forward: int, back: int | None) -> bool:
+        """Carry out what the frame has set off; return whether its outputs have come.
+
+        Parameters
+        ----------
+        forward, back : int
+            When the frame came, and came back if it went on to another slave [ns].
+        """
+        events = self.controller.take_events()
+        if not events:
+            self.mailbox.work()
+            return False
+        if reg.RECEIVE_TIMES in events:
+            self.clock.latch(self._timers.now, forward, back)
+        if reg.EEPROM_CONTROL + 1 in events:
+            self.eeprom.execute(self.controller)
+        if reg.ACTIVATION in events:
+            self._start_sync0()
+        if not events.isdisjoint((reg.WATCHDOG_DIVIDER, reg.WATCHDOG_TIME)):
+            self._restart_watchdog()
+        if reg.AL_CONTROL in events:
+            self.states.request(self.controller.word(reg.AL_CONTROL))
+        self.mailbox.work()
+        return self._take_outputs(events)
+
+    def _serve_mailbox(self, service: bytes) -> None:
+        self.coe.receive(service)
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether it takes part in the exchange of process data."""
+        return self.states.state in (AlState.SAFEOP, AlState.OP)
+
+    def synchronize(self) -> None:
+        """Latch inputs and let outputs act, where SYNC0 does not."""
+        if self.exchanges and not self.clock.cycle:
+            self._exchange()
+
+    def _take_outputs(self, events: set[int]) -> bool:
+        """Return whether process data were exchanged: outputs, inputs of a slave without any."""
+        managers = self.controller.managers
+        outputs, inputs = managers[OUTPUTS], managers[INPUTS]
+        written = outputs.is_active and outputs.start in events
+        if written:
+            self._new_outputs = True
+            if outputs.feeds_watchdog:
+                self._feed()
+        return written or (not outputs.is_active and inputs.is_active and inputs.start in events)
+
+    def _exchange(self) -> None:
+        self._latch_axes()
+        data, inputs = self.process_data.latch(), self.controller.managers[INPUTS]
+        if inputs.is_active and inputs.size == len(data):
+            self.controller.memory[inputs.start : inputs.start + inputs.size] = data
+        if self.states.state is AlState.OP and self._new_outputs:
+            self._new_outputs = False
+            self.process_data.act(self.controller.content(OUTPUTS))
+
+    # Watchdog and SYNC0
+
+    @property
+    def _watchdog(self) -> float:
+        """Time after which the watchdog of process data expires [s], 0 if it is off."""
+        if not self.controller.managers[OUTPUTS].feeds_watchdog:
+            return 0.0
+        unit = (self.controller.word(reg.WATCHDOG_DIVIDER) + 2) * _TICK
+        return unit * self.controller.word(reg.WATCHDOG_TIME)
+
+    def _feed(self) -> None:
+        self._fed = self._timers.now
+        self.controller.memory[reg.WATCHDOG_STATUS] = 1
+        name = self.node_id, "watchdog"
+        if self._watchdog and not self._timers.runs(name):
+            self._timers.start(name, self._watchdog, self._look_at_watchdog)
+
+    def _restart_watchdog(self) -> None:
+        name = self.node_id, "watchdog"
+        if self._timers.runs(name):
+            self._timers.stop(name)
+            self._feed()
+
+    def _look_at_watchdog(self) -> None:
+        left = self._fed + self._watchdog - self._timers.now
+        if left > _ROUNDING:
+            self._timers.start((self.node_id, "watchdog"), left, self._look_at_watchdog)
+        elif self._watchdog:
+            memory = self.controller.memory
+            memory[reg.WATCHDOG_STATUS] = 0
+            memory[reg.WATCHDOG_COUNTER] = min(memory[reg.WATCHDOG_COUNTER] + 1, 0xFF)
+            if self.states.state is AlState.OP:
+                self.states.fall(AlState.SAFEOP, AlCode.WATCHDOG)
+
+    def _start_sync0(self, least: int = 0) -> None:
+        """Wait for the first SYNC0 that is further ahead than `least` [ns]."""
+        name = self.node_id, "SYNC0"
+        self._timers.stop(name)
+        if MIN_CYCLE <= self.clock.cycle <= CYCLE_MAX:
+            ahead = self.clock.until_sync0(self._timers.now, least)
+            self._timers.start(name, ahead, self._sync0)
+
+    def _sync0(self) -> None:
+        self._start_sync0(self.clock.cycle // 2)
+        if self.exchanges:
+            self._exchange()
+
+    # States
+
+    def _check_mailboxes(self) -> AlCode:
+        managers = self.controller.managers
+        fits = all(
+            managers[number].is_active
+            and managers[number].is_mailbox
+            and managers[number].is_written == written
+            and managers[number].start >= reg.PROCESS_MEMORY
+            and managers[number].start + managers[number].size <= reg.MEMORY_SIZE
+            and managers[number].size >= _MAILBOX_MIN
+            for number, written in ((OUT, True), (IN, False))
+        )
+        return AlCode.NONE if fits else AlCode.MAILBOX
+
+    def _check_process_data(self) -> AlCode:
+        managers = self.controller.managers
+        for number, size, code in zip(
+            (OUTPUTS, INPUTS), self.process_data.sizes, (AlCode.OUTPUTS, AlCode.INPUTS), strict=True
+        ):
+            manager = managers[number]
+            active, wanted = manager.size if manager.is_active else 0, number == OUTPUTS
+            if active != size or size > SIZE_MAX:
+                return code
+            if size and (manager.is_mailbox or manager.is_written != wanted):
+                return code
+            if size and not reg.PROCESS_MEMORY <= manager.start <= reg.MEMORY_SIZE - size:
+                return code
+        self.process_data.compile()
+        return AlCode.NONE
+
+    def _check_clock(self) -> AlCode:
+        fits = not self.clock.is_cyclic or MIN_CYCLE <= self.clock.cycle <= CYCLE_MAX
+        return AlCode.NONE if fits else AlCode.SYNC0_CYCLE
+
+    def _change_state(self, state: AlState, before: AlState) -> None:
+        self.emergencies.enabled = state is not AlState.INIT
+        if state is AlState.INIT:
+            self.mailbox.reset()
+            self.coe.reset()
+        if state is AlState.OP:
+            self.process_data.forget()
+            self._new_outputs = False
+            self._feed()
+        elif before is AlState.OP:
+            self.lose_connection(ErrorCode.COMMUNICATION)
