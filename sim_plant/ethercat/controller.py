@@ -60,11 +60,12 @@ class _Fmmu(NamedTuple):
 
     logical: int
     size: int
+    physical: int
+    kind: int
+    is_bytewise: bool
     start_bit: int
     stop_bit: int
-    physical: int
     physical_bit: int
-    kind: int
 
 
 class Controller:
@@ -84,7 +85,8 @@ class Controller:
         self.memory = reg.power_on()
         self._events: set[int] = set()
         self._managers: list[SyncManager] | None = None
-        self._fmmus: list[_Fmmu] | None = None
+        self._active: list[tuple[int, SyncManager, int]] = []
+        self._fmmus: list[_Fmmu] = []
 
     # What the slave's own side does
 
@@ -100,14 +102,31 @@ class Controller:
     def managers(self) -> list[SyncManager]:
         """All sync managers, as they are set now."""
         if self._managers is None:
-            self._managers = [
-                SyncManager(*_SYNC_MANAGER.unpack_from(self.memory, reg.SYNC_MANAGER + 8 * n))
-                for n in range(reg.SYNC_MANAGERS)
-            ]
-            for number, guarded in enumerate(self._managers):
-                if not guarded.is_active:
-                    self.set_full(number, full=False)
-        return self._managers
+            self._load()
+        return self._managers or []
+
+    def _load(self) -> None:
+        """Take over how sync managers and FMMUs are set; one that is off has no full mailbox."""
+        self._managers = [
+            SyncManager(*_SYNC_MANAGER.unpack_from(self.memory, reg.SYNC_MANAGER + 8 * n))
+            for n in range(reg.SYNC_MANAGERS)
+        ]
+        self._active = []
+        for number, guarded in enumerate(self._managers):
+            if guarded.is_active:
+                self._active.append((number, guarded, guarded.start + guarded.size))
+            else:
+                self.set_full(number, full=False)
+        self._fmmus = []
+        for number in range(reg.FMMUS):
+            logical, size, first, last, physical, shift, kind, active = _FMMU.unpack_from(
+                self.memory, reg.FMMU + 16 * number
+            )
+            if active & 1 and size:
+                bits = first & 7, last & 7, shift & 7
+                self._fmmus.append(
+                    _Fmmu(logical, size, physical, kind, bits == _WHOLE_BYTES, *bits)
+                )
 
     def is_full(self, manager: int) -> bool:
         """Whether a mailbox waits to be read."""
@@ -156,10 +175,10 @@ class Controller:
         if end > reg.MEMORY_SIZE or not size:
             return None
         if end > reg.PROCESS_MEMORY:
-            for number, guarded in self._guards(place, end):
+            for number, guarded, last in self._guards(place, end):
                 if guarded.is_written or (guarded.is_mailbox and not self.is_full(number)):
                     return None
-                if guarded.is_mailbox and end >= guarded.start + guarded.size:
+                if guarded.is_mailbox and end >= last:
                     self.set_full(number, full=False)
                 self._events.add(guarded.start)
         return bytes(self.memory[place:end])
@@ -171,22 +190,21 @@ class Controller:
             return False
         if place < reg.PROCESS_MEMORY:
             return self._write_registers(place, data)
-        for number, guarded in self._guards(place, end):
+        for number, guarded, last in self._guards(place, end):
             if not guarded.is_written or (guarded.is_mailbox and self.is_full(number)):
                 return False
-            if end >= guarded.start + guarded.size:
+            if end >= last:
                 if guarded.is_mailbox:
                     self.set_full(number, full=True)
                 self._events.add(guarded.start)
         self.memory[place:end] = data
         return True
 
-    def _guards(self, place: int, end: int) -> list[tuple[int, SyncManager]]:
-        return [
-            (number, guarded)
-            for number, guarded in enumerate(self.managers)
-            if guarded.is_active and guarded.start < end and place < guarded.start + guarded.size
-        ]
+    def _guards(self, place: int, end: int) -> list[tuple[int, SyncManager, int]]:
+        """Return number, sync manager and end of all that guard a piece of memory."""
+        if self._managers is None:
+            self._load()
+        return [found for found in self._active if found[1].start < end and place < found[2]]
 
     def _write_registers(self, place: int, data: bytes) -> bool:
         taken = False
@@ -195,12 +213,12 @@ class Controller:
                 self.memory[at] = 0 if at in reg.CLEARED else value
                 self._events.add(at)
                 taken = True
-        self._managers = self._fmmus = None
+        self._managers = None
         return taken
 
     def _serve_logical(self, datagram: Datagram, *, reads: bool, writes: bool) -> None:
-        if self._fmmus is None:
-            self._fmmus = self._active_fmmus()
+        if self._managers is None:
+            self._load()
         incoming, outgoing = datagram.data, bytearray(datagram.data)
         done = 0
         for fmmu in self._fmmus:
@@ -212,21 +230,12 @@ class Controller:
             datagram.data = bytes(outgoing)
         datagram.count((done & _READ) + (done >> 1) * (2 if reads else 1))
 
-    def _active_fmmus(self) -> list[_Fmmu]:
-        found = []
-        for number in range(reg.FMMUS):
-            fields = _FMMU.unpack_from(self.memory, reg.FMMU + 16 * number)
-            logical, size, first, last, physical, shift, kind, active = fields
-            if active & 1 and size:
-                found.append(_Fmmu(logical, size, first & 7, last & 7, physical, shift & 7, kind))
-        return found
-
     def _lay_out(self, fmmu: _Fmmu, start: int, data: bytes) -> bool:
         """Write into memory what a datagram carries for it."""
         place, first, size = _overlap(fmmu, start, len(data))
         if size <= 0:
             return False
-        if _is_bytewise(fmmu):
+        if fmmu.is_bytewise:
             return self.write(place, data[first : first + size])
         value, shift, mask = int.from_bytes(data[first : first + size], "little"), *_bits(fmmu)
         covered = _covered(fmmu)
@@ -240,15 +249,15 @@ class Controller:
     def _lay_in(self, fmmu: _Fmmu, start: int, data: bytearray) -> bool:
         """Put into a datagram what stands in memory for it."""
         place, first, size = _overlap(fmmu, start, len(data))
-        if size <= 0 or (size != fmmu.size and not _is_bytewise(fmmu)):
+        if size <= 0 or (size != fmmu.size and not fmmu.is_bytewise):
             return False
-        if _is_bytewise(fmmu):
+        if fmmu.is_bytewise:
             found = self.read(place, size)
         else:
             found = self.read(fmmu.physical, _covered(fmmu))
         if found is None:
             return False
-        if not _is_bytewise(fmmu):
+        if not fmmu.is_bytewise:
             shift, mask = _bits(fmmu)
             value = int.from_bytes(data[first : first + size], "little")
             bits = int.from_bytes(found, "little") >> shift & mask
@@ -260,10 +269,6 @@ class Controller:
 
 def _status(manager: int) -> int:
     return reg.SYNC_MANAGER + 8 * manager + 5
-
-
-def _is_bytewise(fmmu: _Fmmu) -> bool:
-    return (fmmu.start_bit, fmmu.stop_bit, fmmu.physical_bit) == _WHOLE_BYTES
 
 
 def _overlap(fmmu: _Fmmu, start: int, size: int) -> tuple[int, int, int]:

@@ -90,8 +90,7 @@ class Mailbox:
             self._controller.set_full(OUT, full=False)
             self._take(content)
         self._repeat()
-        if self._waiting and not self._controller.is_full(IN):
-            self._put(self._waiting.popleft())
+        self._publish()
 
     def _take(self, content: bytes) -> None:
         if len(content) < HEADER.size:
@@ -118,6 +117,11 @@ class Mailbox:
             self._counter = self._counter % 7 + 1
             head = HEADER.pack(len(service), 0, 0, kind | self._counter << 4)
             self._waiting.append(head + service)
+            self._publish()
+
+    def _publish(self) -> None:
+        if self._waiting and not self._controller.is_full(IN):
+            self._put(self._waiting.popleft())
 
     def _put(self, content: bytes) -> None:
         manager = self._controller.managers[IN]

@@ -227,7 +227,7 @@ class EthercatSlave(Cia402Drive):
         self._fed = self._timers.now
         self.controller.memory[reg.WATCHDOG_STATUS] = 1
         name = self.node_id, "watchdog"
-        if self._watchdog and not self._timers.runs(name):
+        if not self._timers.runs(name) and self._watchdog:
             self._timers.start(name, self._watchdog, self._look_at_watchdog)
 
     def _restart_watchdog(self) -> None:

@@ -1,0 +1,94 @@
+"""Nothing that comes by wire upsets a slave, and nothing energises a drive that nobody enabled."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+from ethercat_master import ETHERNET, Master, frame_of
+from hypothesis import given
+from hypothesis import strategies as st
+from ideal_machine import IdealMachine
+
+from sim_plant.ethercat.frame import Command
+from sim_plant.ethercat.segment import Segment
+
+PLACES = (0x10, 0x100, 0x120, 0x400, 0x420, 0x502, 0x600, 0x610, 0x800, 0x808, 0x810, 0x818)
+MORE = (0x900, 0x910, 0x920, 0x981, 0x990, 0x9A0, 0x1000, 0x1400, 0x1800, 0x1C00, 0x2FF8)
+
+
+def switched_on() -> tuple[IdealMachine, Segment]:
+    machine = IdealMachine(2)
+    segment = Segment(machine)
+    segment.power_on()
+    return machine, segment
+
+
+@given(st.binary(max_size=120))
+def test_whatever_stands_in_a_frame_it_comes_back_as_long_as_it_was(rest: bytes) -> None:
+    _, segment = switched_on()
+    for frame in (rest, ETHERNET + rest, ETHERNET + b"\x40\x10" + rest):
+        answer = segment.process(frame)
+        assert answer is not None
+        assert len(answer) == len(frame)
+
+
+datagram = st.tuples(
+    st.integers(0, 16),
+    st.sampled_from((0, 0xFFFF, 0x1001, 0x100)),
+    st.one_of(st.sampled_from(PLACES + MORE), st.integers(0, 0xFFFF)),
+    st.binary(max_size=40),
+)
+
+
+@given(st.lists(st.lists(datagram, min_size=1, max_size=4), max_size=25))
+def test_datagrams_of_any_content_upset_no_slave(
+    frames: list[list[tuple[int, int, int, bytes]]],
+) -> None:
+    _, segment = switched_on()
+    for datagrams in frames:
+        assert segment.process(frame_of(*datagrams)) is not None
+    segment.nodes[0].restart()
+    master = Master(segment.process)
+    master.to_preop(0)
+    assert master.upload(0, 0x1000) == b"\x92\1\2\0"
+
+
+def mutated(rng: random.Random, frame: bytes) -> bytes:
+    changed = bytearray(frame)
+    for _ in range(rng.choice((1, 1, 2, 8))):
+        changed[rng.randrange(14, len(changed))] = rng.randrange(256)
+    return bytes(changed[: rng.choice((len(changed), rng.randrange(len(changed) + 1)))])
+
+
+def service(rng: random.Random) -> bytes:
+    """Make something like a CoE service."""
+    index = rng.choice((0x1000, 0x1018, 0x1600, 0x1C12, 0x1C32, 0x6060, 0x6081, 0x2000))
+    command = rng.choice((0x40, 0x50, 0x21, 0x31, 0x23, 0x2F, 0x60, 0x70, 0x01, 0x80, 0xE0))
+    head = struct.pack("<HBHBI", rng.choice((2, 8)) << 12, command, index, rng.randrange(4), 5)
+    return head + rng.randbytes(rng.randrange(20))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_mutated_frames_of_a_master_energise_nothing(seed: int) -> None:
+    rng = random.Random(seed)
+    machine, segment = switched_on()
+    good = Master(segment.process)
+    for number in range(4000):
+        if number % 500 == 0:
+            for node in segment.nodes:
+                node.restart()
+            good.to_op(0, 1)
+        if rng.random() < 0.5:
+            data = struct.pack("<Hiih", 0, 0, 0, 0) + bytes(12)
+            frame = frame_of((Command.LRW, 0, 0, data), (Command.LRW, 0x100, 0, data))
+        else:
+            content = struct.pack("<HHBB", 30, 0, 0, 3 | rng.randrange(8) << 4) + service(rng)
+            frame = frame_of(
+                (Command.APWR, 0, 0x1000, content.ljust(512, b"\0")),
+                (Command.APRD, 0, 0x1400, bytes(512)),
+            )
+        segment.process(frame if rng.random() < 0.3 else mutated(rng, frame))
+    energised = {call[0] for axis in machine.axes for call in axis.calls}
+    assert "move" not in energised
