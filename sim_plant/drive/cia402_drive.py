@@ -173,6 +173,14 @@ class Cia402Drive:
         self._locked, self._voltage = False, Status.VOLTAGE_ENABLED
         self._refresh()
 
+    def connect(self, connected: bool) -> None:
+        """Put the drive on its bus, or cut it off: then it hears nothing, and works on."""
+        raise NotImplementedError
+
+    def restart(self) -> None:
+        """Begin as after power-on, as a drive does whose own watchdog has found it hanging."""
+        raise NotImplementedError
+
     # Commands
 
     def _control(self, _subindex: int, controlword: int) -> None:

@@ -52,7 +52,7 @@ class Cia402Node(CanopenNode, Cia402Drive):
         )
 
     def restart(self) -> None:
-        """Begin as after power-on, as a node does whose own watchdog has found it hanging."""
+        """Begin as after power-on."""
         self.nmt.receive(bytes([NmtCommand.RESET_NODE, self.node_id]))
 
     def _abort_connection(self, code: ErrorCode) -> None:

@@ -62,7 +62,7 @@ class AlStates:
     Attributes
     ----------
     state : AlState
-    code : AlCode
+    code : int
         Why it is not the one that was asked for, NONE without error.
     """
 
@@ -75,7 +75,8 @@ class AlStates:
         self._controller = controller
         self._checks = checks
         self._changed = changed
-        self.state, self.code = AlState.INIT, AlCode.NONE
+        self.state = AlState.INIT
+        self.code: int = AlCode.NONE
 
     def reset(self) -> None:
         """Be as after power-on."""
@@ -93,7 +94,7 @@ class AlStates:
         else:
             self._go(AlState(asked))
 
-    def fall(self, state: AlState, code: AlCode) -> None:
+    def fall(self, state: AlState, code: int) -> None:
         """Leave the present state for a lower one because something is wrong."""
         self._enter(min(state, self.state), code)
 
@@ -110,7 +111,7 @@ class AlStates:
             refusal = check() if check else AlCode.NONE
             self._enter(self.state if refusal else asked, refusal)
 
-    def _enter(self, state: AlState, code: AlCode) -> None:
+    def _enter(self, state: AlState, code: int) -> None:
         before, self.state, self.code = self.state, state, code
         self._show()
         if state is not before:

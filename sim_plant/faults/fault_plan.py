@@ -78,6 +78,18 @@ class What(StrEnum):
     """No more than `size` per mille of rated torque: the axis does not follow."""
     PUSH = "push"
     """From outside on the joint, with `size` N m or N."""
+    SEGMENT_CUT = "segment-cut"
+    """EtherCAT: the cable between the drive and the one before it."""
+    FRAMES_LOST = "frames-lost"
+    """EtherCAT: `size` % of the frames, by chance, on their way back."""
+    FRAME_LATE = "frame-late"
+    """EtherCAT: a frame comes back when the next one is sent."""
+    AL_ERROR = "al-error"
+    """EtherCAT: the slave falls to SAFEOP with AL status code `code`."""
+    ALIAS = "alias"
+    """EtherCAT: the slave's alias is `size`, whatever another's is."""
+    CLOCK_DRIFT = "clock-drift"
+    """EtherCAT: the slave's clock is too fast by `size` parts per million."""
     QUICK_STOP_IGNORED = "quick-stop-ignored"
     """By controlword: the drive stays in OPERATION ENABLED and goes on with its move."""
     DISABLE_VOLTAGE_IGNORED = "disable-voltage-ignored"
@@ -93,14 +105,19 @@ _WITHOUT_AXIS = {
     What.TRANSMIT_OUTAGE,
     What.RECEIVE_OUTAGE,
     What.CABLE_CUT,
+    What.FRAMES_LOST,
+    What.FRAME_LATE,
 }
-_WITH_CODE = {What.SDO_ABORTED, What.WARNING, What.FAULT}
+_WITH_CODE = {What.SDO_ABORTED, What.WARNING, What.FAULT, What.AL_ERROR}
 _WITH_SIZE = {
     What.ENCODER_JUMP,
     What.CURRENT_OFFSET,
     What.CURRENT_CLIPPED,
     What.AXIS_WEAK,
     What.PUSH,
+    What.FRAMES_LOST,
+    What.ALIAS,
+    What.CLOCK_DRIFT,
 }
 
 

@@ -10,33 +10,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.drive.cia402_states import Control
 from sim_plant.faults import drive_faults, frame_faults, interlock_faults
 from sim_plant.faults.fault_plan import What
 from sim_plant.faults.frame_faults import NotSent
 from sim_plant.faults.machine_faults import FaultyMachine
-from sim_plant.faults.moment import Progress, Watch
+from sim_plant.faults.schedule import FaultSchedule
 from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
 
 if TYPE_CHECKING:
     from sim_plant.drive.cia402_node import Cia402Node
-    from sim_plant.faults.fault_plan import Fault, FaultPlan
-    from sim_plant.faults.injection import Injection
+    from sim_plant.faults.fault_plan import FaultPlan
+    from sim_plant.faults.injection import Injection, NodeInjection
     from sim_plant.plant import Plant
     from sim_plant.slave_network import CanFrame, Clock
 
-_INJECTIONS: dict[What, type[Injection]] = {
-    What.TPDO_LOST: frame_faults.TpdoLost,
-    What.TPDO_DOUBLED: frame_faults.TpdoDoubled,
-    What.TPDO_LATE: frame_faults.TpdoLate,
-    What.SDO_SILENT: frame_faults.SdoSilent,
-    What.SDO_ABORTED: frame_faults.SdoAborted,
-    What.HEARTBEAT_LOST: frame_faults.HeartbeatLost,
-    What.MASTER_HEARTBEAT_LOST: frame_faults.MasterHeartbeatLost,
-    What.CABLE_CUT: frame_faults.CableCut,
-    What.ADAPTER_BUS_OFF: frame_faults.AdapterBusOff,
-    What.TRANSMIT_OUTAGE: frame_faults.TransmitOutage,
-    What.RECEIVE_OUTAGE: frame_faults.ReceiveOutage,
+DRIVE_FAULTS: dict[What, type[NodeInjection]] = {
     What.WARNING: drive_faults.Warned,
     What.FAULT: drive_faults.Failed,
     What.NODE_RESET: drive_faults.Reset,
@@ -55,9 +43,25 @@ _INJECTIONS: dict[What, type[Injection]] = {
     What.DISABLE_VOLTAGE_IGNORED: drive_faults.DisableVoltageIgnored,
     What.STOP_WITHOUT_EFFECT: drive_faults.StopWithoutEffect,
 }
+"""Those of drives, sensors and motors, on whatever bus."""
+
+KINDS: dict[What, type[Injection]] = {
+    **DRIVE_FAULTS,
+    What.TPDO_LOST: frame_faults.TpdoLost,
+    What.TPDO_DOUBLED: frame_faults.TpdoDoubled,
+    What.TPDO_LATE: frame_faults.TpdoLate,
+    What.SDO_SILENT: frame_faults.SdoSilent,
+    What.SDO_ABORTED: frame_faults.SdoAborted,
+    What.HEARTBEAT_LOST: frame_faults.HeartbeatLost,
+    What.MASTER_HEARTBEAT_LOST: frame_faults.MasterHeartbeatLost,
+    What.CABLE_CUT: frame_faults.CableCut,
+    What.ADAPTER_BUS_OFF: frame_faults.AdapterBusOff,
+    What.TRANSMIT_OUTAGE: frame_faults.TransmitOutage,
+    What.RECEIVE_OUTAGE: frame_faults.ReceiveOutage,
+}
 
 
-class FaultyNetwork:
+class FaultyNetwork(FaultSchedule[SlaveNetwork]):
     """A plant's drives, with what goes wrong.
 
     Parameters
@@ -73,10 +77,7 @@ class FaultyNetwork:
 
     Attributes
     ----------
-    machine : FaultyMachine
     nodes : tuple of Cia402Node
-    progress : Progress
-        What has been counted.
 
     Raises
     ------
@@ -87,38 +88,14 @@ class FaultyNetwork:
     def __init__(
         self, plant: Plant, clock: Clock, plan: FaultPlan, cycle: float = CYCLE_DEFAULT
     ) -> None:
-        plan.check_axes(len(plant.axes))
-        self.machine = FaultyMachine(plant)
-        self.progress = Progress()
         self._clock = clock
-        self._network = SlaveNetwork(self.machine, clock, cycle)
-        self._waiting: list[tuple[Watch, Injection]] = []
-        self._present: list[tuple[Watch, Injection]] = []
-        self._controlwords = [0] * len(self.nodes)
-        for axis, node in enumerate(self.nodes):
-            self._count_set_points(axis, node)
-        for fault in plan.faults:
-            self.add(fault)
-
-    @property
-    def time(self) -> float:
-        """Time since power-on [s]."""
-        return self._network.time
+        machine = FaultyMachine(plant)
+        super().__init__(SlaveNetwork(machine, clock, cycle), machine, KINDS, plan)
 
     @property
     def nodes(self) -> tuple[Cia402Node, ...]:
         """The drives in joint order."""
         return self._network.nodes
-
-    @property
-    def present(self) -> tuple[Fault, ...]:
-        """What is wrong now."""
-        return tuple(injection.fault for _, injection in self._present)
-
-    def add(self, fault: Fault) -> None:
-        """Let one more thing go wrong."""
-        injection = _INJECTIONS[fault.what](fault, self._network, self.machine)
-        self._waiting.append((Watch(fault), injection))
 
     def power_on(self) -> list[CanFrame]:
         """Boot all drives."""
@@ -182,32 +159,7 @@ class FaultyNetwork:
             return []
         return self._passed_on(self._network.elapse(self._network.cycle))
 
-    def _update(self) -> list[CanFrame]:
-        """Let faults begin and end; return frames that those which end have held back."""
-        self.progress.time = self._network.time
-        held: list[CanFrame] = []
-        for watched in tuple(self._present):
-            if not watched[0].present(self.progress):
-                self._present.remove(watched)
-                held += watched[1].end()
-        for watched in tuple(self._waiting):
-            if watched[0].present(self.progress):
-                self._waiting.remove(watched)
-                self._present.append(watched)
-                watched[1].begin()
-        return held
-
     def _passed_on(self, frames: list[CanFrame]) -> list[CanFrame]:
         for _, injection in self._present:
             frames = injection.outgoing(frames)
         return frames
-
-    def _count_set_points(self, axis: int, node: Cia402Node) -> None:
-        def count(_subindex: int, word: int) -> None:
-            risen = word & ~self._controlwords[axis]
-            self._controlwords[axis] = word
-            if risen & Control.NEW_SET_POINT:
-                given = self.progress.set_points
-                given[axis + 1] = given.get(axis + 1, 0) + 1
-
-        node.dictionary.react(0x6040, count)

@@ -12,7 +12,8 @@ from sim_plant.canopen.cob_id import IDENTIFIER, INVALID
 if TYPE_CHECKING:
     from sim_plant.faults.fault_plan import Fault
     from sim_plant.faults.machine_faults import FaultyMachine
-    from sim_plant.slave_network import CanFrame, SlaveNetwork
+    from sim_plant.slave_network import CanFrame
+    from sim_plant.timed_network import TimedNetwork
 
 _TPDOS = 4
 
@@ -23,12 +24,12 @@ class Injection:
     Parameters
     ----------
     fault : Fault
-    network : SlaveNetwork
+    network : TimedNetwork
     machine : FaultyMachine
         Behind the network.
     """
 
-    def __init__(self, fault: Fault, network: SlaveNetwork, machine: FaultyMachine) -> None:
+    def __init__(self, fault: Fault, network: TimedNetwork, machine: FaultyMachine) -> None:
         self.fault = fault
         self.network = network
         self.machine = machine
@@ -57,10 +58,10 @@ class NodeInjection(Injection):
     ----------
     axis : int
         From 0.
-    node : Cia402Node
+    node : Cia402Drive
     """
 
-    def __init__(self, fault: Fault, network: SlaveNetwork, machine: FaultyMachine) -> None:
+    def __init__(self, fault: Fault, network: TimedNetwork, machine: FaultyMachine) -> None:
         super().__init__(fault, network, machine)
         self.axis = (fault.axis or 1) - 1
         self.node = network.nodes[self.axis]

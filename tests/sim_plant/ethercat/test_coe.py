@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from ethercat_master import OP, PREOP, SAFEOP, Master, SdoRefused
+from ethercat_master import OP, SAFEOP, Master, SdoRefused
 from ideal_machine import IdealMachine
 
 from sim_plant.drive.cia402_states import State

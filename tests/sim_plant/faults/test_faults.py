@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 from checked_files.yaml_file import FileError
 from sim_plant import __main__ as command
+from sim_plant.faults import faulty_network, faulty_segment
 from sim_plant.faults.fault_plan import Fault, What, load_fault_plan
 from sim_plant.faults.frame_faults import BusOff, NotSent
 from sim_plant.faults.moment import Progress, Watch
@@ -44,7 +45,8 @@ def test_every_fault_of_the_table_is_survived_as_described(case: Case) -> None:
 
 
 def test_every_kind_of_fault_has_a_row() -> None:
-    assert {fault.what for case in CASES for fault in case.faults} == set(What)
+    assert {fault.what for case in CASES for fault in case.faults} == set(faulty_network.KINDS)
+    assert {*faulty_network.KINDS, *faulty_segment.KINDS} == set(What)
 
 
 # The plan
