@@ -17,6 +17,7 @@ from sim_plant.slave_network import CLOCKS, CYCLE_DEFAULT, Clock
 from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
+    from sim_plant.faults.fault_plan import FaultPlan
     from sim_plant.machine_protocol import Machine
     from sim_plant.plant import Plant
 
@@ -67,7 +68,7 @@ def main(
         machine = load_machine(plant, seed, personality)
         fault_plan = load_fault_plan(faults) if faults else None
         if interface == ETHERCAT:
-            _serve_ethercat(channel, plant, machine, passing, cycle)
+            _serve_ethercat(channel, plant, machine, passing, fault_plan, cycle)
             return
         with _open(interface, channel, options) as bus:
             typer.echo(_announcement(machine, plant, bus.channel_info, passing))
@@ -96,13 +97,45 @@ def new(
         raise typer.Exit(1) from None
 
 
-def _serve_ethercat(channel: str, plant: str, machine: Plant, clock: Clock, cycle: float) -> None:
+@app.command()
+def esi(
+    axis: Annotated[int, typer.Option(min=1, help="Whose drive, from 1.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File that is written.")],
+    plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
+    personality: Annotated[str | None, typer.Option(help="By name or path.")] = None,
+) -> None:
+    """Write the EtherCAT description (ESI) of a drive, for a master's configuration tool."""
+    from sim_plant.ethercat.esi import write_esi  # noqa: PLC0415 - CAN needs none of it
+    from sim_plant.ethercat.objects import drive_objects, without_can  # noqa: PLC0415
+
+    try:
+        drives = load_machine(plant, None, personality).drives
+        if axis > len(drives):
+            raise ValueError(f"--axis {axis}: must be at most {len(drives)}")  # noqa: TRY301
+        drive = drives[axis - 1]
+        text = write_esi(drive_objects(without_can(drive.personality)), drive)
+        output.write_text(text, encoding="utf-8")
+        typer.echo(f"{output}: drive of {drive.name}")
+    except (FileError, ValueError, OSError) as error:
+        typer.echo(f"sim_plant: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
+def _serve_ethercat(
+    channel: str, plant: str, machine: Plant, clock: Clock, faults: FaultPlan | None, cycle: float
+) -> None:
     from sim_plant.ethercat.segment import Segment  # noqa: PLC0415 - CAN needs none of it
+    from sim_plant.faults.faulty_segment import FaultySegment  # noqa: PLC0415
     from sim_plant.serving.raw_ethernet import open_interface, serve_frames  # noqa: PLC0415
 
     with open_interface(channel) as wire:
         typer.echo(_announcement(machine, plant, f"EtherCAT on {channel}", clock))
-        serve_frames(wire, Segment(machine, clock, cycle), clock, threading.Event())
+        segment = (
+            Segment(machine, clock, cycle)
+            if faults is None
+            else FaultySegment(machine, clock, faults, cycle)
+        )
+        serve_frames(wire, segment, clock, threading.Event())
 
 
 def _open(interface: str, channel: str, options: dict[str, str]) -> can.BusABC:

@@ -22,6 +22,8 @@ MAILBOX_OUT, MAILBOX_IN, OUTPUTS, INPUTS = 0x1000, 0x1400, 0x1800, 0x1C00
 """Where the four parts of the process memory begin."""
 CONTROLS = (0x26, 0x22, 0x64, 0x20)
 """Of the sync managers: mailbox out and in, outputs with watchdog, inputs."""
+CONFIGURATION = (0x0C05, 0x0000)
+"""Words 0 and 1: an interface to a microcontroller."""
 SYNC0_ACTIVATION = 0x0300
 """Assign-activate word: cyclic operation, SYNC0."""
 
@@ -105,7 +107,7 @@ def sii(objects: DriveObjects, identity: Sequence[int], name: str) -> bytes:
         Of the drive.
     """
     head = bytearray(2 * 0x40)
-    struct.pack_into("<HH", head, 0, 0x0C05, 0x0000)  # interface to a microcontroller
+    struct.pack_into("<HH", head, 0, *CONFIGURATION)
     head[14] = _checksum(head[:14])
     struct.pack_into("<4I", head, 2 * 0x08, *identity)
     struct.pack_into("<4H", head, 2 * 0x18, MAILBOX_OUT, MAILBOX_SIZE, MAILBOX_IN, MAILBOX_SIZE)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import threading
 
     from sim_plant.ethercat.segment import Segment
+    from sim_plant.faults.faulty_segment import FaultySegment
     from sim_plant.slave_network import Clock
 
 IDLE = 0.1
@@ -42,7 +43,7 @@ def open_interface(interface: str) -> socket.socket:
 
 
 def serve_frames(
-    wire: socket.socket, segment: Segment, clock: Clock, stop_event: threading.Event
+    wire: socket.socket, segment: Segment | FaultySegment, clock: Clock, stop_event: threading.Event
 ) -> None:
     """Answer on `wire` as the plant's slaves until `stop_event` is set.
 
@@ -50,7 +51,7 @@ def serve_frames(
     ----------
     wire : socket
         Left open.
-    segment : Segment
+    segment : Segment or FaultySegment
         Switched on here.
     clock : {"sync", "wall"}
         See `sim_plant.ethercat.segment`.
