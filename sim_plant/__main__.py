@@ -129,12 +129,13 @@ def _serve_ethercat(
     from sim_plant.serving.raw_ethernet import open_interface, serve_frames  # noqa: PLC0415
 
     with open_interface(channel) as wire:
-        typer.echo(_announcement(machine, plant, f"EtherCAT on {channel}", clock))
         segment = (
             Segment(machine, clock, cycle)
             if faults is None
             else FaultySegment(machine, clock, faults, cycle)
         )
+        segment.power_on()
+        typer.echo(_announcement(machine, plant, f"EtherCAT on {channel}", clock))
         serve_frames(wire, segment, clock, threading.Event())
 
 

@@ -200,7 +200,14 @@ def _on_ethercat(text: str) -> str:
         eds[f"{base:04X}sub0"]["DefaultValue"] = str(len(mapped))
         for subindex, number in enumerate(mapped, start=1):
             eds[f"{base:04X}sub{subindex:X}"]["DefaultValue"] = f"0x{number:08X}"
-    _add(eds, 0x1C00, "Sync manager type", _ARRAY, "ro", [("Type", _U8, n) for n in (1, 2, 3, 4)])
+    _add(
+        eds,
+        0x1C00,
+        "Sync manager type",
+        _ARRAY,
+        "ro",
+        [(f"Sync manager {n - 1}", _U8, n) for n in (1, 2, 3, 4)],
+    )
     for index, base, name in ((ASSIGNED_OUT, RECEIVED, "RxPDO"), (ASSIGNED_IN, SENT, "TxPDO")):
         numbers = [(f"{name} {n + 1}", _U16, 0 if n else base) for n in range(PDOS)]
         _add(eds, index, f"{name} assign", _ARRAY, "rw", numbers)

@@ -52,7 +52,7 @@ def serve_frames(
     wire : socket
         Left open.
     segment : Segment or FaultySegment
-        Switched on here.
+        Switched on.
     clock : {"sync", "wall"}
         See `sim_plant.ethercat.segment`.
     stop_event : threading.Event
@@ -62,7 +62,6 @@ def serve_frames(
     OSError
         The interface fails.
     """
-    segment.power_on()
     wall = WallClock()
     while not stop_event.is_set():
         ready = select.select([wire], [], [], wall.pause if clock == "wall" else IDLE)[0]

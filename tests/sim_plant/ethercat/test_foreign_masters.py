@@ -1,0 +1,38 @@
+"""Masters of EtherCAT that others wrote find six drives, configure and move them."""
+
+from __future__ import annotations
+
+import pytest
+from foreign_ethercat import TRAVEL, needs, session
+
+OP, SAFEOP = 8, 4
+ENABLED, READY = 0x27, 0x21
+NEAR = 20
+"""Increments that friction and noise leave, of 4096 a revolution of the motor."""
+
+
+@needs("pysoem")
+@pytest.mark.parametrize("master", ["soem", "soem-dc"])
+def test_soem_configures_six_drives_and_moves_them(master: str) -> None:
+    seen = session(master)
+    assert seen["slaves"] == 6
+    assert seen["identity"][0] == ["joint 1", 0x4D2, 0x402, 0x10000]
+    assert (seen["name"], seen["written"]) == ("Simulated servo drive", 40_000)
+    assert seen["complete"].startswith("0400d2040000")
+    assert seen["aborts"] == [0x0602_0000, 0x0601_0002]
+    assert seen["sizes"] == [[12, 12], [12, 8], *[[12, 12]] * 4]
+    assert (seen["clocks"], seen["safeop"], seen["op"]) == (True, SAFEOP, OP)
+    assert seen["objects"] == 70
+    assert seen["enabled"] == [ENABLED] * 6
+    assert seen["moved"] == pytest.approx([TRAVEL] * 6, abs=NEAR)
+    assert seen["off"] == [READY] * 6
+    assert "missed" not in seen
+
+
+@needs("kickcat")
+def test_kickcat_moves_six_drives() -> None:
+    seen = session("kickcat")
+    assert (seen["slaves"], seen["type"]) == (6, "92010200")
+    assert seen["complete"].startswith("0400d2040000")
+    assert seen["enabled"] == [ENABLED] * 6
+    assert seen["moved"] == pytest.approx([TRAVEL] * 6, abs=NEAR)

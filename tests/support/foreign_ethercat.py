@@ -1,0 +1,208 @@
+"""Masters of EtherCAT that others wrote, in processes of their own, on a cable of two interfaces.
+
+`python foreign_ethercat.py soem|kickcat INTERFACE` brings what answers there to OP, moves the axes
+and prints what it saw as JSON. `session` does so against the plant in a network namespace.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+
+OURS, THEIRS = "plant0", "master0"
+TRAVEL = 20_000
+"""Of every axis [increments]."""
+OUT = struct.Struct("<Hiih")
+_SCRIPT = """
+ip link set lo up
+ip link add {ours} type veth peer name {theirs}
+ip link set {ours} up
+ip link set {theirs} up
+until ip link show {theirs} | grep -q "state UP"; do sleep 0.02; done
+coproc PLANT {{ exec {python} -u -m sim_plant --interface ethercat --channel {ours} {options} 2>&1; }}
+read -r line <&${{PLANT[0]}} && read -r line <&${{PLANT[0]}}
+{python} {script} {master} {theirs}
+status=$?
+kill $PLANT_PID
+exit $status
+"""
+
+
+def needs(module: str) -> pytest.MarkDecorator:
+    """Skip where a master or the rights for a network namespace are missing."""
+    if importlib.util.find_spec(module) is None:
+        reason = f"{module} is not installed: pip install {module}"
+    elif not hasattr(os, "geteuid") or os.geteuid() != 0:
+        reason = "only root may make a network namespace"
+    elif shutil.which("unshare") is None or shutil.which("ip") is None:
+        reason = "no unshare or no ip here"
+    else:
+        probe = subprocess.run(  # noqa: S603 - fixed arguments
+            ["unshare", "-n", "ip", "link", "add", OURS, "type", "veth", "peer", "name", THEIRS],  # noqa: S607
+            capture_output=True,
+            check=False,
+        )
+        reason = "" if probe.returncode == 0 else "this kernel has no veth"
+    return pytest.mark.skipif(bool(reason), reason=reason)
+
+
+def session(master: str, *options: str) -> dict[str, Any]:
+    """Return what a master saw of the plant."""
+    script = _SCRIPT.format(
+        ours=OURS,
+        theirs=THEIRS,
+        python=sys.executable,
+        script=__file__,
+        master=master,
+        options=" ".join(options),
+    )
+    done = subprocess.run(  # noqa: S603 - our own script
+        ["unshare", "-n", "bash", "-c", script],  # noqa: S607
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    seen: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return seen
+
+
+def _words(outputs: Any, word: int, targets: list[int]) -> None:
+    for slave, target in zip(outputs, targets, strict=True):
+        slave(OUT.pack(word, target, 0, 0))
+
+
+def soem(interface: str, *, clock: bool) -> dict[str, Any]:
+    """Use every service of a slave by pysoem."""
+    import pysoem  # type: ignore[import-not-found]
+
+    seen: dict[str, Any] = {}
+    master = pysoem.Master()
+    master.open(interface)
+    seen["slaves"] = master.config_init()
+    slaves = master.slaves
+    first = slaves[0]
+    seen["identity"] = [(s.name, s.man, s.id, s.rev) for s in slaves]
+    seen["name"] = first.sdo_read(0x1008, 0).decode()
+    first.sdo_write(0x6081, 0, struct.pack("<I", 40_000))
+    seen["written"] = struct.unpack("<I", first.sdo_read(0x6081, 0))[0]
+    seen["complete"] = first.sdo_read(0x1018, 0, ca=True).hex()
+    seen["aborts"] = []
+    for index in (0x2FFF, 0x6502):
+        try:
+            first.sdo_write(index, 0, bytes(4))
+        except pysoem.SdoError as error:
+            seen["aborts"].append(error.abort_code)
+
+    def reassign(_position: int) -> None:
+        slave = slaves[1]
+        slave.sdo_write(0x1C13, 0, b"\0")
+        slave.sdo_write(0x1A01, 0, b"\0")
+        for n, entry in enumerate((0x6041_0010, 0x6064_0020, 0x6077_0010), start=1):
+            slave.sdo_write(0x1A01, n, struct.pack("<I", entry))
+        slave.sdo_write(0x1A01, 0, b"\3")
+        slave.sdo_write(0x1C13, 1, struct.pack("<H", 0x1A01))
+        slave.sdo_write(0x1C13, 0, b"\1")
+
+    slaves[1].config_func = reassign
+    master.config_map()
+    seen["sizes"] = [(len(s.output), len(s.input)) for s in slaves]
+    seen["clocks"] = bool(master.config_dc())
+    for slave in slaves if clock else ():
+        slave.dc_sync(True, 4_000_000)
+    seen["safeop"] = master.state_check(pysoem.SAFEOP_STATE, 500_000)
+    for slave in slaves:
+        slave.set_watchdog("processdata", 500)
+
+    def cycle(count: int) -> None:
+        for _ in range(count):
+            master.send_processdata()
+            if master.receive_processdata(100_000) != master.expected_wkc:
+                seen["missed"] = seen.get("missed", 0) + 1
+
+    cycle(2)
+    master.state = pysoem.OP_STATE
+    master.write_state()
+    cycle(60)  # SYNC0 begins 100 ms after it was asked for
+    seen["op"] = master.state_check(pysoem.OP_STATE, 500_000)
+    seen["objects"] = len(first.od)
+
+    def inputs() -> list[tuple[int, int]]:
+        return [struct.unpack_from("<Hi", s.input) for s in slaves]
+
+    def command(word: int, targets: list[int], count: int) -> None:
+        for slave, target in zip(slaves, targets, strict=True):
+            slave.output = OUT.pack(word, target, 0, 0)
+        cycle(count)
+
+    start = [position for _, position in inputs()]
+    targets = [position + TRAVEL for position in start]
+    for word in (6, 7, 15):
+        command(word, start, 4)
+    seen["enabled"] = [word & 0x6F for word, _ in inputs()]
+    command(0x1F, targets, 4)
+    command(0x0F, targets, 1500)
+    seen["moved"] = [b - a for (_, b), a in zip(inputs(), start, strict=True)]
+    command(6, targets, 50)
+    seen["off"] = [word & 0x6F for word, _ in inputs()]
+    began = time.perf_counter()
+    cycle(500)
+    seen["us per cycle"] = round((time.perf_counter() - began) / 500 * 1e6)
+    master.state = pysoem.INIT_STATE
+    master.write_state()
+    master.close()
+    return seen
+
+
+def kickcat(interface: str) -> dict[str, Any]:
+    """Bring slaves to OP and move them by KickCAT."""
+    import kickcat as kc  # type: ignore[import-not-found]
+
+    seen: dict[str, Any] = {}
+    bus = kc.Bus(kc.create_link(interface, ""))
+    bus.init(0.1)
+    slaves = list(bus.slaves())
+    seen["slaves"] = len(slaves)
+    seen["type"] = bytes(bus.read_sdo(slaves[0], 0x1000, 0, kc.Access.PARTIAL)).hex()
+    seen["complete"] = bytes(bus.read_sdo(slaves[0], 0x1018, 0, kc.Access.COMPLETE)).hex()
+    bus.create_mapping()
+    bus.request_state(kc.State.SAFE_OP)
+    bus.wait_for_state(kc.State.SAFE_OP, 1.0)
+
+    def command(word: int, targets: list[int], count: int) -> None:
+        for slave, target in zip(slaves, targets, strict=True):
+            slave.set_output_bytes(OUT.pack(word, target, 0, 0))
+        for _ in range(count):
+            bus.process_data_no_check()
+
+    def inputs() -> list[tuple[int, int]]:
+        return [struct.unpack_from("<Hi", bytes(s.input_data)) for s in slaves]
+
+    command(0, [0] * len(slaves), 3)
+    start = [position for _, position in inputs()]
+    bus.request_state(kc.State.OPERATIONAL)
+    bus.wait_for_state(kc.State.OPERATIONAL, 1.0, bus.process_data_no_check)
+    for word in (6, 7, 15):
+        command(word, start, 4)
+    seen["enabled"] = [word & 0x6F for word, _ in inputs()]
+    targets = [position + TRAVEL for position in start]
+    command(0x1F, targets, 4)
+    command(0x0F, targets, 1500)
+    seen["moved"] = [b - a for (_, b), a in zip(inputs(), start, strict=True)]
+    return seen
+
+
+if __name__ == "__main__":
+    which, wire = sys.argv[1:3]
+    found = kickcat(wire) if which == "kickcat" else soem(wire, clock=which == "soem-dc")
+    print(json.dumps(found))  # noqa: T201 - read by who asked
