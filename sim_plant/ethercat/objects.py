@@ -11,7 +11,6 @@ import configparser
 import functools
 import io
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import canopen
 from canopen.objectdictionary import ODVariable, datatypes
@@ -19,9 +18,6 @@ from canopen.objectdictionary import ODVariable, datatypes
 from sim_plant.canopen.eds import Entry, drive_eds, entries_of, key
 from sim_plant.canopen.eds_variant import list_objects, variant
 from sim_plant.personality import PLAIN, Personality
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 PDOS = 4
 """In each direction, as the EDS declares them."""
@@ -251,9 +247,3 @@ def _written(eds: configparser.RawConfigParser) -> str:
     text = io.StringIO()
     eds.write(text, space_around_delimiters=False)
     return text.getvalue()
-
-
-def mappings() -> Iterator[int]:
-    """Indices of all mappings."""
-    for base in (RECEIVED, SENT):
-        yield from range(base, base + PDOS)

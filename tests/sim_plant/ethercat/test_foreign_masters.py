@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from foreign_ethercat import TRAVEL, needs, session
+from foreign_ethercat import SHORT, TRAVEL, needs, session
 
 OP, SAFEOP = 8, 4
 ENABLED, READY = 0x27, 0x21
@@ -35,4 +35,4 @@ def test_kickcat_moves_six_drives() -> None:
     assert (seen["slaves"], seen["type"]) == (6, "92010200")
     assert seen["complete"].startswith("0400d2040000")
     assert seen["enabled"] == [ENABLED] * 6
-    assert seen["moved"] == pytest.approx([TRAVEL] * 6, abs=NEAR)
+    assert seen["moved"] == pytest.approx([SHORT] * 6, abs=NEAR)
