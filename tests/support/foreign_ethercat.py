@@ -22,7 +22,7 @@ import pytest
 OURS, THEIRS = "plant0", "master0"
 TRAVEL, SHORT = 20_000, 1_000
 """Of every axis [increments]."""
-_PATIENCE = 0.02
+_PATIENCE = 0.05
 """Time that KickCAT waits at each frame for an answer, 2 ms of its own [s]; on one cable it waits
 for as long each time."""
 OUT = struct.Struct("<Hiih")
@@ -32,9 +32,10 @@ ip link add {ours} type veth peer name {theirs}
 ip link set {ours} up
 ip link set {theirs} up
 until ip link show {theirs} | grep -q "state UP"; do sleep 0.02; done
-coproc PLANT {{ exec {python} -u -m sim_plant --interface ethercat --channel {ours} {options} 2>&1; }}
+plant="{python} -u -m sim_plant --interface ethercat --channel {ours}"
+coproc PLANT {{ exec $plant 2>&1; }}
 read -r line <&${{PLANT[0]}} && read -r line <&${{PLANT[0]}}
-{python} {script} {master} {theirs}
+{python} {master}
 status=$?
 kill $PLANT_PID
 exit $status
@@ -59,15 +60,19 @@ def needs(module: str) -> pytest.MarkDecorator:
     return pytest.mark.skipif(bool(reason), reason=reason)
 
 
-def session(master: str, *options: str) -> dict[str, Any]:
+def session(master: str) -> dict[str, Any]:
     """Return what a master saw of the plant."""
+    seen: dict[str, Any] = json.loads(carried_out(__file__, master, THEIRS).splitlines()[-1])
+    return seen
+
+
+def carried_out(script_of_master: str, *arguments: str) -> str:
+    """Return what a script printed in a network namespace with the plant in it."""
     script = _SCRIPT.format(
         ours=OURS,
         theirs=THEIRS,
         python=sys.executable,
-        script=__file__,
-        master=master,
-        options=" ".join(options),
+        master=" ".join((script_of_master, *arguments)),
     )
     done = subprocess.run(  # noqa: S603 - our own script
         ["unshare", "-n", "bash", "-c", script],  # noqa: S607
@@ -77,8 +82,7 @@ def session(master: str, *options: str) -> dict[str, Any]:
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    seen: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return seen
+    return done.stdout
 
 
 def soem(interface: str, *, clock: bool) -> dict[str, Any]:  # noqa: C901
@@ -198,7 +202,7 @@ def kickcat(interface: str) -> dict[str, Any]:
     seen["enabled"] = [word & 0x6F for word, _ in inputs()]
     targets = [position + SHORT for position in start]
     command(0x1F, targets, 4)
-    command(0x0F, targets, 150)
+    command(0x0F, targets, 120)
     seen["moved"] = [b - a for (_, b), a in zip(inputs(), start, strict=True)]
     return seen
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
-from foreign_ethercat import SHORT, TRAVEL, needs, session
+from pathlib import Path
 
+import pytest
+from foreign_ethercat import SHORT, TRAVEL, carried_out, needs, session
+
+DOCS = Path(__file__).parents[3] / "docs"
 OP, SAFEOP = 8, 4
 ENABLED, READY = 0x27, 0x21
 NEAR = 20
@@ -36,3 +39,14 @@ def test_kickcat_moves_six_drives() -> None:
     assert seen["complete"].startswith("0400d2040000")
     assert seen["enabled"] == [ENABLED] * 6
     assert seen["moved"] == pytest.approx([SHORT] * 6, abs=NEAR)
+
+
+@needs("pysoem")
+def test_the_tutorial_moves_six_drives(tmp_path: Path) -> None:
+    text = (DOCS / "tutorials" / "ethercat.md").read_text(encoding="utf-8")
+    script = tmp_path / "move.py"
+    script.write_text(text.split("```python\n")[1].split("```")[0], encoding="utf-8")
+    printed = carried_out(str(script))
+    assert "6 drives" in printed
+    assert "enabled: True" in printed
+    assert "reached: True" in printed
