@@ -68,6 +68,8 @@ def main(
         machine = load_machine(plant, seed, personality)
         fault_plan = load_fault_plan(faults) if faults else None
         if interface == ETHERCAT:
+            if options:
+                raise ValueError("--bus-option: interface ethercat takes none")  # noqa: TRY301
             _serve_ethercat(channel, plant, machine, passing, fault_plan, cycle)
             return
         with _open(interface, channel, options) as bus:

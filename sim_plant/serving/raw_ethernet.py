@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import select
 import socket
 from typing import TYPE_CHECKING
@@ -33,12 +34,16 @@ def open_interface(interface: str) -> socket.socket:
     """
     if not hasattr(socket, "AF_PACKET"):
         raise OSError("EtherCAT needs raw Ethernet frames, which are sent here on Linux only")
-    wire = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
+    try:
+        wire = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
+    except PermissionError as error:
+        raise OSError("raw Ethernet frames are for root, or with CAP_NET_RAW") from error
     try:
         wire.bind((interface, ETHERTYPE))
-    except OSError:
+    except OSError as error:
         wire.close()
-        raise
+        known = ", ".join(name for _, name in socket.if_nameindex())
+        raise OSError(f"{interface}: {error.strerror}; interfaces are {known}") from error
     return wire
 
 
@@ -74,4 +79,13 @@ def serve_frames(
         if address[2] != _OURS:
             answer = segment.process(frame)
             if answer is not None:
-                wire.send(answer)
+                _send(wire, answer)
+
+
+def _send(wire: socket.socket, frame: bytes) -> None:
+    """Send; a frame that the full queue of the interface does not take is lost, as on a cable."""
+    try:
+        wire.send(frame)
+    except OSError as error:
+        if error.errno != errno.ENOBUFS:
+            raise
