@@ -31,7 +31,6 @@ class AlCode(enum.IntEnum):
     """Why a state was refused or left (ETG.1020)."""
 
     NONE = 0x0000
-    UNSPECIFIED = 0x0001
     INVALID_CHANGE = 0x0011
     UNKNOWN_STATE = 0x0012
     NO_BOOTSTRAP = 0x0013

@@ -57,8 +57,9 @@ class Eeprom:
         self._content = bytearray(content.ljust(SIZE, b"\xff"))
 
     def load(self, controller: Controller) -> None:
-        """Show what a controller takes over when it starts: the alias."""
+        """Show what a controller takes over when it starts: kind of interface and alias."""
         start = 2 * ALIAS_WORD
+        controller.memory[reg.PDI_CONTROL : reg.PDI_CONTROL + 2] = self._content[:2]
         controller.memory[reg.ALIAS : reg.ALIAS + 2] = self._content[start : start + 2]
         controller.put(reg.EEPROM_CONTROL, 2, _READS_EIGHT)
 

@@ -35,7 +35,6 @@ class MailboxError(enum.IntEnum):
     """Why a mailbox service was not understood."""
 
     UNSUPPORTED_PROTOCOL = 2
-    INVALID_HEADER = 5
     SIZE_TOO_SHORT = 6
     INVALID_SIZE = 8
 

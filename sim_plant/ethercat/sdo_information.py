@@ -15,8 +15,9 @@ _HEAD = struct.Struct("<BBH")
 _INCOMPLETE = 0x80
 _LIST, _OBJECT, _ENTRY, _ERROR = 1, 3, 5, 7
 """Requests; an answer has the next number."""
-_RECEIVED, _SENT, _KEPT, _SETTINGS = 2, 3, 4, 5
-"""Lists of objects beside that of all (1): mappable for masters to write, to read, stored."""
+_NUMBERS, _ALL, _RECEIVED, _SENT, _, _SETTINGS = range(6)
+"""Lists of objects: how many are in each other list; all; mappable for masters to write, to read;
+stored; settings to be put into a replacement."""
 _READABLE, _WRITABLE = 0x07, 0x38
 """In PREOP, SAFEOP and OP."""
 _MAPPABLE_OUT, _MAPPABLE_IN = 0x40, 0x80
@@ -61,8 +62,8 @@ class SdoInformation:
         raise SdoAbort(AbortCode.UNKNOWN_COMMAND)
 
     def _list(self, kind: int) -> bytes:
-        if kind == 0:
-            numbers = [len(self._chosen(other)) for other in (1, 2, 3, 4, 5)]
+        if kind == _NUMBERS:
+            numbers = [len(self._chosen(other)) for other in range(_ALL, _SETTINGS + 1)]
         elif kind <= _SETTINGS:
             numbers = self._chosen(kind)
         else:
@@ -71,13 +72,11 @@ class SdoInformation:
 
     def _chosen(self, kind: int) -> list[int]:
         def fits(entry: Entry) -> bool:
-            match kind:
-                case 2:
-                    return entry.mappable and entry.writable
-                case 3:
-                    return entry.mappable and entry.readable
-                case _:
-                    return kind == 1
+            if kind == _RECEIVED:
+                return entry.mappable and entry.writable
+            if kind == _SENT:
+                return entry.mappable and entry.readable
+            return kind == _ALL  # nothing is stored, nothing set by a device to be replaced
 
         return [
             index
