@@ -67,6 +67,13 @@ class Tripped(DriveError):
     """An axis too far off its way, too fast or too strong for too long: we stopped all axes."""
 
 
+def joined(problems: Sequence[DriveError], head: str = "") -> DriveError:
+    """Return one error for several drives, a line each: that they are silent, if all are."""
+    silent = all(isinstance(problem, NodeSilent) for problem in problems)
+    lines = (*filter(None, [head]), *map(str, problems))
+    return (NodeSilent if silent else DriveRefused)("\n".join(lines))
+
+
 class SampleFlag(enum.IntFlag):
     """What is wrong with one axis's share of a sample; 0 when nothing is."""
 

@@ -11,7 +11,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from drivers.drive_bus import DriveError
+    from drivers.drives_file import AxisDrive
+    from drivers.remote_dictionary import RemoteDictionary
+
+    Check = Callable[[RemoteDictionary, AxisDrive], Iterator["Verdict"]]
+    """Compares the object dictionary of a drive, only reading, with what the drives file states.
+
+    Raises `DriveRefused` and `NodeSilent` where an object cannot be read.
+    """
 
 
 class Grade(enum.Enum):

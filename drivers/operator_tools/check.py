@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
 
     from drivers.commissioning.communication import Communication
+    from drivers.commissioning.verdict import Check
     from drivers.dictionary.bus_rules import BusRules
     from drivers.dictionary.missing_objects import Finding
     from drivers.drives_file import AxisDrive, DrivesFile
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
     from drivers.session.connection import Fieldbus, UnpoweredDrives
 
 IDENTITY = "identity (1018)"
+CHECKS: tuple[Check, ...] = (check_scaling, check_limits, check_reactions)
+"""What a drive that serves is asked, in turn."""
 _BY_NODE = frozenset({IDENTITY, CURRENT, TORQUE, POSITION, GEAR})
 """Checks that also fail where node numbers are mixed up."""
 
@@ -189,9 +192,8 @@ def _ask(
         yield check_state(server, Supervision([server]))
         dictionary = read_dictionary(server.access, axis.node, rules)
         yield from _offer(review(dictionary, rules, axis).findings, server.label)
-        yield from check_scaling(server, axis)
-        yield from check_limits(server, axis)
-        yield from check_reactions(server, axis)
+        for each in CHECKS:
+            yield from each(server, axis)
     except DriveError as error:
         yield refused(server.label, "answers", error)
 

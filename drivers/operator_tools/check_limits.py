@@ -26,20 +26,7 @@ if TYPE_CHECKING:
 
 
 def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Compare position, velocity, torque and following error limits with the file.
-
-    Parameters
-    ----------
-    server : RemoteDictionary
-        The drive's object dictionary; only read.
-    axis : AxisDrive
-        What the drives file states.
-
-    Raises
-    ------
-    DriveRefused, NodeSilent
-        An object that cannot be read.
-    """
+    """Compare limits of position, velocity, torque, following error with the file (see `verdict.Check`)."""
     yield _range(server, axis)
     for bound in bounds(axis):
         found = server.find(bound.entry)

@@ -38,20 +38,7 @@ _WRITTEN = "hil run writes another option over it, every other master meets this
 
 
 def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """State how one drive stops by itself.
-
-    Parameters
-    ----------
-    server : RemoteDictionary
-        Its object dictionary; only read.
-    axis : AxisDrive
-        What the drives file states.
-
-    Raises
-    ------
-    DriveRefused, NodeSilent
-        An object that cannot be read.
-    """
+    """State how one drive stops by itself (see `verdict.Check`)."""
     for entry, check, meanings, when, remedy in (
         (objects.FAULT_REACTION, "fault reaction", _FAULT, "on a fault", _SET),
         (objects.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),

@@ -34,20 +34,7 @@ CONSISTENT = 0.1
 
 
 def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Compare ratings, encoder, gear and units of one drive with the file.
-
-    Parameters
-    ----------
-    server : RemoteDictionary
-        Its object dictionary; only read.
-    axis : AxisDrive
-        What the drives file states.
-
-    Raises
-    ------
-    DriveRefused, NodeSilent
-        An object that cannot be read.
-    """
+    """Compare ratings, encoder, gear and units of one drive with the file (see `verdict.Check`)."""
     compared = list(comparisons(server, axis))
     for comparison in compared:
         yield comparison.of(server.label)

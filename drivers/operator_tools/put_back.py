@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
+from drivers.drive_bus import DriveError, DriveRefused, NodeSilent, joined
 from drivers.found_settings.restoring import NotTakenBack, refuse_energised, restore_drive
 from drivers.found_settings.settings_file import difference, read_identity
 
@@ -86,9 +86,7 @@ def _refuse(pairs: Sequence[tuple[RemoteDictionary, FoundDrive]]) -> None:
         except (DriveRefused, NodeSilent) as error:
             problems.append(error)
     if problems:
-        silent = all(isinstance(problem, NodeSilent) for problem in problems)
-        kind = NodeSilent if silent else DriveRefused
-        raise kind("\n".join(["nothing was written", *map(str, problems)]))
+        raise joined(problems, "nothing was written")
 
 
 def _refuse_other(server: RemoteDictionary, drive: FoundDrive) -> None:

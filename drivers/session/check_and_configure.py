@@ -18,10 +18,10 @@ from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import commission
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.commissioning.mix_up import mixed_up
-from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent
+from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent, joined
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from drivers.commissioning.announcement import Announcement
     from drivers.commissioning.effective_limits import EffectiveLimits
@@ -111,7 +111,7 @@ def check_and_configure(
     configured = _all(configure, pairs)
     conflicts = connection.conflicts()
     if conflicts:
-        raise _joined(conflicts)
+        raise joined(conflicts)
     keeper.configured(servers)
     return tuple(configured)
 
@@ -152,12 +152,5 @@ def _all(
         except (DriveRefused, NodeSilent, DriveFault) as error:
             problems.append(error)
     if problems:
-        raise _joined(problems)
+        raise problems[0] if len(problems) == 1 else joined(problems)
     return results
-
-
-def _joined(problems: Sequence[DriveError]) -> DriveError:
-    if len(problems) == 1:
-        return problems[0]
-    silent = all(isinstance(problem, NodeSilent) for problem in problems)
-    return (NodeSilent if silent else DriveRefused)("\n".join(map(str, problems)))
