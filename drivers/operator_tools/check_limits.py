@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Compare limits of position, velocity, torque, following error with the file (see `verdict.Check`)."""
+    """Compare range, velocity, torque and following error with the file (see `verdict.Check`)."""
     yield _range(server, axis)
     for bound in bounds(axis):
         found = server.find(bound.entry)
