@@ -140,7 +140,7 @@ def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
     bodies = bodies_of(given_urdf(urdf, run.robot), run.robot)
     if bodies is None:
         raise FileError(f"{urdf}: a link has no inertial, or one that no body has; state them all")
-    return Options(prior=Prior(bodies, relative))
+    return Options(prior=Prior(bodies, relative, f"the inertials of {urdf.name}"))
 
 
 @commands.command()

@@ -85,7 +85,8 @@ class Estimate:
         Change of p by usual tolerances of torque constants, then rotor inertias, where the robot
         file states no uncertainty (`Robot.usual_uncertainty`); None where the method does not know.
     prior_share : ndarray, shape (n_base,), optional
-        Part of each variance that is a prior's, where one was given.
+        Part of each variance by the data from what they leave open and a prior decides, where one
+        was given (`hil.estimation.prior`).
     joint : Joint, optional
         Regression of all samples behind the improved method, for what else is asked of them.
     """

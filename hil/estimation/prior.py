@@ -35,17 +35,48 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from checked_files.yaml_file import FileModel
 from hil.errors import InvalidValue
 from hil.least_squares.solving import IDENTIFIABLE, inverse_root, without_nuisance
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters, pseudo_inertia
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
     from hil.model.robot import Robot
 
 FREE = 1e6
 """Standard deviation, in those of the data, of parameters that no body has: springs, rotors."""
+
+MOST = 0.5
+"""Share f beyond which recordings alone leave a parameter open."""
+LEAST = 1e-6
+"""Information on CAD's whole figure that counts as none: its root is beyond rounding."""
+
+
+class FromPrior(FileModel):
+    """What a model has from a prior.
+
+    Attributes
+    ----------
+    source : str
+    relative : float
+        As of `Prior`.
+    replaced : dict of str to float
+        Parameters that recordings alone leave open: what of their variance by the data is replaced.
+    """
+
+    source: str
+    relative: float
+    replaced: dict[str, float]
+
+    def __str__(self) -> str:
+        return (
+            f"(prior): left open by the recordings, from {self.source}, masses and moments known"
+            f" within {self.relative:.0%} (1 sigma)"
+        )
 
 
 class Completed(NamedTuple):
@@ -56,7 +87,7 @@ class Completed(NamedTuple):
     p : ndarray, shape (n_base,)
     covariance : ndarray, shape (n_base, n_base)
     share : ndarray, shape (n_base,)
-        Part of each variance that is the prior's.
+        f: what of each variance by the data comes from directions that are the prior's.
     """
 
     p: Array
@@ -74,6 +105,8 @@ class Prior:
         Standard parameters in the frames of the robot file [kg m^2, kg m, kg].
     relative : float
         Standard deviation of a link's mass and moments, as a share of them.
+    source : str
+        Where the bodies come from.
 
     Raises
     ------
@@ -83,6 +116,7 @@ class Prior:
 
     bodies: Array
     relative: float
+    source: str = "CAD"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.relative <= 1.0:
@@ -90,6 +124,12 @@ class Prior:
         for link, body in enumerate(self.bodies, start=1):
             if np.linalg.eigvalsh(pseudo_inertia(body))[0] <= 0.0:
                 raise InvalidValue(f"prior: link {link} must have a mass that spreads in space")
+
+    def stated(self, names: Sequence[str], share: Array) -> FromPrior:
+        """What parameters of some names have from it, by their f."""
+        each = zip(names, share.tolist(), strict=True)
+        replaced = {name: f for name, f in each if f > MOST}
+        return FromPrior(source=self.source, relative=self.relative, replaced=replaced)
 
     @property
     def roots(self) -> Array:
@@ -134,11 +174,7 @@ class Prior:
         if said.all():
             return Completed(p, covariance, np.zeros(n))
         u = np.where(said, V.T @ (R.T @ (A @ (p - mean))) / np.where(said, values, 1.0), 0.0)
-        rows = R @ V
-        variance = 1.0 / np.where(said, values, 1.0)
-        total = (rows**2) @ variance
-        return Completed(
-            mean + rows @ u,
-            (rows * variance) @ rows.T,
-            (rows**2) @ np.where(said, 0.0, 1.0) / total,
-        )
+        rows, variance = R @ V, 1.0 / np.where(said, values, 1.0)
+        alone = rows**2 / np.maximum(values, LEAST * self.relative**2)
+        share = alone @ ~said / alone.sum(axis=1)
+        return Completed(mean + rows @ u, (rows * variance) @ rows.T, share)

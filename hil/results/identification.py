@@ -18,7 +18,6 @@ from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for
-from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.model import Model
@@ -112,7 +111,7 @@ def identified(
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
     proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
-    model = model_of(run, found, others, proof)
+    model = model_of(run, found, others, proof, options.prior)
     return Identified(replace(found, joint=None), model)  # all samples: nothing else is asked
 
 
@@ -130,7 +129,11 @@ def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
 
 
 def model_of(
-    run: Run, found: Estimate, others: Sequence[Run] = (), proof: Excluded | None = None
+    run: Run,
+    found: Estimate,
+    others: Sequence[Run] = (),
+    proof: Excluded | None = None,
+    prior: Prior | None = None,
 ) -> Model:
     """Return an estimate from a run, and others together with it, as a model, and judge it."""
     model = Model(
@@ -149,18 +152,10 @@ def model_of(
         friction_law=found.free.law if found.free else found.friction_law,
         torque_effect=found.torque_effect,
         excluded=proof,
-        prior=_of_prior(run, found),
     )
+    if prior is not None and found.prior_share is not None:
+        model = replace(model, prior=prior.stated(model.names, found.prior_share))
     return replace(model, outcome=outcome(model, found.usual_effect))
-
-
-def _of_prior(run: Run, found: Estimate) -> dict[str, float]:
-    """Parameters of which more than half of the variance is a prior's, and how much."""
-    if found.prior_share is None:
-        return {}
-    names = base_parameters(run.robot).names
-    each = zip(names, found.prior_share.tolist(), strict=True)
-    return {name: share for name, share in each if share > 0.5}
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -6,7 +6,7 @@ torques with it, writes it to a file or shows it as tables is given it (`hil.res
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.result import ErrorTerm, Excluded
     from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.local_values import LocalValue
+    from hil.estimation.prior import FromPrior
     from hil.friction.law import FrictionLaw
     from hil.model.robot import Robot
     from hil.results.judgement import Judgement, KeptJudgement
@@ -76,9 +77,9 @@ class IdentifiedRobot:
     excluded : Excluded, optional
         What the recordings prove of all that may be wrong: found, excluded, invisible; None where
         too little was recorded, or the model was read from a file of a version without.
-    prior : dict of str to float
-        Parameters of which more is a prior's than recordings say: parts of their variances; empty
-        where none was given, or needed.
+    prior : FromPrior, optional
+        Parameters that recordings alone leave open, and the prior that completes them; None where
+        none was given.
     """
 
     robot: Robot
@@ -99,7 +100,7 @@ class IdentifiedRobot:
     consistent: ConsistentRobot | None = None
     torque_effect: Array | None = None
     excluded: Excluded | None = None
-    prior: dict[str, float] = field(default_factory=dict)
+    prior: FromPrior | None = None
 
     @property
     def failed(self) -> bool:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import yaml
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
@@ -22,6 +22,7 @@ from hil.estimation.consistent.result import ConsistentRobot
 from hil.estimation.excluded.result import ErrorTerm, Excluded
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, degrees_behind
+from hil.estimation.prior import FromPrior
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
@@ -100,7 +101,7 @@ class ModelFile(FileModel):
     robot_file: str | None = None
     torque_effect: tuple[tuple[float, ...], ...] | None = None
     excluded: Excluded | None = None
-    prior: dict[str, float] = Field(default_factory=dict)
+    prior: FromPrior | None = None
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:

@@ -60,7 +60,7 @@ class Solution:
     unusual : tuple of int
         Axes, from 0, whose offset is larger than friction's usually is, and passes for weight.
     prior_share : ndarray, shape (n_base,), optional
-        Part of each base parameter's variance that is a prior's.
+        As of `Estimate`.
     """
 
     fit: Fit
@@ -160,5 +160,5 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
         raise NotIdentifiable(
             f"the recorded motions do not excite {listed}; add recordings in which more joints"
             " move through more of their ranges, or state in the robot file which link parameters"
-            " are present"
+            " are present, or take what is open from CAD (hil identify --prior cad=0.3 --urdf FILE)"
         )

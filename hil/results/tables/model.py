@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 def summary(model: IdentifiedRobot) -> Summary:
     """Parameters with their uncertainty, residuals and what could not be used."""
     remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
+    if model.prior is not None and model.prior.replaced:
+        remarks = (str(model.prior), *remarks)
     if model.friction is not None:
         tables = parameters(model), friction(model), left_by_fit(model)
         return Summary(tables, (*statements(model.friction), *remarks))

@@ -60,6 +60,7 @@ def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> 
             if members
         ),
         EXPLANATION if prediction else "",
+        () if model.prior is None else (str(model.prior),),
     )
 
 
@@ -97,7 +98,7 @@ def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) ->
 
 def _of_prior(model: IdentifiedRobot, name: str) -> str:
     """Mark of what comes from a prior, not from recordings."""
-    return " (prior)" if name in model.prior else ""
+    return " (prior)" if model.prior and name in model.prior.replaced else ""
 
 
 def _effect(prediction: Prediction, k: int) -> str:

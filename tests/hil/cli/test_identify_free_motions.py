@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import free_run
 import pytest
-from free_run import TRUTH, arm, recorded, write_free_run
+from free_run import TRUTH, arm, recorded, some_motion, write_free_run
 from stroke_run import campaign
+from urdf_robots import ROBOTS, urdf
+
+from hil.estimation.prior import Prior
+from hil.export.urdf_file import bodies_of, given_urdf
+from hil.model.robot import robot_from_urdf
+from hil.results.model import Model
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from command_line import Hil
+    from free_run import Array
 
 
 @pytest.fixture
@@ -44,3 +52,56 @@ def test_strokes_of_one_axis_at_a_time_have_a_method_of_their_own(hil: Hil, tmp_
     assert "back and forth method: in all recordings one axis moves back and forth by" in shown
     assert "Friction over the speed" in shown
     assert "friction is any odd function of the velocity" in shown
+
+
+@pytest.fixture
+def half_still(tmp_path: Path) -> tuple[Path, Path]:
+    """Recordings in which axis 1 of a pan-tilt head stands still, and its URDF with inertials."""
+    stated = tmp_path / "head.urdf"
+    stated.write_text(urdf("pan-tilt", ROBOTS["pan-tilt"]))
+    robot = robot_from_urdf(stated, None, None)
+    bodies = bodies_of(given_urdf(stated, robot), robot)
+    assert bodies is not None
+    truth = Prior(bodies, 0.3).of(robot)[0]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(free_run, "some_motion", lambda *given: _held(some_motion(*given)))
+        data = recorded(robot, truth, n=2, noise=0.02)
+    return write_free_run(tmp_path / "run", robot, data).path, stated
+
+
+def _held(motion: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    for x in motion:
+        x[:, 0] = 0.0
+    return motion
+
+
+def test_a_urdfs_inertials_complete_what_the_motion_does_not_excite(
+    hil: Hil, half_still: tuple[Path, Path]
+) -> None:
+    folder, stated = half_still
+    status, _, refused = hil("identify", folder)
+    assert status != 0
+    assert "do not excite" in refused
+    _, shown, _ = hil("identify", folder, "--prior", "cad=0.3", "--urdf", stated)
+    words = " ".join(shown.split())
+    assert "(prior): left open by the recordings, from the inertials of head.urdf" in words
+    model = Model.load(folder / "model.yaml")
+    assert model.prior is not None
+    assert model.prior.relative == 0.3
+    assert set(model.prior.replaced) < set(model.names)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (("--prior", "cad=0.3"), "go together"),
+        (("--prior", "cad=30", "--urdf", "head.urdf"), "must be cad=SHARE"),
+        (("--prior", "fea=0.3", "--urdf", "head.urdf"), "must be cad=SHARE"),
+    ],
+)
+def test_a_prior_that_says_nothing_is_refused(
+    hil: Hil, folder: Path, given: tuple[str, ...], words: str
+) -> None:
+    status, _, refused = hil("identify", folder, *given)
+    assert status != 0
+    assert words in " ".join(refused.split())

@@ -157,3 +157,18 @@ def test_figures_that_no_body_has_are_refused_with_their_link() -> None:
 def test_methods_that_take_no_prior_say_so(robot: Robot, moving: FreeRecorded) -> None:
     with pytest.raises(UnknownName, match="takes no prior"):
         estimate(robot, moving, "published", Options(prior=Prior(BODIES, 0.3)))
+
+
+def test_intervals_hold_the_truth_where_cad_errs_as_stated(robot: Robot) -> None:
+    """Torques show three combinations of six parameters; bodies are drawn about CAD's figures."""
+    rng, of_cad = np.random.default_rng(7), Prior(BODIES, 0.3)
+    mean, root = of_cad.of(robot)
+    inside = []
+    for _ in range(300):
+        p = mean + root @ rng.standard_normal(root.shape[1])
+        W = rng.standard_normal((3, 6)) / 0.01
+        b = W @ p + rng.standard_normal(3)
+        N = W.T @ W
+        made = of_cad.completed(robot, N, np.linalg.pinv(W) @ b, np.linalg.pinv(N))
+        inside.append(np.abs(made.p - p) < 1.96 * np.sqrt(np.diag(made.covariance)))
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
