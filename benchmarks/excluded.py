@@ -528,8 +528,9 @@ def show_distinguish(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int)
             both = zip(names, found, strict=True)
             told = sum(name in NAMED[:2] and each.told for name, each in both)
             sums = ", ".join(f"{names.count(x)} {x}" for x in NAMED if x in names)
-            print(f"plan {name}: {cause or 'clean'}, axis {axis}, {size:g}: {sums}; {told} told"
-                  " from a load and other zeros", flush=True)  # fmt: skip
+            of_told = f"; {told} told from a load and other zeros" if cause else ""
+            print(f"plan {name}: {cause or 'clean'}, axis {axis}, {size:g}: {sums}{of_told}",
+                  flush=True)  # fmt: skip
 
 
 def show_time(folder: Path, seed: int) -> None:

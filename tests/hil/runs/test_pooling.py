@@ -126,6 +126,10 @@ def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
         (("manutec-r15", "--refine", "runs/x"), "one of the two"),
         (("--refine", "runs/x", "--with-trajectories"), "--with-trajectories does not go with"),
         (("manutec-r15", "--with-trajectories"), "--with-trajectories needs --minutes"),
+        (
+            ("manutec-r15", "--minutes", 9, "--distinguish", "load,zero"),
+            "--distinguish adds to a plan by counts",
+        ),
         (("--refine", "runs/x", "--warm-up", "60"), "--refine takes workspace and noise from the"),
         (("manutec-r15", "--noise-from", "runs/x"), "a plan by counts uses no noise"),
     ],
@@ -133,7 +137,7 @@ def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
 def test_options_that_contradict_each_other_are_refused(hil, tmp_path, arguments, message):
     status, _, err = hil("plan", *arguments, "-o", tmp_path / "plan.yaml")
     assert status == 2
-    assert message in err.replace("│", " ").replace("\n", " ").replace("  ", " ")
+    assert message in " ".join(err.replace("│", " ").split())
 
 
 def test_too_few_minutes_are_refused_in_one_line(hil, tmp_path):
