@@ -44,15 +44,14 @@ MOST = 5
 """Causes that are found at most: beyond, the model is wrong as a whole."""
 LARGE = 0.95
 """Share of the sum of squares that is left beside a cause, below which it may be too large for a
-column of the first order, and other readings are tried. Any from 0.5 to 0.99 has the same outcome:
-clean runs 1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
+column of the first order, and other readings are tried. 0.5 and 0.99 have the same outcome: clean runs
+1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
 CONTRADICTS = 4.0
 """Dispersion that most causes have from which on groups contradict each other, whatever the reason:
 they scatter twice as much as noise within them explains. Then nothing may be significant, since all
 is uncertain. It is 1.0 to 1.5 where nothing is wrong, with strong drift of friction, too, up to 3.5
 beside a cause that a column explains, and 13 to 18 where one axis counts the other way, two are
-exchanged or a zero is off by 90 degrees. Any from 2.5 to 9 has the same outcome on the runs of
-`LARGE`."""
+exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the runs of `LARGE`."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain as much. Let the right one explain z^2;
 another that is correlated by r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However alike
