@@ -16,7 +16,7 @@ from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.cia402.stream_limits import check_path
-from drivers.commissioning.kept_values import Readback
+from drivers.commissioning.readback import Readback
 from drivers.drive_bus import DriveError, LimitExceeded, Move
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from local_bench import build, drives_file, never_energised
 from drivers.canopen import objects as cia301
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
-from drivers.commissioning.kept_values import Readback
+from drivers.commissioning.readback import Readback
 from drivers.drive_bus import DriveRefused
 
 TIMEOUT = 127 << 16 | 500
