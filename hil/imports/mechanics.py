@@ -5,9 +5,9 @@ read otherwise, in turn (`hil.estimation.excluded.alternatives`), and all base p
 anew under each reading: a sign, two columns exchanged, degrees for radians, a zero off by quarters
 of a turn, gravity along another axis. The one that explains most of those that mechanics allows is
 then taken at its word, friction and all, and so are exchanges of axes whose torques do not follow
-their motion at all. It refuses the map's own where that is impossible, since friction would drive
-an axis or some motion would have a negative energy, and it leaves half of the mean squares at most;
-or a ninth of them at most. Where most of what is left would be friction that drives, any reading
+their motion at all. It refuses the map's own where that is contradicted, since friction would drive
+an axis, some motion would have a negative energy or torques of the axes exchanged follow no motion,
+and it leaves half of the mean squares at most; or a ninth of them at most. Where most of what is left would be friction that drives, any reading
 refuses the map's own that explains as much. All other causes are for the estimate to state, which
 sees the whole recording.
 """
@@ -124,7 +124,9 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
         (_left(robot, excerpts, reading, solver), cause, axes, words)
         for _, cause, axes, words, reading in tried
     )
-    if left <= (SURE if stated.possible else LEAVES):
+    # torques that follow no motion of their axes contradict the map as what is impossible does
+    contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
+    if left <= (LEAVES if contradicted else SURE):
         yield Suspicion(
             "shape",
             ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],),
