@@ -37,6 +37,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from twin_recordings import ROBOTS, Load, TwinRecorder
 
 from hil.errors import HilError
+from hil.estimation.drive_train import CERTAIN
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import across_gravity, columns
 from hil.estimation.excluded.evidence import measured
@@ -377,6 +378,10 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
     causes = proof.found if proof is not None else ()
     accounted = [(str(term.cause), axis) for term in model.error_budget if term.accounted
                  for axis in term.axes]  # fmt: skip
+    if found.load_friction is not None:
+        mu, error = found.load_friction
+        loaded = np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)
+        accounted += [("friction of the load", int(axis) + 1) for axis in loaded]
     return Said(model.outcome.word, model.outcome.reason, causes, proof, times, seconds,
                 tuple(accounted))  # fmt: skip
 

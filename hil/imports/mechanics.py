@@ -7,9 +7,9 @@ of a turn, gravity along another axis. The one that explains most of those that 
 then taken at its word, friction and all, and so are exchanges of axes whose torques do not follow
 their motion at all. It refuses the map's own where that is contradicted, since friction would drive
 an axis, some motion would have a negative energy or torques of the axes exchanged follow no motion,
-and it leaves half of the mean squares at most; or a ninth of them at most. Where most of what is left would be friction that drives, any reading
-refuses the map's own that explains as much. All other causes are for the estimate to state, which
-sees the whole recording.
+and it leaves half of the mean squares at most; or a ninth of them at most. Where most of what is
+left would be friction that drives, any reading refuses the map's own that explains as much. All
+other causes are for the estimate to state, which sees the whole recording.
 """
 
 from __future__ import annotations

@@ -44,8 +44,8 @@ MOST = 5
 """Causes that are found at most: beyond, the model is wrong as a whole."""
 LARGE = 0.95
 """Share of the sum of squares that is left beside a cause, below which it may be too large for a
-column of the first order, and other readings are tried. 0.5 and 0.99 have the same outcome: clean runs
-1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
+column of the first order, and other readings are tried. 0.5 and 0.99 have the same outcome: clean
+runs 1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
 CONTRADICTS = 4.0
 """Dispersion that most causes have from which on groups contradict each other, whatever the reason:
 they scatter twice as much as noise within them explains. Then nothing may be significant, since all

@@ -15,6 +15,7 @@ from scipy import optimize, special
 from hil.estimation.excluded.battery import LEVEL
 from hil.estimation.excluded.result import Limit
 from hil.estimation.excluded.words import name_of, rank_of, unit_of
+from hil.friction.equation import LOAD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -46,7 +47,7 @@ def limits(
             torque=each,
         )
         for key, at in every.tests.items()
-        if key[0] not in every.free
+        if key[0] not in every.free and not _is_fitted(battery, key)
         for part, size, each in _sizes(battery, key, at, torque, n_tests, leaves)
     ]
     hardest: dict[tuple[str, int, str], Limit] = {}  # of a torque that repeats, of all orders
@@ -55,6 +56,12 @@ def limits(
         if at not in hardest or _hard(each) > _hard(hardest[at]):
             hardest[at] = each
     return tuple(hardest.values())
+
+
+def _is_fitted(battery: Battery, key: Key) -> bool:
+    """Whether the estimate holds friction of the load of an axis, since that shows there."""
+    e = battery.evidence
+    return key[0] == "friction of the load" and bool(e.own[e.axis == key[1], LOAD:].any())
 
 
 def _hard(limit: Limit) -> float:

@@ -16,6 +16,7 @@ from hil.estimation.excluded.proof import changed as changed_between
 from hil.estimation.excluded.proof import proved
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.friction.equation import LOAD
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot, parse_robot
 
@@ -134,6 +135,19 @@ def test_a_small_inertia_that_noise_makes_negative_is_no_cause(seed: int) -> Non
     solver = SimultaneousFit(direct, prepared)
     evidence = measured(direct, solver, prepared)
     assert excluded(direct, solver.solve(), evidence).found == ()
+
+
+def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    prepared = [(motion, signals(recording)) for motion, recording in good]
+    solver = SimultaneousFit(robot, prepared)
+    evidence = measured(robot, solver, prepared)
+    own, mine = evidence.own.copy(), evidence.axis == 0
+    own[mine, LOAD] = np.abs(evidence.recorded[mine]) * np.sign(evidence.motion[1, 1, mine, 0])
+    found = excluded(robot, solver.solve(), replace(evidence, own=own))
+    stated = {each.axis for each in found.limits if each.cause == "friction of the load"}
+    assert stated == {2}
 
 
 @pytest.mark.parametrize(
