@@ -53,8 +53,7 @@ def main() -> None:
         for seed in SEEDS[: given.seeds]:
             for name in CASES if seed == SEEDS[0] else [c for c in CASES if c not in ONCE]:
                 judge(given.folder, robot, name, seed)
-        found = gather(given.folder)
-        found["commit"] = subprocess.check_output(GIT, text=True).strip()
+        found = gather(given.folder) | {"commit": subprocess.check_output(GIT, text=True).strip()}
         short = json.loads(json.dumps(found), parse_float=lambda x: float(f"{float(x):.5g}"))
         RESULTS.write_text(json.dumps(short, separators=(",", ":")) + "\n")
     results = json.loads(RESULTS.read_text())
