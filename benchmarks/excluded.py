@@ -265,7 +265,7 @@ class Said:
         return self.word != "good" or self.times <= HONEST
 
     @property
-    def told(self) -> bool:
+    def alone(self) -> bool:
         """Whether neither a load nor a zero is the same in these data as what is named first."""
         others = self.found[0].others if self.found else ()
         return not any(CAUSES[x].words in each for x in ("load", "zero") for each in others)
@@ -531,10 +531,10 @@ def show_distinguish(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int)
             found = list(pool.map(partial(said, own), cases))
             names = [each.named(case) for case, each in zip(cases, found, strict=True)]
             both = zip(names, found, strict=True)
-            told = sum(name in NAMED[:2] and each.told for name, each in both)
+            alone = sum(name in NAMED[:2] and each.alone for name, each in both)
             sums = ", ".join(f"{names.count(x)} {x}" for x in NAMED if x in names)
-            of_told = f"; {told} told from a load and other zeros" if cause else ""
-            print(f"plan {name}: {cause or 'clean'}, axis {axis}, {size:g}: {sums}{of_told}",
+            apart = f"; {alone} distinguished from a load and other zeros" if cause else ""
+            print(f"plan {name}: {cause or 'clean'}, axis {axis}, {size:g}: {sums}{apart}",
                   flush=True)  # fmt: skip
 
 

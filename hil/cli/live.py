@@ -87,7 +87,7 @@ class Shown:
 
 
 def listeners(shown: Shown) -> list[Listener]:
-    """Processes that are to be told of the run.
+    """Processes that are informed of the run.
 
     Raises
     ------

@@ -119,7 +119,7 @@ class OnBus(RobotsBus):
     Attributes
     ----------
     listeners : sequence of Listener
-        Processes that are told what happens, not started yet.
+        Processes informed of what happens, not started yet.
     """
 
     pacing: Pacing = Pacing.AUTO
@@ -203,7 +203,7 @@ def measure(
 
 
 def _feed(how: OnBus, the_plan: Plan, the_robot: Robot, rehearsal: float | None) -> Feed | None:
-    """What tells listeners of the run; None where there are none."""
+    """What informs listeners of the run; None where there are none."""
     if not how.listeners:
         return None
     from hil.live.feed import Feed

@@ -130,7 +130,7 @@ def plan(
         str | None,
         typer.Option(
             metavar="CAUSE\\[,CAUSE...]",
-            help="Causes that the plan is to show in their usual size and to tell from each other,"
+            help="Causes that the plan is to show in their usual size and to distinguish,"
             " such as 'load,zero of axis 4'; what it adds lasts as long as the plan at most.",
         ),
     ] = None,

@@ -128,7 +128,7 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
     if drive_train.soft.any() or loaded.any():
         # what gears transmit is now known better than from measurements of inertia alone, and so is
         # which of them turn it into friction; a doubtful one would take the lag along, since few
-        # measurements of inertia tell the two apart
+        # measurements of inertia distinguish the two
         drive_train = as_asked(find_drive_train(robot, raw, loaded), nuisance)
         drive_train = replace(drive_train, p=solver.solve())
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
@@ -144,7 +144,7 @@ def as_asked(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
     if "compliance" not in nuisance:
         train = replace(train, soft=np.zeros_like(train.soft))
     if not {"lag", "compliance"} <= set(nuisance):
-        # what is not looked for has no error of which the covariance would tell
+        # what is not looked for has no error that the covariance would hold
         train = replace(train, covariance=np.zeros_like(train.covariance))
     return train
 

@@ -33,7 +33,7 @@ CHANCE = 0.025
 FLIPS = 4096
 """Draws of signs: the probability is known within 0.0025."""
 NEGLIGIBLE = 0.01
-"""Growth of the held-out residual (rms) that tells nothing: the filters' corners make up to 0.008
+"""Growth of the held-out residual (rms) that means nothing: the filters' corners make up to 0.008
 where friction is Coulomb's and viscous exactly (two axes, white noise)."""
 
 

@@ -100,11 +100,11 @@ class Feed:
 
     def take_event(self, event: Event) -> None:
         """Pass an event on."""
-        self.tell("event", lines.event(event, self._pace.left(event), self._numbers))
+        self.publish("event", lines.event(event, self._pace.left(event), self._numbers))
         if isinstance(event, Recorded):
             found = self._friction.with_recording(event.measurement, event.recording)
             if found is not None:
-                self.tell("level", found)
+                self.publish("level", found)
 
     def take_sample(self, sample: Sample, notes: Sequence[str]) -> None:
         """Pass a sample on if it is time, and what has been noted since."""
@@ -116,7 +116,7 @@ class Feed:
         for listener in self._listeners:
             listener.write(line, droppable=True)
         for text in notes[self._notes :]:
-            self.tell("note", {"text": text})
+            self.publish("note", {"text": text})
         self._notes = len(notes)
         self._name_missed()
 
@@ -136,18 +136,18 @@ class Feed:
 
     @contextmanager
     def _begun_and_ended(self) -> Iterator[None]:
-        self.tell("start", self._start)
+        self.publish("start", self._start)
         try:
             yield
         except BaseException as error:
-            self.tell("end", _how(error))
+            self.publish("end", _how(error))
             raise
         else:
-            self.tell("end", {"how": "finished", "text": ""})
+            self.publish("end", {"how": "finished", "text": ""})
         finally:
             self._name_missed()
 
-    def tell(self, kind: str, values: lines.Line) -> None:
+    def publish(self, kind: str, values: lines.Line) -> None:
         """Pass a line of `hil.live.lines` on."""
         line = lines.encoded(kind, **values)
         for listener in self._listeners:
@@ -162,7 +162,7 @@ class Feed:
 
 
 class FedBus(BusInFront):
-    """A bus in front of another one that tells what it sees.
+    """A bus in front of another one that publishes what it sees.
 
     Parameters
     ----------
@@ -179,31 +179,31 @@ class FedBus(BusInFront):
     def __enter__(self) -> Self:
         """Check, configure and power on every drive.
 
-        That it was done is told with the first sample: nothing may come between axes under power
-        and whoever switches them off.
+        That it was done is published with the first sample: nothing may come between axes under
+        power and whoever switches them off.
         """
         try:
             super().__enter__()
         except DriveError as error:
-            self._feed.tell("fault", {"text": str(error)})
+            self._feed.publish("fault", {"text": str(error)})
             raise
         return self
 
     def __exit__(self, *raised: Any) -> None:
         """Stop the axes and power off."""
         super().__exit__(*raised)
-        self._feed.tell("off", {})
+        self._feed.publish("off", {})
 
     def sample(self) -> Sample:
         """Wait for the next SYNC."""
         try:
             sample = self._bus.sample()
         except DriveError as error:
-            self._feed.tell("fault", {"text": str(error)})
+            self._feed.publish("fault", {"text": str(error)})
             raise
         if not self._told:
             self._told = True
-            self._feed.tell("armed", lines.armed(self._bus.axes))
+            self._feed.publish("armed", lines.armed(self._bus.axes))
         self._feed.take_sample(sample, self._bus.notes)
         return sample
 

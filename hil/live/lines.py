@@ -1,4 +1,4 @@
-"""The lines in which a run is told to the processes beside it: JSON objects, one a line.
+"""The lines in which a run is reported to the processes beside it: JSON objects, one a line.
 
 Every line has ``kind`` and ``at``, the clock's time [s since 1970]. All else is SI on the joint
 side; what is not known is null.

@@ -1,4 +1,4 @@
-"""A process beside the run that is told what happens, and never waited for: both its ends.
+"""A process beside the run that is informed of what happens, and never waited for: both its ends.
 
 Its standard input is a pipe that the run writes lines to (`hil.live.lines`) as far as there is
 room: where the reader is behind, samples are left out, and what matters waits in a small buffer.
@@ -36,7 +36,7 @@ class ListenerFailed(HilError):
 
 
 class Listener:
-    """A process that is told what happens.
+    """A process that is informed of what happens.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Mailboxes of a slave (ETG.1000.4 clause 5.6): what comes in, what waits to be fetched, repeats.
 
-A counter of 1 to 7 in each direction tells a repetition from news: one that comes twice is dropped.
-A master that has lost an answer toggles the repeat bit of the mailbox for answers, and finds the
-last one there again.
+A counter of 1 to 7 in each direction distinguishes a repetition from news: one that comes twice is
+dropped. A master that has lost an answer toggles the repeat bit of the mailbox for answers, and
+finds the last one there again.
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ class DriveObjects:
 
 
 def without_can(personality: Personality) -> Personality:
-    """Return what of a personality can be told of a drive on EtherCAT."""
+    """Return what of a personality holds for a drive on EtherCAT."""
     objects = tuple(change for change in personality.objects if change.index not in _CAN_ONLY)
     missing = tuple(index for index in personality.missing if index not in _CAN_ONLY)
     return personality.model_copy(update={"objects": objects, "missing": missing})

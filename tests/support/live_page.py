@@ -48,16 +48,16 @@ class Served:
     def path(self) -> str:
         return self.url.partition(f":{self.port}")[2]
 
-    def tell(self, kind: str, **values: object) -> None:
+    def publish(self, kind: str, **values: object) -> None:
         self.listener.write(lines.encoded(kind, **values))
 
     def begin(self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...]) -> None:
         """Tell what every run begins with."""
-        self.tell("start", **lines.start(robot, plan, None, simulated=True))
-        self.tell("armed", **lines.armed(axes))
+        self.publish("start", **lines.start(robot, plan, None, simulated=True))
+        self.publish("armed", **lines.armed(axes))
 
     def sample(self, sample: Sample) -> None:
-        self.tell("sample", **lines.sample(sample))
+        self.publish("sample", **lines.sample(sample))
 
     def ask(
         self, method: str, path: str, headers: dict[str, str] | None = None

@@ -1,4 +1,4 @@
-"""A process that is told of a run and writes all lines down, as `hil.live.listener` starts it.
+"""A process that is informed of a run and writes all lines down, as `hil.live.listener` starts it.
 
 Arguments: the file to write, and what it does: ``note``; ``deaf`` (reads nothing until the end);
 ``refuse`` (cannot serve); ``stop`` (wants a stop at the first recording); ``leave`` (ends at it);

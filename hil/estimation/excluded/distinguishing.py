@@ -3,8 +3,8 @@ r"""Measurements that make causes visible and distinguish them, added to a plan.
 Of the column of a cause, another one that is named leaves the share s^2 = I' / I of its
 information, I' being that beside base parameters and all columns of the other. A flaw theta of it,
 with z^2 = theta^2 I / phi, is explained by its own column as (z + e)^2, by the other so much worse:
-z^2 s^2 + 2 z s e', e' standard normal. The two are told apart if that exceeds `finding.TOGETHER`,
-with the probability `limits.POWER` from
+z^2 s^2 + 2 z s e', e' standard normal. The two are distinguished if that exceeds
+`finding.TOGETHER`, with the probability `limits.POWER` from
 
     theta = a sqrt(phi / I'),    a^2 - 2 a Phi^-1(.8) = 3.84,
 
@@ -13,9 +13,9 @@ a share of all that is explained, and theta grows beyond all bounds.
 
 Inner products of candidates add up (`hil.least_squares.blocks`). So one after the other is taken
 that lowers most, in its time, the logarithms by which sizes exceed what is wanted: what is usual of
-the cause, or, where nothing is, that it is told from the others as soon as it is found. The sizes
-that are stated are those of the whole plan by the battery (`foreseen`), which is asked again until
-it agrees.
+the cause, or, where nothing is, that it is distinguished from the others as soon as it is found.
+The sizes that are stated are those of the whole plan by the battery (`foreseen`), which is asked
+again until it agrees.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ QUANTILE = float(special.ndtri(POWER))
 LEAD = QUANTILE + float(np.sqrt(QUANTILE**2 + TOGETHER))
 """The module's a."""
 APART = 2.0 * (1.0 - SAME**2)
-"""Least share of a cause's information beside another one, for the two to be told apart."""
+"""Least share of a cause's information beside another one, for the two to be distinguished."""
 ROUNDS = 6
 """How often more is added and the whole plan is tested, each time as much of what may be added."""
 FEW = 20
@@ -89,8 +89,9 @@ class Reached(NamedTuple):
         Size that is usual, 0 where none is known.
     shown : float
         Smallest size that is found; infinite where none is.
-    told : float
-        Smallest size that is told from all others named; infinite where it is like one of them.
+    distinct : float
+        Smallest size that is distinguished from all others named; infinite where it is like one of
+        them.
     like : str
         The one of these that it is most alike; empty where there are no others.
     remedy : str
@@ -101,14 +102,14 @@ class Reached(NamedTuple):
     unit: str
     usual: float
     shown: float
-    told: float
+    distinct: float
     like: str
     remedy: str
 
     @property
     def enough(self) -> bool:
-        """Whether a usual size, or else each that is found, is found and told from the others."""
-        return max(self.shown, self.told) <= (self.usual or self.shown) < np.inf
+        """Whether a usual size, or else each that is found, is found and distinguished."""
+        return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 
 class Distinguished(NamedTuple):
@@ -300,16 +301,16 @@ class _Search:
         for k, (cause, axis, part) in enumerate(self.names):
             others = [j for j in range(len(self.keys)) if j != self.cause[k]]
             like = min(others, key=lambda j: float(left[k, j]), default=None)
-            told = 0.0
+            distinct = 0.0
             if like is not None:
                 apart = np.isfinite(shown[k]) and left[k, like] >= APART * information[k]
-                told = LEAD * float(np.sqrt(phi[k] / left[k, like])) if apart else np.inf
+                distinct = LEAD * float(np.sqrt(phi[k] / left[k, like])) if apart else np.inf
             found.append(Reached(
                 name=in_words((cause, axis), part),
                 unit=unit_of(self.robot, (cause, axis), part),
                 usual=float(self.usual[k]),
                 shown=float(shown[k]),
-                told=told,
+                distinct=distinct,
                 like="" if like is None else in_words(self.keys[like]),
                 remedy="" if self.visible[k] else SHOWN_BY.get(cause, NEVER),
             ))  # fmt: skip
@@ -361,9 +362,9 @@ class _Search:
         own = np.maximum(np.einsum("...ii->...i", S), TINY)
         left = self._left(S)
         least = np.maximum(apart[:, np.newaxis], share[:, np.newaxis] * own[..., np.newaxis])
-        told = np.where(self.cause[:, np.newaxis] == np.arange(len(self.keys)), 0.0,
-                        _excess(least, left))  # fmt: skip
-        found: Array = _excess(wanted, own).sum(axis=-1) + told.sum(axis=(-2, -1))
+        distinct = np.where(self.cause[:, np.newaxis] == np.arange(len(self.keys)), 0.0,
+                            _excess(least, left))  # fmt: skip
+        found: Array = _excess(wanted, own).sum(axis=-1) + distinct.sum(axis=(-2, -1))
         return found
 
 

@@ -7,7 +7,7 @@ sensor adds, some `ASYMMETRY` of friction itself.
 
 So where most of an offset's variance comes from what it shares with base parameters, and the offset
 is larger than its variance and that allow, either it is a real one, a sensor's zero or a spring, or
-the model lacks something that passes for acceleration. The torques do not tell which, so the
+the model lacks something that passes for acceleration. The torques do not show which, so the
 estimate stays and its covariance grows along the way that changes them least, until
 o^2 = s^2 + V_oo with s = `ASYMMETRY` times friction at half the speed: the value of the greatest
 likelihood.

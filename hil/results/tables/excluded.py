@@ -101,13 +101,13 @@ def sentences(proof: Excluded) -> Iterator[str]:
 
 def distinguished(found: Distinguished, source: str) -> Table:
     """What a plan shows of causes that it is to distinguish, before it was added to and after."""
-    heads = ("usual", "found, before", "after", "told, before", "after")
+    heads = ("usual", "found, before", "after", "apart, before", "after")
     columns = (Column("cause"), Column("unit"), *(Column(head, "right") for head in heads),
                Column("most alike"))  # fmt: skip
     rows = tuple(
         (after.name, after.unit, significant(after.usual, 2) if after.usual else "",
          _finite(before.shown), _finite(after.shown),
-         *((_finite(before.told), _finite(after.told)) if after.like else ("", "")),
+         *((_finite(before.distinct), _finite(after.distinct)) if after.like else ("", "")),
          after.like)
         for before, after in zip(found.before, found.after, strict=True)
     )  # fmt: skip
@@ -116,8 +116,8 @@ def distinguished(found: Distinguished, source: str) -> Table:
         columns=columns,
         parts=(Part(rows),),
         notes=(
-            "smallest sizes that are found, and that are told from each other cause named, with a"
-            f" probability of 80 %; {NEVER} never; parameters {source}",
+            "smallest sizes that are found, and that are set apart from each other cause named,"
+            f" with a probability of 80 %; {NEVER} never; parameters {source}",
         ),
     )
 
@@ -133,8 +133,8 @@ def distinguishing(found: Distinguished) -> Iterator[str]:
         elif not each.enough:
             size = f"{significant(each.usual, 2)} {each.unit}" if each.usual else "what is found"
             yield (
-                f"{each.name}: {size} is not told from {each.like or 'nothing at all'} in twice the"
-                " time of the plan; measure more (--gravity, --inertia, --coupling)"
+                f"{each.name}: {size} is not distinguished from {each.like or 'nothing at all'} in"
+                " twice the time of the plan; measure more (--gravity, --inertia, --coupling)"
             )
 
 

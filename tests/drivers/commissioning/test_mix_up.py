@@ -1,4 +1,4 @@
-"""Node numbers that are mixed up are told from ratings that are stated wrongly."""
+"""Node numbers that are mixed up are distinguished from ratings that are stated wrongly."""
 
 from __future__ import annotations
 

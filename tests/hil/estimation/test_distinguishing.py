@@ -1,4 +1,4 @@
-"""A plan is told to make causes visible, and to tell them from each other."""
+"""A plan is asked to make causes visible, and to distinguish them."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ def reached_of(plan, robot, causes):
 def test_a_usual_size_is_found_and_told_from_the_other_causes(reached):
     zero = next(each for each in reached.before if each.name == "zero of axis 5")
     assert zero.shown > zero.usual
-    assert zero.told == np.inf
+    assert zero.distinct == np.inf
     assert zero.like == "load"
     zero = next(each for each in reached.after if each.name == "zero of axis 5")
-    assert max(zero.shown, zero.told) <= zero.usual == 0.5
+    assert max(zero.shown, zero.distinct) <= zero.usual == 0.5
 
 
 def test_a_cause_without_a_usual_size_is_told_as_soon_as_it_is_found(reached):
     loads = [each for each in reached.after if each.name.startswith("load")]
     assert len(loads) == 6
-    assert all(each.told <= each.shown < np.inf for each in loads)
+    assert all(each.distinct <= each.shown < np.inf for each in loads)
 
 
 def test_measurements_are_added_behind_those_of_the_plan_for_as_long_at_most(plan, reached):

@@ -58,7 +58,7 @@ def test_weights_follow_residuals_until_neither_changes() -> None:
 
 
 def test_inertias_that_steps_of_encoders_make_too_small_are_within_what_is_stated() -> None:
-    """The axes move as they are told here, so all of what steps add is to be taken off."""
+    """The axes move as they are commanded here, so all of what steps add is to be taken off."""
     step, prepared = 2e-4, []
     for motion, recording in recorded(ROBOT, TRUTH, n=4, duration=20.0, noise=1e-4):
         q = step * np.rint(recording.q / step)

@@ -1,4 +1,4 @@
-"""What processes beside a run are told, and that none of them can disturb it."""
+"""What processes beside a run are sent, and that none of them can disturb it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def run(plan: Plan, robot: Robot, folder: Path, *manners: str) -> list[Listener]
     return listeners
 
 
-def told(path: Path) -> list[dict[str, Any]]:
+def lines_of(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
@@ -61,7 +61,7 @@ def test_a_listener_is_told_of_everything_in_order(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
     run(small_plan, manutec, tmp_path / "run", "note")
-    lines = told(tmp_path / "note")
+    lines = lines_of(tmp_path / "note")
     kinds = [line["kind"] for line in lines]
     assert kinds[0] == "start"
     assert kinds[-2:] == ["off", "end"]
@@ -81,7 +81,7 @@ def test_samples_are_those_of_the_run_and_few(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
     run(small_plan, manutec, tmp_path / "run", "note")
-    samples = [line for line in told(tmp_path / "note") if line["kind"] == "sample"]
+    samples = [line for line in lines_of(tmp_path / "note") if line["kind"] == "sample"]
     begun, ended = samples[0]["at"], samples[-1]["at"]
     assert 2 <= len(samples) <= 25 * (ended - begun) + 2
     recordings = {
@@ -100,7 +100,7 @@ def test_friction_so_far_is_that_of_the_measured_axes(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
     run(small_plan, manutec, tmp_path / "run", "note")
-    found = [line for line in told(tmp_path / "note") if line["kind"] == "level"]
+    found = [line for line in lines_of(tmp_path / "note") if line["kind"] == "level"]
     assert [(line["axis"], line["measurement"]) for line in found] == [
         (1, "g1"),
         (2, "i1"),
@@ -162,7 +162,7 @@ def test_a_stop_of_a_listener_is_one_of_the_operator(
         run(repeated(small_plan, 10), manutec, tmp_path / "run", "stop", "note")
     assert left.value.exit_code == STATUS
     assert "stopped, the axes are off" in capsys.readouterr().err
-    end = told(tmp_path / "note")[-1]
+    end = lines_of(tmp_path / "note")[-1]
     assert (end["kind"], end["how"]) == ("end", "stopped")
     folder = RunFolder.open(tmp_path / "run")
     assert folder.journal.sessions[0].reason == "interrupted by the operator"
@@ -184,7 +184,7 @@ def test_a_listener_that_ends_is_missed_once_and_the_run_goes_on(
     run(repeated(small_plan, 5), manutec, tmp_path / "run", "leave", "note")
     assert capsys.readouterr().out.count("listener leave has ended by itself") == 1
     assert RunFolder.open(tmp_path / "run").missing == ()
-    assert told(tmp_path / "note")[-1]["kind"] == "end"
+    assert lines_of(tmp_path / "note")[-1]["kind"] == "end"
 
 
 def test_a_listener_that_never_reads_is_never_waited_for(
@@ -214,7 +214,7 @@ def test_a_fault_is_told_with_its_text_before_the_end(
     how = OnBus(SIMULATED, None, None, [f"faults={faults}"], listeners=[listener])
     with pytest.raises(typer.Exit):
         measure(small_plan, manutec, Path("plan.yaml"), tmp_path / "run", how)
-    lines = told(tmp_path / "note")
+    lines = lines_of(tmp_path / "note")
     kinds = [line["kind"] for line in lines]
     assert kinds[-3:] == ["fault", "off", "end"]
     assert "2310" in lines[-3]["text"]

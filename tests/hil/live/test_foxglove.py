@@ -217,7 +217,7 @@ def test_a_package_that_is_missing_is_named_with_its_remedy(
 
 
 @pytest.fixture
-def told(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]:
+def published(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]:
     """Take lines after the first one; return the messages of the last by topic, deserialized."""
     ros = RosLines(RosMessages("--foxglove", "foxglove"))
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -237,9 +237,9 @@ def a_sample(flags: int = 0, tau: float | None = 94.5) -> dict[str, Any]:
     return {"t": 1.5, "q": [0.25] * 6, "tau": [tau] * 6, "flags": [flags, 0, 0, 0, 0, 0]}
 
 
-def test_a_diagnosis_states_torque_beside_its_limit(told: Any, manutec: Robot) -> None:
-    told("armed", axes=[])
-    _, first, *_ = told("sample", **a_sample())["/diagnostics"].status
+def test_a_diagnosis_states_torque_beside_its_limit(published: Any, manutec: Robot) -> None:
+    published("armed", axes=[])
+    _, first, *_ = published("sample", **a_sample())["/diagnostics"].status
     limit = manutec.torque_limit[0]
     assert (first.name, first.level, first.message) == ("run: joint1", OK, "under power")
     assert values_of(first) == {
@@ -253,30 +253,30 @@ def test_a_diagnosis_states_torque_beside_its_limit(told: Any, manutec: Robot) -
 @pytest.mark.parametrize(
     ("flags", "text"), [(8, "the drive limits its torque"), (1, "no sample came")]
 )
-def test_flags_of_a_sample_warn(told: Any, flags: int, text: str) -> None:
-    told("armed", axes=[])
-    run, first, second, *_ = told("sample", **a_sample(flags))["/diagnostics"].status
+def test_flags_of_a_sample_warn(published: Any, flags: int, text: str) -> None:
+    published("armed", axes=[])
+    run, first, second, *_ = published("sample", **a_sample(flags))["/diagnostics"].status
     assert (first.level, first.message) == (WARNING, text)
     assert (run.level, second.level) == (OK, OK)
 
 
-def test_a_missing_sample_is_nan(told: Any) -> None:
-    state = told("sample", **a_sample(1, None))["/joint_states"]
+def test_a_missing_sample_is_nan(published: Any) -> None:
+    state = published("sample", **a_sample(1, None))["/joint_states"]
     assert np.isnan(state.effort).all()
     assert (state.position == 0.25).all()
 
 
-def test_levels_follow_power_and_faults(told: Any) -> None:
+def test_levels_follow_power_and_faults(published: Any) -> None:
     def levels() -> set[int]:
-        return {each.level for each in told("sample", **a_sample())["/diagnostics"].status}
+        return {each.level for each in published("sample", **a_sample())["/diagnostics"].status}
 
     assert levels() == {STALE}
-    told("armed", axes=[])
+    published("armed", axes=[])
     assert levels() == {OK}
-    fault = told("fault", text="axis 1: overcurrent; look at the motor's cable")["/events"]
+    fault = published("fault", text="axis 1: overcurrent; look at the motor's cable")["/events"]
     assert (fault.level, fault.msg) == (40, "axis 1: overcurrent; look at the motor's cable")
     assert levels() == {FAULT}
-    told("off")
+    published("off")
     assert levels() == {FAULT}
 
 
@@ -291,9 +291,9 @@ def test_levels_follow_power_and_faults(told: Any) -> None:
     ],
 )
 def test_what_is_said_stands_in_the_log(
-    told: Any, line: dict[str, str], level: int, text: str
+    published: Any, line: dict[str, str], level: int, text: str
 ) -> None:
-    said = told(**line)["/events"]
+    said = published(**line)["/events"]
     assert (said.level, said.msg, said.name) == (level, text, "run")
 
 

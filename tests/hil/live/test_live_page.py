@@ -55,7 +55,7 @@ def page(
     with served() as found:
         found.begin(manutec, small_plan, ideal_bus.axes)
         event = Travelled(3.0, 20.0, small_plan.measurements[0])
-        found.tell("event", **lines.event(event, 65.0, {"g1": 1}))
+        found.publish("event", **lines.event(event, 65.0, {"g1": 1}))
         found.sample(Sample(4.0, Q, TAU, (0,) * 6, False))
         browser.get(found.url)
         until(browser, lambda: "rad" in "".join(row[1] for row in cells(browser)))
@@ -104,7 +104,7 @@ def test_a_run_of_the_virtual_plant_says_so_and_no_other_does(
 ) -> None:
     assert text(browser, "simulated") == "SIMULATED"
     assert browser.title == "SIMULATED: Run of manutec-r15, live"
-    page.tell("start", **lines.start(manutec, small_plan, None, simulated=False))
+    page.publish("start", **lines.start(manutec, small_plan, None, simulated=False))
     until(browser, lambda: not browser.find_element(By.ID, "simulated").is_displayed())
 
 
@@ -120,9 +120,9 @@ def test_the_robot_stands_as_it_was_sampled(browser: Chrome, page: Served) -> No
 
 def test_friction_so_far_stands_beside_its_axis(browser: Chrome, page: Served) -> None:
     level = {"axis": 1, "speed": 0.4, "measurement": "g1"}
-    page.tell("level", **level, level=51.2, count=1, least=51.2, most=51.2)
+    page.publish("level", **level, level=51.2, count=1, least=51.2, most=51.2)
     until(browser, lambda: cells(browser)[1][3] == "51.2 N m at 0.40 rad/s")
-    page.tell("level", **level, level=53.2, count=2, least=51.2, most=53.2)
+    page.publish("level", **level, level=53.2, count=2, least=51.2, most=53.2)
     wanted = "53.2 N m at 0.40 rad/s (2 so far: 51.2 to 53.2)"
     until(browser, lambda: cells(browser)[1][3] == wanted)
 
@@ -139,11 +139,11 @@ def test_findings_and_faults_are_shown_with_their_remedy(
 ) -> None:
     finding = Finding("gaps", "12 samples are missing, at most 3 may; check the cable", 12, 3)
     event = GaveUp(9.0, 10.0, small_plan.measurements[0], 3, (finding,))
-    page.tell("event", **lines.event(event, 30.0, {"g1": 1}))
+    page.publish("event", **lines.event(event, 30.0, {"g1": 1}))
     until(browser, lambda: "check the cable" in text(browser, "notices"))
-    page.tell("fault", text="joint 2: following error; check the brake")
-    page.tell("off")
-    page.tell("end", how="failed", text="joint 2: following error; check the brake")
+    page.publish("fault", text="joint 2: following error; check the brake")
+    page.publish("off")
+    page.publish("end", how="failed", text="joint 2: following error; check the brake")
     until(
         browser,
         lambda: text(browser, "state") == "the run has ended with a fault, the axes are off",
@@ -156,8 +156,8 @@ def test_findings_and_faults_are_shown_with_their_remedy(
 def test_text_of_files_and_drives_stays_text(
     browser: Chrome, page: Served, ideal_bus: IdealBus
 ) -> None:
-    page.tell("note", text=HOSTILE)
-    page.tell("fault", text=HOSTILE)
+    page.publish("note", text=HOSTILE)
+    page.publish("fault", text=HOSTILE)
     until(browser, lambda: HOSTILE in text(browser, "notices"))
     assert text(browser, "fault") == HOSTILE
     assert browser.find_elements(By.CSS_SELECTOR, "main img, header img") == []
@@ -167,8 +167,8 @@ def test_the_button_stops_once(browser: Chrome, page: Served) -> None:
     browser.find_element(By.ID, "stop").click()
     until(browser, lambda: page.stops == [1])
     until(browser, lambda: text(browser, "state") == "stopping all axes")
-    page.tell("off")
-    page.tell("end", how="stopped", text="")
+    page.publish("off")
+    page.publish("end", how="stopped", text="")
     until(browser, lambda: text(browser, "state") == "stopped, the axes are off")
     assert complaints(browser) == []
 
@@ -187,7 +187,7 @@ def test_samples_that_stay_away_are_missed(browser: Chrome, page: Served) -> Non
 
 
 def test_a_page_that_is_opened_late_knows_all(browser: Chrome, page: Served) -> None:
-    page.tell("note", text="joint 3 warms up")
+    page.publish("note", text="joint 3 warms up")
     until(browser, lambda: "joint 3 warms up" in text(browser, "notices"))
     browser.refresh()
     until(browser, lambda: "joint 3 warms up" in text(browser, "notices"))
@@ -212,9 +212,9 @@ def test_the_button_of_another_address_works_too(
 def test_everybody_can_use_it(browser: Chrome, page: Served, width: int, scheme: str) -> None:
     resize(browser, width, 900)
     colour_scheme(browser, scheme)
-    page.tell("note", text="joint 3 warms up")
-    page.tell("fault", text="joint 2: following error; check the brake")
-    page.tell("level", axis=1, level=51.2, speed=0.4, count=2, least=49.0, most=51.2)
+    page.publish("note", text="joint 3 warms up")
+    page.publish("fault", text="joint 2: following error; check the brake")
+    page.publish("level", axis=1, level=51.2, speed=0.4, count=2, least=49.0, most=51.2)
     until(browser, lambda: text(browser, "fault"))
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []

@@ -1,4 +1,4 @@
-"""Whom the live page is served to, and what it is told."""
+"""Whom the live page is served to, and what it shows."""
 
 from __future__ import annotations
 
@@ -140,13 +140,13 @@ def test_a_late_page_is_told_what_has_passed(
     page: Served, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus
 ) -> None:
     page.begin(manutec, small_plan, ideal_bus.axes)
-    page.tell("note", text="a drive noted something")
-    page.tell("event", name="Travelled", doing="measuring g1 (gravity)", notice="", t=1.0)
-    page.tell("level", axis=1, level=50.0)
-    page.tell("level", axis=1, level=51.0)
+    page.publish("note", text="a drive noted something")
+    page.publish("event", name="Travelled", doing="measuring g1 (gravity)", notice="", t=1.0)
+    page.publish("level", axis=1, level=50.0)
+    page.publish("level", axis=1, level=51.0)
     for t in (1.0, 2.0):
         page.sample(Sample(t, (0.0,) * 6, (1.0,) * 6, (0,) * 6, False))
-    page.tell("end", how="finished", text="")
+    page.publish("end", how="finished", text="")
     with watching(page.port) as early:
         assert any(line["kind"] == "end" for line in events(early))  # all has been read
     assert page.ask("POST", "/stop", STOP)[0] == 409
@@ -165,7 +165,7 @@ def test_one_page_too_many_is_refused_and_the_others_go_on(page: Served) -> None
     assert all(next(each)["kind"] == "alive" for each in streams_of)
     status, _, text = page.ask("GET", "/events")
     assert (status, text) == (503, "too many pages are open; close one\n")
-    page.tell("note", text="still here")
+    page.publish("note", text="still here")
     for each in streams_of:
         assert any(line.get("text") == "still here" for line in each)
     closed = pages.pop()
@@ -187,7 +187,7 @@ def test_connections_that_ask_for_nothing_cost_only_themselves(page: Served) -> 
         idle = [socket.create_connection(("127.0.0.1", page.port)) for _ in range(CONNECTIONS_MAX)]
         idle[-1].settimeout(30)
         assert b"503" in idle[-1].recv(100)
-        page.tell("note", text="still here")
+        page.publish("note", text="still here")
         assert any(line.get("text") == "still here" for line in got)
     for each in idle:
         each.close()
@@ -239,7 +239,7 @@ def test_a_line_that_was_cut_off_is_left_out(page: Served) -> None:
     with watching(page.port) as one:
         got = events(one)
         page.listener.write(b'{"kind":"note","te\n')
-        page.tell("note", text="whole")
+        page.publish("note", text="whole")
         assert next(line for line in got if line["kind"] == "note")["text"] == "whole"
 
 

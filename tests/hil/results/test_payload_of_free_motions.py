@@ -106,10 +106,10 @@ def test_wrong_gains_are_found_by_the_mass_and_the_load_with_them(runs: Path) ->
     found = found_in(runs, "wrong-", MASS, gains=True)
     assert found.by_mass is not None
     gains, error = found.by_mass.gains, found.by_mass.gain_errors
-    told = error < USUAL_BOUND
-    assert told[[0, 1, 3]].all()
+    known = error < USUAL_BOUND
+    assert known[[0, 1, 3]].all()
     z = (gains / GAINS - 1.0) / error
-    assert np.abs(z[told]).max() < 4
+    assert np.abs(z[known]).max() < 4
     assert error[[0, 1, 3]].max() < 0.03
     by_name = {q.name: q for q in found.load.quantities()}
     assert (by_name["mass"].value, by_name["mass"].standard_error) == (MASS, 0.0)

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import struct
+from typing import TYPE_CHECKING
 
 import pytest
 from ethercat_master import OP, SAFEOP, Master, SdoRefused
-from ideal_machine import IdealMachine
 
 from sim_plant.drive.cia402_states import State
 from sim_plant.ethercat.objects import coe_entries
-from sim_plant.ethercat.segment import Segment
 
-
-@pytest.fixture
-def segment() -> Segment:
-    network = Segment(IdealMachine(2))
-    network.power_on()
-    return network
+if TYPE_CHECKING:
+    from sim_plant.ethercat.segment import Segment
 
 
 @pytest.fixture

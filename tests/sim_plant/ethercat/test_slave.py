@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import struct
+from typing import TYPE_CHECKING
 
 import pytest
 from ethercat_master import INIT, INPUTS, MAILBOX_OUT, OP, OUTPUTS, PREOP, SAFEOP, Master
-from ideal_machine import IdealMachine
 
 from sim_plant.drive.cia402_states import State
 from sim_plant.ethercat.frame import Command
-from sim_plant.ethercat.segment import Segment
+
+if TYPE_CHECKING:
+    from sim_plant.ethercat.segment import Segment
 
 ERROR = 0x10
-
-
-@pytest.fixture
-def segment() -> Segment:
-    network = Segment(IdealMachine(3))
-    network.power_on()
-    return network
 
 
 @pytest.fixture
