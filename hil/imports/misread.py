@@ -213,7 +213,7 @@ def range_suspicions(
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
-        if excess > CAUSES["zero"].usual * (pi / 180 if robot.revolute[joint] else 1e-3):
+        if excess > _usual_zero(robot, joint):
             far = excess > WHOLE_TURN * (high - low)
             yield Suspicion(
                 "range",
@@ -243,10 +243,15 @@ def range_suspicions(
                 )
 
 
+def _usual_zero(robot: Robot, joint: int) -> float:
+    """By how much zeros are usually off [rad or m]."""
+    return CAUSES["zero"].usual * (pi / 180 if robot.revolute[joint] else 1e-3)
+
+
 def _other_unit(q: Array, joint: int, robot: Robot) -> str:
     """State in which unit, or on which side, the positions would be within the range."""
     low, high = robot.q_min[joint], robot.q_max[joint]
-    slack = CAUSES["zero"].usual * pi / 180
+    slack = _usual_zero(robot, joint)
     fitting = [
         unit
         for unit, factor in other_units(robot, joint).items()
