@@ -457,6 +457,13 @@ def show_runs(folder: Path, pool: ProcessPoolExecutor) -> Iterator[Said]:
     """Print what is named in runs of other benchmarks, case by case."""
     for plant in sorted(folder.glob("*/plant.yaml")):
         runs = sorted(run for run in plant.parent.glob("*/seed-*") if run.is_dir())
+        try:
+            true_parameters(Run.open(runs[0]).robot, plant)
+        except HilError as error:  # a plant with more than the robot file knows
+            print(f"{plant.parent.name}: {error}")
+            continue
+        if not any(shows_parameters(motion) for motion, _ in Pooled([Run.open(runs[0])])):
+            continue
         every = list(pool.map(of_run, runs))
         alarms = [each for each in every if each.found]
         print(f"{plant.parent.name}: causes found in {len(alarms)} of {len(every)},"

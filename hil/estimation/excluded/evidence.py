@@ -3,7 +3,8 @@
 A row is a sample of one channel, the torque of an axis in recordings of one kind: its torque, the
 base parameters' and the channel's own columns, and the motion there, all of them smoothed alike.
 Friction of a part (a measurement, a period) is projected out within it, so that no cause is tested
-by what friction explains. Parts are cut into groups, which the covariance goes by.
+by what friction explains. Parts are cut into groups, which the covariance goes by: what a law of
+friction misses of a trajectory comes again in each period, so periods share their groups.
 
 Some thousand rows of each axis are enough. What scatters between recordings does not become less by
 more samples of each.
@@ -160,11 +161,12 @@ def measured(
     for motion, s in prepared:
         for axis in set(range(robot.n_joints)) - set(motion.moved):
             stacked += [(s, [each]) for each in _unasked(robot, s, axis)]
-    several = -(-FEWEST_GROUPS // max(len(solver.stacked), 1))
+    several = -(-FEWEST_GROUPS // max(len({s for s, _ in solver.stacked}), 1))
+    # periods of a trajectory repeat what a law of friction misses of it, so they share their groups
+    place = {s: k for k, s in enumerate(dict.fromkeys(s for s, _ in stacked))}
     parts = []
     for axis in range(robot.n_joints):
-        own = [(k, s, each) for k, (s, axes) in enumerate(stacked) for each in axes
-               if each.axis == axis]  # fmt: skip
+        own = [(place[s], s, each) for s, axes in stacked for each in axes if each.axis == axis]
         step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
         parts += [_part(robot, s, each, step, k, several, solver.loaded) for k, s, each in own]
     evidence = gathered(parts)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from free_run import arm, recorded
+from trajectory_run import recorded as recorded_periods
+from trajectory_run import some_trajectory
 
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
@@ -135,6 +137,15 @@ def test_a_small_inertia_that_noise_makes_negative_is_no_cause(seed: int) -> Non
     solver = SimultaneousFit(direct, prepared)
     evidence = measured(direct, solver, prepared)
     assert excluded(direct, solver.solve(), evidence).found == ()
+
+
+def test_what_periods_of_a_trajectory_repeat_is_one_sample(manutec: Robot) -> None:
+    prepared = [
+        (t, signals(each)) for t, each in recorded_periods(manutec, some_trajectory(manutec))
+    ]
+    evidence = measured(manutec, SimultaneousFit(manutec, prepared), prepared)
+    for group in np.unique(evidence.group):
+        assert np.ptp(evidence.time[evidence.group == group]) > some_trajectory(manutec).period
 
 
 def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
