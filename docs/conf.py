@@ -28,11 +28,12 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "keys_of_files",
+    "table_of_causes",
 ]
 html_theme = "furo"
 html_title = project
 html_show_copyright = False
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 myst_dmath_allow_space = False
 myst_heading_anchors = 3
 copybutton_prompt_text = r"\$ |>>> |\.\.\. "
