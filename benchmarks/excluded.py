@@ -367,7 +367,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
         causes = proof.found if proof is not None else ()
         return Said("failed", str(error), causes, proof, 0.0, time.process_time() - begin)
     begin = time.process_time()
-    proof = proved(robot, recorded, found.p, found.drive_train)
+    proof = proved(robot, recorded, found.p, found.drive_train, found.joint)
     seconds = time.process_time() - begin
     model = replace(model_of(run, found, proof=proof), robot=robot)
     assert model.outcome is not None

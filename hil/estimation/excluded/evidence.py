@@ -64,7 +64,7 @@ class Evidence:
     own : ndarray, shape (n, n_own)
         Columns of the channel alone.
     motion : ndarray, shape (3, 3, n, n_joints)
-        q, qd and qdd, one sample before, at the row and one after it.
+        q, qd and qdd, one sample before, at the row and one after it; the same of axes at rest.
     period : ndarray, shape (n,)
         From one of these samples to the next [s].
     time : ndarray, shape (n,)
@@ -195,6 +195,9 @@ def _part(
     n_base = len(base_parameters(robot))
     smooth = s.once("smooth motion", lambda: np.array([s.smoothed(x) for x in s.link]))
     motion = np.stack([smooth[:, index + k] for k in (-1, 0, 1)])
+    # of an axis at rest the change from one sample to the next is its encoder's noise
+    rest = [k for k in range(robot.n_joints) if not s.moving(robot, k).any()]
+    motion[..., rest] = motion[1][..., rest]
     time = s.time[index]
     longest = min(LONGEST, float(np.ptp(time)) / several + s.period)
     number = ((time - time[0]) // longest).astype(np.intp)

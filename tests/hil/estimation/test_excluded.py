@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from free_run import TRUTH as ARM
 from free_run import arm, recorded
+from stroke_run import campaign, curved
 from trajectory_run import recorded as recorded_periods
 from trajectory_run import some_trajectory
 
@@ -110,6 +112,10 @@ def limit(_q: Array, tau: Array, _time: Array) -> None:
     np.clip(tau[:, 0], -60.0, 60.0, out=tau[:, 0])
 
 
+def without_load(qd: Array, time: Array, load: Array) -> Array:
+    return curved(qd, time, 0.0 * load)
+
+
 def found_in(robot: Robot, data: FreeRecorded) -> tuple[Found, ...]:
     proof = proved(robot, data)
     assert proof is not None
@@ -146,6 +152,18 @@ def test_what_periods_of_a_trajectory_repeat_is_one_sample(manutec: Robot) -> No
     evidence = measured(manutec, SimultaneousFit(manutec, prepared), prepared)
     for group in np.unique(evidence.group):
         assert np.ptp(evidence.time[evidence.group == group]) > some_trajectory(manutec).period
+
+
+def test_noise_of_an_axis_at_rest_does_not_show_that_a_position_is_late() -> None:
+    """Where one axis moves at a time, no two positions are compared by their time."""
+    rng = np.random.default_rng(1)
+    strokes = campaign(arm(), ARM, without_load)
+    loud = changed(strokes, lambda q, _tau, _t: q.__iadd__(rng.normal(scale=1e-4, size=q.shape)))
+    prepared = [(motion, signals(recording)) for motion, recording in loud]
+    solver = SimultaneousFit(arm(), prepared)
+    limits = excluded(arm(), solver.solve(), measured(arm(), solver, prepared)).limits
+    late = [each for each in limits if each.cause == "late position"]
+    assert [each.size for each in late] == [None, None]
 
 
 def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
