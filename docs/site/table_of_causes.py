@@ -1,4 +1,4 @@
-"""A directive for the causes that spoil an identification, ``{causes}``, as a table with remedies."""
+"""A directive, ``{causes}``: what spoils an identification as a table, with remedies."""
 
 from __future__ import annotations
 
