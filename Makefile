@@ -2,7 +2,7 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test pythons coverage vcan docs lint bench paper view-bundle clean
+.PHONY: help demo test pythons coverage vcan docs lint bench paper view-bundle release clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -26,6 +26,7 @@ help:
 	@echo 'make bench    the benchmarks'
 	@echo 'make paper    docs/explanation/paper.md: the paper line by line; takes hours'
 	@echo 'make view-bundle   the scripts of the pages of hil view and --live, from web/; takes npm'
+	@echo 'make release VERSION=0.2.0   changelog, citation, tag, wheel and site of a release'
 	@echo 'make clean    remove .venv and caches; runs/ stays'
 
 demo: $(RUNTIME)
@@ -77,6 +78,12 @@ paper: $(DEV)
 # the result is committed, and a test finds it out of date: nobody else needs npm
 view-bundle:
 	@cd web && npm ci --silent && npm run --silent build
+
+# nothing is pushed or uploaded: its last lines state how
+release: $(DEV)
+	@$(BIN)/sphinx-build -q -W --keep-going docs build/docs  # what cannot be documented is not released
+	@$(BIN)/python tools/release.py '$(VERSION)'
+	@$(MAKE) --no-print-directory docs
 
 clean:
 	rm -rf .venv .venv-* build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from importlib.metadata import version as installed_version
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,8 @@ sys.path.insert(0, str(Path(__file__).parent / "site"))
 from notebooks import write_pages
 
 project = "Robot identification over CANopen"
-version = release = installed_version("canopen-robot-identification")
+_PROJECT = Path(__file__).parents[1] / "pyproject.toml"
+version = release = tomllib.loads(_PROJECT.read_text())["project"]["version"]
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",

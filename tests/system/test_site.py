@@ -20,6 +20,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site from a copy: pages that are generated stand beside the others."""
     made = tmp_path_factory.mktemp("site")
     shutil.copytree(ROOT / "docs", made / "docs")
+    shutil.copy(ROOT / "pyproject.toml", made)
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", made / "docs", made]
     built = subprocess.run(  # noqa: S603 - our own
         command, capture_output=True, text=True, cwd=ROOT, check=False
