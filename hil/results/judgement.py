@@ -64,7 +64,7 @@ WORSE = float(TWICE / special.ndtri((1.0 + INSIDE) / 2.0))
 LARGE = 0.02
 """Error of the torques on a free motion from which on a cause that is not accounted for is a doubt.
 
-Gears too soft to be accounted for show with as much (20 Hz, docs/explanation/model_errors.md).
+Gears too soft to be accounted for show with as much (20 Hz, docs, causes-of-error.md).
 """
 FEWEST = 2
 """Measurements for each parameter below which errors are not known well enough to be stated: with

@@ -39,7 +39,7 @@ ORDINARY = 0.01
 COARSE = 0.9
 """Share of encoder noise in what the fit leaves of an axis from which on its encoder counts: of the
 virtual plant with nothing wrong it is 0.58 at most (clean runs 1000, 1005 and 1011 of
-`benchmarks/excluded.py`), with 1024 increments a turn more than this (docs, model_errors.md)."""
+`benchmarks/excluded.py`), with 1024 increments a turn more than this (docs, causes-of-error.md)."""
 FEWEST_IN_WINDOW = 4.0
 """Samples on either side of the window's middle below which SYNC counts as slow."""
 _EVERY = 100

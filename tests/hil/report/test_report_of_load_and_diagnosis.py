@@ -168,7 +168,7 @@ class TestDiagnosis:
         assert "m1" not in tested
 
     def test_the_phase_is_that_of_the_forearms_first_moments(self, diagnosis):
-        """tan(phase) = sy4 / (p13 sin q5): see docs/explanation/model_errors.md."""
+        """tan(phase) = sy4 / (p13 sin q5): see docs/explanation/absent-parameters.md."""
         phase = diagnosis.phase
         assert (phase.axis + 1, phase.over + 1) == (3, 4)
         found, p13 = diagnosis.errors.found[0].value, diagnosis.errors.p[12]
