@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,9 +103,19 @@ def excluded(
 
 
 def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key, float]:
-    """What each cause explains, as chi square beyond what it explains by chance on average."""
-    each = {key: battery.drop(at) for key, at in tests.items()}
-    return {key: drop / dispersion - rank for key, (drop, rank) in each.items()}
+    """What each cause explains, as chi square beyond what it explains by chance on average.
+
+    A slip happens once: what it explains is what two instants do that follow each other.
+    """
+
+    def gain(columns: Sequence[int]) -> float:
+        drop, rank = battery.drop(columns)
+        return drop / dispersion - rank
+
+    return {
+        key: max(map(gain, pairwise(at))) if key[0] == "slip" else gain(at)
+        for key, at in tests.items()
+    }
 
 
 def _typical(battery: Battery) -> float:
@@ -148,6 +159,8 @@ class _Step:
         """In words, together with what explains as much."""
         explains = explained_by(self.battery, self.tests, self.test.dispersion)
         same = [k for k, gain in explains.items() if alike(gain, explains[self.key])]
+        # a slip before an axis shows anything is a zero that is off
+        same = [k for k in same if k[0] != "slip" or ("zero", k[1]) not in same]
         named = [
             (key, test, with_size(self.robot, self.battery.columns, key, test))
             for key in sorted(same, key=lambda k: rank_of(*k))

@@ -83,6 +83,10 @@ def zero(q: Array, _tau: Array, _time: Array) -> None:
     q[:, 1] -= np.radians(20.0)
 
 
+def zero_of_one_degree(q: Array, _tau: Array, _time: Array) -> None:
+    q[:, 1] -= np.radians(1.0)
+
+
 def constant(_q: Array, tau: Array, _time: Array) -> None:
     tau[:, 1] /= 1.3
 
@@ -164,6 +168,15 @@ def test_noise_of_an_axis_at_rest_does_not_show_that_a_position_is_late() -> Non
     limits = excluded(arm(), solver.solve(), measured(arm(), solver, prepared)).limits
     late = [each for each in limits if each.cause == "late position"]
     assert [each.size for each in late] == [None, None]
+
+
+def test_a_zero_is_not_named_with_a_slip_before_anything_was_measured(robot: Robot) -> None:
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    strokes = campaign(robot, p, without_load)
+    (found,) = found_in(robot, changed(strokes, zero_of_one_degree))
+    assert found.cause == "load"
+    assert [each for each in found.others if "zero" in each]
+    assert not [each for each in found.others if "slipped" in each]
 
 
 def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
