@@ -121,8 +121,10 @@ def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
 
 
 def say_judgement(judgement: Judgement, more: str = "") -> None:
-    """State what a result is worth, and `more` behind it."""
+    """State what a result is worth, `more` behind it, and notes below where it is good."""
     say("; ".join(filter(None, (str(judgement), more))), style=STYLES[judgement.word])
+    for note in judgement.further if judgement.word == "good" else ():
+        say(f"note: {note.clause}")
 
 
 def refuse_existing(output: Path) -> None:

@@ -47,7 +47,8 @@ def outcome(model: Model, usual_effect: Array | None = None) -> Judgement:
     usual_effect : ndarray, shape (n_base, 2 n_joints), optional
         As of an `Estimate`: change of the parameters by usual tolerances of drives.
     """
-    return Judgement.of(reservations(RULES, model), lambda: _good(model, usual_effect))
+    found = tuple(reservations(RULES, model)) or tuple(_good(model, usual_effect))
+    return Judgement.of(found, lambda: found[0])
 
 
 def _found(model: Model) -> Iterator[Reservation]:
@@ -206,24 +207,26 @@ TOLERANCES = ("torque constant", "rotor inertia")
 """Causes whose effect on the parameters an estimate states, in the order of `usual_effect`."""
 
 
-def _good(model: Model, usual_effect: Array | None) -> Reservation:
-    """State how well torques are known, and how well if what is invisible is as usual."""
+def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
+    """State how well torques are known, and beside it how well if what is invisible is as usual."""
     relative = uncertainty(model)
     if relative is None:
-        return good(f"nothing speaks against the parameters{_scale(model.robot)}")
-    reason = f"torques of the rigid bodies on a free motion are known within {_within(relative)}"
+        yield good(f"nothing speaks against the parameters{_scale(model.robot)}")
+        return
+    reason = f"torque of the rigid bodies predicted within {_within(relative)}"
     hidden = _hidden(model, relative)
     if not hidden:
-        return good(f"{reason}, one standard error{_scale(model.robot)}")
+        yield good(f"{reason}{_scale(model.robot)}")
+        return
+    yield good(f"{reason}, if what recordings do not show is as stated")
     usual = dict.fromkeys((each.cause, f"±{each.usual:g} {each.unit}") for each in hidden)
     conditions = ", ".join(
         f"{cause}{_listed([each.axis for each in hidden if each.cause == cause])} {size}"
         for cause, size in usual
     )
-    return good(
-        f"{reason}, one standard error, if what the recordings do not show is exactly as stated;"
-        f" within {_within(_with_hidden(model, relative, hidden, usual_effect))} if it is within"
-        f" its usual tolerances: {conditions}",
+    yield good(
+        f"not shown by recordings: {conditions}; with these usual tolerances the torque is"
+        f" predicted within {_within(_with_hidden(model, relative, hidden, usual_effect))}",
         "state the uncertainty of torque constants and rotor inertias in the robot file, where it"
         " is known better",
     )
@@ -269,7 +272,7 @@ def _with_hidden(
 
 def _within(relative: Array) -> str:
     worst = int(np.argmax(relative))
-    return f"{100 * relative[worst]:.2g} % on every axis (worst: axis {worst + 1})"
+    return f"{100 * relative[worst]:.2g} % (1 sigma), worst axis {worst + 1}"
 
 
 def _listed(axes: Sequence[int]) -> str:
