@@ -5,13 +5,16 @@ from __future__ import annotations
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from hil.errors import FileError, Mismatch
+from hil.errors import FileError, HilError, Mismatch
 from hil.estimation.identify import JOINT, METHODS, default_method
 from hil.planning.measurement import Friction, recorded_as
+from hil.report.stretches import Stretch, stretches
 from hil.results.findings import found_in
+from hil.results.model import Model
 from hil.results.model_file import NAME, read_model_file
+from hil.results.provenance import same_parameters
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 
@@ -22,11 +25,34 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
     from hil.results.findings import Findings
     from hil.results.friction_file import FrictionResult
-    from hil.results.model import Model
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
 
     Recordings = tuple[tuple[RecordedMotion, Recording], ...]
+
+
+class ShownTorques(NamedTuple):
+    """Torques that are drawn.
+
+    Attributes
+    ----------
+    stretches : dict
+        By recording and axis (from 0).
+    recordings : dict
+        By their ids.
+    words : str
+        Whether the model was made from them, a sentence.
+    """
+
+    stretches: dict[tuple[str, int], Stretch]
+    recordings: dict[str, Recording]
+    words: str
+
+    @classmethod
+    def of(cls, model: Model, recordings: Recordings, words: str) -> ShownTorques:
+        """Predict recordings."""
+        by_id = {motion.id: recording for motion, recording in recordings}
+        return cls(stretches(model, recordings), by_id, words)
 
 
 class ReportedRun:
@@ -89,6 +115,31 @@ class ReportedRun:
     def model(self) -> Model:
         """Of that estimate."""
         return self.found.model
+
+    @cached_property
+    def kept_model(self) -> Model | None:
+        """The model in the run's folder; None where it is not the one that the report is about."""
+        with suppress(HilError):
+            kept = Model.load(self.source.path / NAME)
+            if not same_parameters(kept.values.tolist(), self.model.values):
+                return kept
+        return None
+
+    @cached_property
+    def own_torques(self) -> ShownTorques:
+        """Torques of the run itself."""
+        words = "The model was made from these recordings; hil validate shows others."
+        return ShownTorques.of(self.model, self.recordings, words)
+
+    @cached_property
+    def shown_torques(self) -> ShownTorques:
+        """Torques of the run that the model was validated on last; its own without one."""
+        for each in reversed(self.kept_model.validations if self.kept_model else ()):
+            with suppress(HilError):
+                other = tuple(recorded(Run.open(self.source.path / each.run)))
+                words = f"Held out: {each.run}, from which the model was not made."
+                return ShownTorques.of(self.model, other, words)
+        return self.own_torques
 
     def local_values(self, kind: str) -> list[LocalValue]:
         """Measurements of one kind by themselves, in the order of the plan."""

@@ -13,7 +13,6 @@ from hil.report.charts.svg import file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
-    from pathlib import Path
 
     from markupsafe import Markup
 
@@ -64,35 +63,9 @@ class Plot:
         return file(self.chart)
 
 
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture that a command has written.
-
-    Attributes
-    ----------
-    name, alternative, caption : str
-        As of a `Plot`.
-    uri : str
-        Address that holds the picture itself.
-    """
-
-    name: str
-    uri: str
-    alternative: str
-    caption: str
-
-
 def data_uri(content: bytes, kind: str) -> str:
     """Return an address that holds the content of a file itself."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
-
-
-def picture_uri(path: Path) -> str | None:
-    """Return an address that holds a PNG file; None where there is none that can be read."""
-    try:
-        return data_uri(path.read_bytes(), "image/png")
-    except OSError:
-        return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,15 +79,15 @@ class Section:
         File of `hil/report/sections` with its text; its plots are there as ``plots``, by name.
     values : mapping
         What else the template shows.
-    plots : tuple of Plot or Picture
+    plots : tuple of Plot
     leads : bool
-        Whether the first plot may stand at the top of the page, where one looks first.
+        Whether it stands at the top of the page, where one looks first, and needs no heading.
     """
 
     heading: str
     template: str
     values: Mapping[str, Any] = field(default_factory=dict)
-    plots: tuple[Plot | Picture, ...] = ()
+    plots: tuple[Plot, ...] = ()
     leads: bool = False
 
     @property

@@ -19,6 +19,7 @@ from hil.estimation.free_motion.motion import Processing, filtered_motion
 from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
+from hil.least_squares.window import APART
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
@@ -166,6 +167,14 @@ def along(model: Model, recording: Recording) -> Along:
     )  # fmt: skip
 
 
+def _thinned(recording: Recording) -> Along:
+    """A recording for a model from strokes: smoothed, in samples that this leaves different."""
+    s = signals(recording)
+    kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
+    q, qd, qdd, tau = (s.smoothed(each)[kept] for each in (s.q, s.qd, s.qdd, s.tau))
+    return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray)
+
+
 def _of_soft_gears(model: Model, motion: Motion) -> Array | None:
     """Torque by which gears that give way change that of rigid ones; None where all are rigid."""
     if model.friction is None or not model.friction.compliance:
@@ -194,11 +203,21 @@ def predict_recording(model: Model, recording: Recording, name: str = "") -> Pre
         reaches.
     """
     processing_of(model)
-    motion = along(model, recording)
+    return predict_whole(model, recording, name)
+
+
+def predict_whole(model: Model, recording: Recording, name: str = "") -> PredictedTorque:
+    """Predict as `predict_recording`, by a model of any method, all axes of the whole recording.
+
+    Of a model from strokes that is with the friction that it states, none where it states none; and
+    near reversals, where friction is no function of velocity, no more than a law says there.
+    """
+    motion = along(model, recording) if model.friction else _thinned(recording)
     A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
     rigid = A @ model.values
-    torque = rigid + _friction(model, motion, rigid)
-    torque += motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
+    torque = rigid + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
+    if model.friction_law is not None:
+        torque += _friction(model, motion, rigid)
     predicted = motion.passed(torque if motion.gears is None else torque + motion.gears)
     error = motion.used(_parameter_error(model, motion, A))
     return PredictedTorque(
@@ -242,14 +261,15 @@ def _friction(model: Model, motion: Along, rigid: Array) -> Array:
 
 def _parameter_error(model: Model, motion: Along, A: Array) -> Array:
     """Standard error by base parameters and friction, shape (m, n_joints)."""
-    assert model.friction_law is not None  # noqa: S101 - refused before
-    assert motion.directions is not None  # noqa: S101 - of free motions
     robot, law, load = model.robot, model.friction_law, A @ model.values
     variance: Array = np.einsum("njk,kl,njl->nj", A, model.covariance, A, optimize=True)
-    variance += friction_variance(robot, law, motion.q, motion.qd, load)
-    for axis, own in enumerate(law.axes):
+    if law is not None:
+        variance += friction_variance(robot, law, motion.q, motion.qd, load)
+    for axis, own in enumerate(law.axes if law is not None and motion.directions else ()):
         if own is None or not own.beside:
             continue
+        assert law is not None  # noqa: S101 - see above
+        assert motion.directions is not None  # noqa: S101 - see above
         direction = motion.directions[axis]
         columns = law_columns(robot, own, motion.q, motion.qd, load, axis, direction)
         across = A[:, axis] @ np.array(own.beside).T

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import Line, Points, Rule
+from hil.report.charts.chart import Band, Line, Points, Rule
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
@@ -89,6 +89,8 @@ def _extents(items: Sequence[Item], along: bool) -> Iterator[Array]:
     for item in items:
         if isinstance(item, Rule) and item.upright == along:
             yield np.array([item.at])
+        elif isinstance(item, Band):
+            yield from map(np.asarray, (item.x,) if along else (item.low, item.high))
         elif isinstance(item, Line | Points):
             values = np.asarray(item.x if along else item.y, dtype=float)
             yield values

@@ -84,6 +84,17 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Band:
+    """An area between `low` and `high` over `x`, interrupted where one of them is not a number."""
+
+    x: ArrayLike
+    low: ArrayLike
+    high: ArrayLike
+    colour: str = MODEL
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Rule:
     """A straight line across the panel, level or upright."""
 
@@ -102,7 +113,7 @@ class Matrix:
     names: Sequence[str]
 
 
-Item = Points | Line | Rule | Matrix
+Item = Points | Line | Band | Rule | Matrix
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,6 +140,9 @@ class Panel:
         Of the whole panel, and of the field inside its axes.
     left : float
         Room for what is written at the vertical axis.
+    recording : str
+        Id of the recording whose time since its beginning the horizontal axis shows [s], if it
+        does.
     """
 
     items: Sequence[Item]
@@ -144,7 +158,8 @@ class Panel:
     below: Panel | None = None
     width: float = 350.0
     height: float = 150.0
-    left: float = 60.0
+    left: float = 66.0
+    recording: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

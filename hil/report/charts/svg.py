@@ -16,7 +16,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from hil.report.charts.axis import Scale, shown, text_of
-from hil.report.charts.chart import NAMES, Line, Matrix, Points, Rule
+from hil.report.charts.chart import NAMES, Band, Line, Matrix, Points, Rule
 from hil.results.rounding import signed
 
 if TYPE_CHECKING:
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from hil.report.charts.chart import Chart, Item, Panel
+    from hil.arrays import Array
+    from hil.report.charts.chart import Chart, Item, Panel, Range
 
 
 _INDEX = re.compile(r"\$(\w)_\{?(\w+)\}?\$")
@@ -61,6 +62,8 @@ def item_on(item: Item, x: Scale, y: Scale) -> Iterator[str]:
     """Draw an item by a pair of axes."""
     if isinstance(item, Line):
         yield _line(item, x.place(item.x), y.place(item.y))
+    elif isinstance(item, Band):
+        yield _area(item, x.place(item.x), y.place(item.low), y.place(item.high))
     elif isinstance(item, Rule):
         ends = [x.begin, x.end], [y.begin, y.end]
         at = [float((x if item.upright else y).place(item.at))] * 2
@@ -85,8 +88,22 @@ def key(item: Item) -> Iterator[str]:
             Scale(0, 1, 0, 26),
             Scale(0, 1, 12, 0),
         )
+    elif isinstance(item, Band):
+        yield _area(item, np.array([1.0, 25.0]), np.full(2, 11.0), np.full(2, 1.0))
     elif isinstance(item, Line | Rule):
         yield _line(item if isinstance(item, Line) else _as_line(item), [1.0, 25.0], [6.0, 6.0])
+
+
+def _area(item: Band, x: Array, low: Array, high: Array) -> str:
+    """Draw an area, a closed path for each stretch of it without a hole."""
+    there = np.isfinite(x + low + high)
+    parts = np.split(np.arange(len(x)), np.flatnonzero(np.diff(there)) + 1)
+    edges = (
+        _path(np.append(x[own], x[own[::-1]]), np.append(high[own], low[own[::-1]])) + "Z"
+        for own in parts
+        if there[own].any()
+    )
+    return f'<g{_colour(item.colour)}><path class="band" d="{"".join(edges)}"/></g>'
 
 
 def _as_line(rule: Rule) -> Line:
@@ -153,7 +170,7 @@ def matrix_in(
     for i, name in enumerate(matrix.names):
         yield text(left - 5, top + (i + 0.65) * cell, name, "end")
         if few:
-            yield text(left + (i + 0.5) * cell, top + size + 13, name, "middle")
+            yield text(left + (i + 0.5) * cell, top + size + 14, name, "middle")
     for i, j in np.ndindex(n, n):
         value = float(matrix.values[i, j])
         x, y = left + j * cell, top + i * cell
@@ -176,17 +193,17 @@ def _scale(middle: float, top: float, explanation: str) -> Iterator[str]:
     for k in range(-10, 11):
         yield _cell(middle + (k - 0.5) * step, top, step, 9, k / 10)
     for value in (-1, -0.5, 0, 0.5, 1):
-        yield text(middle + 10 * value * step, top + 21, signed(f"{value:g}"), "middle")
-    yield text(middle, top + 38, explanation, "middle")
+        yield text(middle + 10 * value * step, top + 22, signed(f"{value:g}"), "middle")
+    yield text(middle, top + 40, explanation, "middle")
 
 
-RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 22.0, 36.0, 9.0
+RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 24.0, 38.0, 9.0
 """Margins around the field of a panel, beside its own on the left, and of the strip below it."""
 
 
 def panels(chart: Chart) -> list[Markup]:
     """Each panel of a chart as an ``svg`` element."""
-    return [_svg(*size_of(each), "".join(drawn(each))) for each in chart.panels]
+    return [_svg(*size_of(each), "".join(drawn(each)), _clock(each)) for each in chart.panels]
 
 
 def legend(chart: Chart) -> list[tuple[Markup, str]]:
@@ -197,8 +214,8 @@ def legend(chart: Chart) -> list[tuple[Markup, str]]:
 def size_of(panel: Panel) -> tuple[float, float]:
     """Width and height of a panel's picture."""
     if any(isinstance(item, Matrix) for item in panel.items):
-        # the names of the columns and the scale of colours below them take 78
-        return panel.width, TOP + panel.height + 78.0
+        # the names of the columns and the scale of colours below them take 80
+        return panel.width, TOP + panel.height + 80.0
     strip = 0.0 if panel.below is None else panel.below.height + BETWEEN
     return panel.width, TOP + panel.height + strip + BOTTOM
 
@@ -209,22 +226,25 @@ def drawn(panel: Panel) -> Iterator[str]:
         if isinstance(item, Matrix):
             yield from matrix_in(item, panel.left, TOP, panel.height, panel.x_label)
             return
-    both = [*panel.items, *(panel.below.items if panel.below else ())]
-    reach = shown(both, panel.x_range, along=True, decades=panel.decades)
-    x = Scale(*reach, panel.left, panel.width - RIGHT, panel.decades)
+    x = Scale(*_reach(panel), panel.left, panel.width - RIGHT, panel.decades)
     marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
     top = bottom = TOP
     if panel.title:
-        yield text(panel.left, 13, panel.title, "title")
+        yield text(panel.left, 14, panel.title, "title")
     for field in (panel, panel.below):
         if field is not None:
             bottom = top + field.height
             yield from _field(field, x, top, [at for at, _ in along])
             top = bottom + BETWEEN
     for at, words in along:
-        yield text(at, bottom + 13, words, "middle")
-    yield text((x.begin + x.end) / 2, bottom + 29, panel.x_label, "middle")
+        yield text(at, bottom + 15, words, "middle")
+    yield text((x.begin + x.end) / 2, bottom + 33, panel.x_label, "middle")
+
+
+def _reach(panel: Panel) -> Range:
+    both = [*panel.items, *(panel.below.items if panel.below else ())]
+    return shown(both, panel.x_range, along=True, decades=panel.decades)
 
 
 def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[str]:
@@ -242,14 +262,23 @@ def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[s
     frame = f"M{number(x.begin)} {number(top)}V{number(bottom)}H{number(x.end)}"
     yield f'<path class="frame" d="{frame}"/>'
     for at, words in up:
-        yield text(x.begin - 5, at + 3.5, words, "end")
+        yield text(x.begin - 5, at + 4.5, words, "end")
     if panel.y_label:
-        yield text(11, (top + bottom) / 2, panel.y_label, "middle", turned=True)
+        yield text(13, (top + bottom) / 2, panel.y_label, "middle", turned=True)
 
 
-def _svg(width: float, height: float, content: str) -> Markup:
+def _clock(panel: Panel) -> str:
+    """Attributes by which a page finds an instant of a recording on the horizontal axis."""
+    if not panel.recording:
+        return ""
+    low, high = _reach(panel)
+    ends = f"{number(panel.left)} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
+    return f' data-r="{escape(panel.recording)}" data-x="{ends}"'
+
+
+def _svg(width: float, height: float, content: str, attributes: str = "") -> Markup:
     box = f"0 0 {number(width)} {number(height)}"
-    return Markup(f'<svg viewBox="{box}">{content}</svg>')  # noqa: S704 - text is escaped
+    return Markup(f'<svg viewBox="{box}"{attributes}>{content}</svg>')  # noqa: S704 - text is escaped
 
 
 STYLE = Path(__file__).parent / "chart.css"
@@ -289,7 +318,7 @@ def _legend(chart: Chart) -> Iterator[str]:
     x = 52.0
     for label, item in chart.legend.items():
         yield _moved(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
-        x += 45.0 + 6.2 * len(label)  # about the width of a letter
+        x += 45.0 + 7.2 * len(label)  # about the width of a letter
 
 
 def _moved(x: float, y: float, content: str) -> str:

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.sections import elements, excluded, friction, imported, kept, of_run, parameters
+from hil.report.sections import (
+    elements,
+    excluded,
+    friction,
+    imported,
+    kept,
+    of_run,
+    parameters,
+    torques,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,6 +26,7 @@ if TYPE_CHECKING:
     from hil.report.section import Section
 
 OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
+    torques.torque,
     kept.validation,
     parameters.parameters,
     imported.identified,
@@ -32,11 +42,11 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     of_run.drive_trains,
     parameters.correlations,
     parameters.methods,
-    of_run.derivation,
     of_run.sessions,
 )
 """Of a run that was identified, by whatever method: each shows what there is of its subject."""
 OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
+    torques.torque,
     friction.friction,
     of_run.sessions,
 )

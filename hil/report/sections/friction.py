@@ -79,7 +79,20 @@ def friction(run: ReportedRun) -> Section | None:
         "symmetry": tables.symmetry(result.symmetry),
         "drift": tables.drift(result.drifts),
     }
-    return Section("Friction", "friction.html", values, tuple(_friction_plots(result)), leads=True)
+    shown = tuple(_friction_plots(result))
+    if result.axes and run.is_identified:
+        shown = (models_plot(result), *shown)
+    return Section("Friction", "friction.html", values, shown)
+
+
+def models_plot(result: FrictionResult) -> Plot:
+    """Friction over the speed; at the top of the page of a run about friction alone."""
+    return Plot(
+        "models",
+        partial(plots.models, result),
+        "Friction over speed with fitted models, one panel an axis.",
+        "Measured friction and the models fitted to it (Fig. 1b); the chosen one is drawn thick.",
+    )
 
 
 def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
@@ -90,13 +103,6 @@ def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
             "Friction over speed, normalised, one line an axis.",
             "Friction characteristics of all axes, normalised to speed limit and largest friction"
             " (the paper's Fig. 1a).",
-        )
-        yield Plot(
-            "models",
-            partial(plots.models, result),
-            "Friction over speed with fitted models, one panel an axis.",
-            "Measured friction and the models fitted to it (Fig. 1b); the chosen one is drawn"
-            " thick.",
         )
     if result.drifts:
         yield Plot(

@@ -1,4 +1,4 @@
-"""What was identified of imported recordings: parameters, friction, and what is left of torques.
+"""What was identified of imported recordings: parameters and friction.
 
 Of axes that move back and forth by themselves, half-sums and half-differences are drawn.
 """
@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.axis import drawn
-from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, in_turn
+from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, in_turn
 from hil.report.section import Plot, Section
-from hil.results.recorded_torque import in_si, predict_recording
 from hil.results.tables.friction import campaign_friction
 
 if TYPE_CHECKING:
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
-    from hil.results.recorded_torque import PredictedTorque
 
 
 def identified(run: ReportedRun) -> Section | None:
@@ -38,66 +35,20 @@ def identified(run: ReportedRun) -> Section | None:
         "lengths": run.robot.file.lengths,
     }
     plots = tuple(_plots(run))
-    return Section("Parameters, friction and torques", "identified.html", values, plots, leads=True)
+    return Section("Parameters, friction and torques", "identified.html", values, plots)
 
 
 def _plots(run: ReportedRun) -> Iterator[Plot]:
-    model, robot = run.model, run.robot
-    if model.friction is not None:
-        longest, recording = max(run.recordings, key=lambda each: each[1].n_samples)
-        torque = predict_recording(model, in_si(model, longest, recording))
-        yield Plot(
-            "torques",
-            partial(measured_and_predicted, torque, robot),
-            "Measured and predicted torque of every axis over time, and their difference.",
-            f"Recording {longest.id}: torques after the low-pass, measured and as the model with"
-            " its friction predicts them; below, what is left.",
-        )
     if run.estimate.half_sums:
         yield Plot(
             "half-sums",
-            partial(shown_half_sums, run.estimate.half_sums, robot),
+            partial(shown_half_sums, run.estimate.half_sums, run.robot),
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
             "Half the sum of the torques forth and back over the position, less what differs by"
             " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
             " with standard errors, of the recordings with the longest ways, each in a colour;"
             " lines are the model.",
         )
-    if model.back_and_forth is not None:
-        yield Plot(
-            "friction-curves",
-            partial(friction_curves, model.back_and_forth.curves, robot),
-            "Friction of each axis over its speed with intervals of 95 %.",
-            "Half the difference of the torques, less the rigid bodies' part of it: friction over"
-            " the speed, means over the pairs with intervals of 95 %. Dashed: Coulomb and viscous"
-            " alone.",
-        )
-
-
-def measured_and_predicted(torque: PredictedTorque, robot: Robot) -> Chart:
-    """Torques of one recording over time, axis by axis, with their residual."""
-    shown, time, hole = drawn(torque.time)
-    measured = torque.measured[shown] + hole[:, np.newaxis]
-    predicted = torque.predicted[shown] + hole[:, np.newaxis]
-    return Chart(
-        tuple(
-            Panel(
-                (
-                    Line(time, measured[:, axis], MEASURED, "measured"),
-                    Line(time, predicted[:, axis], MODEL, "predicted", dash="5 3"),
-                ),
-                title=f"axis {axis + 1}",
-                x_label="time [s]",
-                y_label="torque [N m]" if robot.revolute[axis] else "force [N]",
-                below=Panel(
-                    (Line(time, (measured - predicted)[:, axis], MUTED, width=0.8),),
-                    y_label="residual",
-                    height=60.0,
-                ),
-            )
-            for axis in range(robot.n_joints)
-        )
-    )
 
 
 def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:

@@ -13,20 +13,16 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
-from hil.errors import FileError, HilError
+from hil.errors import FileError
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report import VALIDATION
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points
 from hil.report.charts.svg import file
-from hil.report.section import Picture, Plot, Section, picture_uri
+from hil.report.section import Plot, Section
 from hil.report.sections.elements import residuals_over_angles
 from hil.results import consistency, load_file, load_tables
 from hil.results import diagnosis as kept_diagnosis
 from hil.results.diagnosis import load_diagnosis
 from hil.results.load_file import DRAWN, read_load
-from hil.results.model import Model
-from hil.results.model_file import NAME
-from hil.results.provenance import same_parameters
 from hil.results.rounding import signed
 from hil.results.tables.load import quantities
 from hil.results.validation import judgements
@@ -85,45 +81,17 @@ def current(
     return kept, ""
 
 
-def kept_model(run: ReportedRun) -> Model | None:
-    """Read the model that is kept in the run's folder; None where it is not that of this report."""
-    path = run.source.path / NAME
-    if not path.exists():
-        return None
-    try:
-        kept = Model.load(path)
-    except HilError:
-        return None
-    return None if same_parameters(kept.values.tolist(), run.model.values) else kept
-
-
 def validation(run: ReportedRun) -> Section | None:
-    """Judgements of the kept model, if it is the one of this report, and the newest's picture."""
-    kept = kept_model(run)
+    """Judgements of the kept model on other recordings."""
+    kept = run.kept_model
     if kept is None or not kept.validations:
         return None
-    places = (run.source.path / each.run / VALIDATION for each in reversed(kept.validations))
-    uri = next(filter(None, map(picture_uri, places)), None)
-    picture = Picture(
-        "validation",
-        uri or "",
-        "Torque of every axis over time on the recording that was validated last: measured,"
-        " predicted with its interval, and what is left.",
-        "Torques of the recording that was validated last, from where each axis moves first; below"
-        " each axis what the prediction leaves, and its 95 % interval.",
-    )
-    return Section(
-        "Validation",
-        "validation.html",
-        {"judgements": judgements(kept.validations)},
-        (picture,) if uri else (),
-        leads=True,
-    )
+    return Section("Validation", "validation.html", {"judgements": judgements(kept.validations)})
 
 
 def bodies(run: ReportedRun) -> Section | None:
     """Bodies that the kept model has, as long as it is the one of this report."""
-    kept = kept_model(run)
+    kept = run.kept_model
     if kept is None or kept.consistent is None:
         return None
     found = kept.consistent

@@ -1,12 +1,9 @@
-"""The run itself: what needs attention, drive trains, the method, where it was measured."""
+"""The run itself: what needs attention, drive trains, where it was measured."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.estimation import signals
-from hil.friction import equation
-from hil.least_squares import window
 from hil.report.section import Section
 from hil.results.tables.parameters import drive_train
 from hil.results.tables.table import Column, Part, Table, figures, table
@@ -19,11 +16,13 @@ if TYPE_CHECKING:
 
 
 def advice(run: ReportedRun) -> Section | None:
-    """What is to be done as a table, notes as a list."""
-    if run.source.imported:
+    """What is to be done as a table, notes as a list: all that the first sentence leaves out."""
+    outcome = run.model.outcome
+    items = (*(outcome.further if outcome else ()), *run.found.advice)
+    if run.source.imported and not items:
         return None
-    urgent = [item for item in run.found.advice if item.word != "good"]
-    notes = [item for item in run.found.advice if item.word == "good"]
+    urgent = [item for item in items if item.word != "good"]
+    notes = [item for item in items if item.word == "good"]
     return Section(
         "Findings and remedies",
         "advice.html",
@@ -35,7 +34,10 @@ def _findings(items: list[Reservation]) -> Table:
     """Findings under their remedies, each of which is stated once."""
     remedies = dict.fromkeys(item.remedy for item in items)
     parts = (
-        Part(tuple((e.subject, e.reason) for e in items if e.remedy == each), f"Remedy: {each}")
+        Part(
+            tuple((e.subject, e.reason) for e in items if e.remedy == each),
+            f"Remedy: {each}" if each else "",
+        )
         for each in remedies
     )
     return table("", ("where", Column("finding", folds=True)), parts)
@@ -47,14 +49,6 @@ def drive_trains(run: ReportedRun) -> Section | None:
     if not axes:
         return None
     return Section("Drive trains", "drive_train.html", {"axes": axes})
-
-
-def derivation(run: ReportedRun) -> Section | None:
-    """Text alone, with the constants that the estimation uses; none of trajectories alone."""
-    if not run.estimate.local:
-        return None
-    values = {"signals": signals, "window": window, "terms": equation}
-    return Section("Method of identification", "derivation.html", values)
 
 
 def sessions(run: ReportedRun) -> Section:

@@ -9,18 +9,17 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.estimation.identify import JOINT
-from hil.least_squares.uncertainty import TWICE
 from hil.model.base_parameters import base_parameters
 from hil.report.charts.chart import MODEL, Chart, Matrix, Panel, Points, Rule
 from hil.report.section import Plot, Section
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.rounding import percent
 from hil.results.tables import parameters as tables
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
+    from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
     from hil.results.prediction import Prediction
     from hil.runs.run import Run
@@ -33,11 +32,9 @@ def parameters(run: ReportedRun) -> Section | None:
     plot = Plot(
         "intervals",
         partial(intervals, run.model, run.found.check, run.found.prediction),
-        "Intervals of 95 % of all base parameters and of the torque of every axis, as shares of"
-        " the torque of a free motion.",
-        "How far the result is certain. Of each base parameter the interval by the torque that it"
-        " makes on a free motion, relative to the torque of the axis where that is largest; of each"
-        " axis what all parameters together leave uncertain of its torque.",
+        "Intervals of 95 % of all base parameters, as shares of the torque of a free motion.",
+        "95 % intervals of the base parameters as torques on a free motion, in % of the torque of"
+        " the axis where that is largest.",
     )
     return Section(
         "Base parameters",
@@ -48,7 +45,6 @@ def parameters(run: ReportedRun) -> Section | None:
             "model_note": _model_note(run.source),
         },
         (plot,),
-        leads=True,
     )
 
 
@@ -100,7 +96,6 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
     """
     base = base_parameters(model.robot)
     order = [k for members in base.groups.values() for k in members]
-    height = max(19.0 * len(order), 120.0)
     effect = 100 * np.nan_to_num(prediction.relative_effect).max(axis=0)
     interval = model.interval(0.95)
     half = (interval[:, 1] - interval[:, 0]) / 2 / model.standard_errors * effect
@@ -109,40 +104,24 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
     if check is not None:
         off = (check.values - model.values) / model.standard_errors * effect
         checked = (Points(off[order], rows, "ring", MODEL, "by the published method", size=3.4),)
-    torques = 100 * np.nan_to_num(prediction.relative)
-    axes = np.arange(len(torques), 0, -1.0)
+    items: tuple[Item, ...] = (
+        Rule(0.0, upright=True),
+        Points(np.zeros(len(order)), rows, "o", error=half[order], along=True,
+               label="identified, with 95 % interval", size=2.6),
+        *checked,
+    )  # fmt: skip
     return Chart(
         (
             Panel(
-                (
-                    Rule(0.0, upright=True),
-                    Points(np.zeros(len(order)), rows, "o", error=half[order], along=True,
-                           label="identified, with 95 % interval", size=2.6),
-                    *checked,
-                ),
-                title="base parameters",
+                items,
                 x_label="effect on the torque of the axis where it is largest [%]",
                 y_range=(0.3, len(order) + 0.7),
                 rows={float(row): base.names[k] for row, k in zip(rows, order, strict=True)},
-                width=530.0,
-                height=height,
-            ),
-            Panel(
-                (Points(np.zeros(len(axes)), axes, "o", error=TWICE * torques, along=True,
-                        size=2.6), Rule(0.0, upright=True)),
-                title="torque of a free motion",
-                x_label="interval of 95 % [% of the torque]",
-                y_range=(0.3, len(axes) + 0.7),
-                rows={
-                    float(row): f"axis {k}: ± {percent(TWICE * torque, 100.0)} %"
-                    for k, (row, torque) in enumerate(zip(axes, torques, strict=True), start=1)
-                },
-                width=420.0,
-                left=110.0,
-                height=height,
+                width=700.0,
+                height=max(21.0 * len(order), 120.0),
             ),
         )
-    )  # fmt: skip
+    )
 
 
 def correlation_matrix(estimate: Estimate, robot: Robot) -> Chart:

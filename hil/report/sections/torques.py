@@ -1,0 +1,202 @@
+"""What one sees first: measured and predicted torque over time, and friction over the speed.
+
+The recordings are those that the model was validated on last, which it was not made from; without a
+validation, those that it was made from, and the page says so.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.friction.equation import SLOW
+from hil.friction.law import friction_torque, friction_variance
+from hil.least_squares.uncertainty import TWICE
+from hil.report.charts.chart import (
+    MEASURED,
+    MODEL,
+    MUTED,
+    Band,
+    Chart,
+    Line,
+    Panel,
+    Points,
+    Rule,
+)  # fmt: skip
+from hil.report.section import Plot, Section
+from hil.report.sections.friction import models_plot
+from hil.report.sections.imported import friction_curves
+from hil.report.stretches import most_demanding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from hil.arrays import Array, Mask
+    from hil.model.robot import Robot
+    from hil.report.charts.chart import Item
+    from hil.report.reported_run import ReportedRun
+    from hil.report.stretches import Stretch
+    from hil.results.model import Model
+
+POINTS = 150
+"""Points of friction that are drawn of an axis: more of them cover each other."""
+
+
+def torque(run: ReportedRun) -> Section | None:
+    """Torques over time, and friction over the speed."""
+    plots = (*_over_time(run), *_friction(run))
+    return Section("Torque", "torque.html", plots=plots, leads=True) if plots else None
+
+
+def _over_time(run: ReportedRun) -> Iterator[Plot]:
+    found = run.shown_torques if run.is_identified else None
+    if found is None or not found.stretches:
+        return
+    fitted = sorted({each.axis + 1 for each in found.stretches.values() if not each.own_friction})
+    beside = (
+        f" Friction of axis {', '.join(map(str, fitted))}, of which the model has no law, is fitted"
+        " in the recording."
+        if fitted
+        else ""
+    )
+    yield Plot(
+        "torque",
+        lambda: over_time(most_demanding(found.stretches), run.robot),
+        "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
+        " difference below.",
+        f"Measured and predicted torque, after the low-pass; below it the residual. {found.words}"
+        " Of each axis the recording that asks most of it; no prediction where the axis hardly"
+        f" moves, since friction is no function of velocity there.{beside}",
+    )
+
+
+def _friction(run: ReportedRun) -> Iterator[Plot]:
+    if not run.is_identified:
+        if run.friction is not None and run.friction.axes:
+            yield models_plot(run.friction)
+    elif run.model.back_and_forth is not None:
+        curves = run.model.back_and_forth.curves
+        yield _law_plot(
+            partial(friction_curves, curves, run.robot),
+            "half the differences of the torques forth and back, less the rigid bodies' part, with"
+            " intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
+        )
+    elif run.model.friction_law is not None and run.shown_torques.stretches:
+        yield _law_plot(
+            lambda: over_speed(run.model, run.shown_torques.stretches.values()),
+            "measured torque less those of the rigid bodies and motors, and the law of friction at"
+            " no load with its interval of 95 %, which holds by how much friction wandered.",
+        )
+
+
+def _law_plot(draw: object, words: str) -> Plot:
+    return Plot(
+        "friction-law",
+        draw,  # type: ignore[arg-type]
+        "Friction of every axis over its speed, measured and by the law of friction.",
+        f"Torque of friction over the speed: {words}",
+    )
+
+
+def over_time(shown: Sequence[Stretch], robot: Robot) -> Chart:
+    """Measured and predicted torque with its interval, axis by axis, and the residual below."""
+    return Chart(tuple(_torque(each, robot) for each in shown))
+
+
+def _torque(each: Stretch, robot: Robot) -> Panel:
+    unit, t, half = robot.torque_unit(each.axis), each.time, each.half
+    low, high = each.predicted - half, each.predicted + half
+    around = np.where(np.isfinite(low), half, np.nan)
+    return Panel(
+        (
+            Band(t, low, high, label="95 % interval"),
+            Line(t, each.measured, MEASURED, "measured"),
+            Line(t, each.predicted, MODEL, "predicted", "5 3"),
+        ),
+        title=f"axis {each.axis + 1}, {each.recording}",
+        x_label="time [s]",
+        y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
+        below=Panel(
+            (
+                Band(t, -around, around),
+                Rule(0.0),
+                Line(t, each.residual, MEASURED, width=0.9),
+            ),
+            y_label=f"Δ [{unit}]",
+            height=42.0,
+        ),
+        width=357.0,
+        height=112.0,
+        recording=each.recording,
+    )
+
+
+def over_speed(model: Model, found: Iterable[Stretch]) -> Chart:
+    """Friction over the speed, measured and by the model's law, of axes that have one."""
+    by_axis: dict[int, list[Stretch]] = {}
+    for each in found:
+        by_axis.setdefault(each.axis, []).append(each)
+    known = (axis for axis in sorted(by_axis) if axis + 1 not in model.axes_without_friction)
+    return Chart(tuple(_law(model, axis, by_axis[axis]) for axis in known))
+
+
+def _law(model: Model, axis: int, own: Sequence[Stretch]) -> Panel:
+    robot = model.robot
+    speed, residual = (
+        np.concatenate([getattr(each, name) for each in own]) for name in ("speed", "residual")
+    )
+    there = _known(model, axis, speed) & np.isfinite(residual)
+    ids = np.repeat([each.recording for each in own], [len(each.time) for each in own])[there]
+    speed, residual = speed[there], residual[there]
+    at = np.zeros(len(speed))
+    bands: list[Item] = []
+    lines: list[Item] = []
+    for side in (-1.0, 1.0):
+        here = side * speed > 0
+        if here.any():
+            slowest, fastest = np.abs(speed[here]).min(), np.abs(speed[here]).max()
+            v = np.linspace(slowest, fastest, 60)
+            level, half = _friction_at(model, axis, side * v)
+            at[here] = np.interp(side * speed[here], v, level)
+            bands.append(Band(side * v, level - half, level + half, label="95 % interval"))
+            lines.append(Line(side * v, level, label="law of friction", width=1.8))
+    order = np.argsort(speed)[np.unique(np.linspace(0, len(speed) - 1, POINTS).astype(int))]
+    return Panel(
+        (
+            Rule(0.0),
+            *bands,
+            Points(
+                speed[order], (at + residual)[order], "o", MUTED, "measured",
+                ids=ids[order].tolist(), size=1.7,
+            ),
+            *lines,
+        ),
+        title=f"axis {axis + 1}",
+        x_label=f"speed [{robot.position_unit(axis)}/s]",
+        y_label=f"friction [{robot.torque_unit(axis)}]",
+        width=357.0,
+        height=140.0,
+    )  # fmt: skip
+
+
+def _known(model: Model, axis: int, speed: Array) -> Mask:
+    """Samples at speeds that the law was found from, or of the law's speed above 5 %."""
+    law = model.friction_law.axes[axis] if model.friction_law else None
+    assert law is not None  # noqa: S101 - asked for before
+    low, high = law.speeds or (SLOW * law.speed, np.inf)
+    return np.asarray((low <= np.abs(speed)) & (np.abs(speed) <= high))
+
+
+def _friction_at(model: Model, axis: int, speed: Array) -> tuple[Array, Array]:
+    """Friction of an axis at speeds and no load, and half its interval of 95 % [N m or N]."""
+    assert model.friction_law is not None  # noqa: S101 - asked for before
+    still = np.zeros((len(speed), model.robot.n_joints))
+    motion = still, still.copy(), still
+    motion[1][:, axis] = speed
+    level, variance = (
+        each(model.robot, model.friction_law, *motion)[:, axis]
+        for each in (friction_torque, friction_variance)
+    )
+    return level, TWICE * np.sqrt(variance)

@@ -1,0 +1,142 @@
+"""Stretches of recordings that are drawn: torques of an axis over time, measured and predicted.
+
+Of many recordings those are shown that ask most of the axes, which is not where a model looks best.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.errors import Mismatch, NotEnoughData
+from hil.friction.equation import SLOW
+from hil.least_squares.uncertainty import TWICE
+from hil.results.recorded_torque import in_si, predict_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from hil.arrays import Array
+    from hil.planning.measurement import RecordedMotion
+    from hil.results.model import Model
+    from hil.results.recorded_torque import PredictedTorque
+    from hil.runs.recording import Recording
+
+LONGEST = 20.0
+"""Time that is drawn of a recording at most [s]: reversals are apart on a screen."""
+DEMANDING = 0.5
+"""Share of the greatest scatter of an axis's torque from which on a recording shows the axis."""
+
+
+class Stretch(NamedTuple):
+    """Torques of one axis in one recording.
+
+    Attributes
+    ----------
+    recording : str
+        Its id.
+    axis : int
+        From 0.
+    time, speed, measured, predicted, half : ndarray, shape (n,)
+        Since the recording began [s]; velocity [rad/s or m/s]; torques [N m or N], the last being
+        the half-width of the prediction's interval of 95 %; no prediction (NaN) where the axis
+        hardly moves.
+    own_friction : bool
+        Whether the prediction has the friction that the model states, or one fitted here.
+    """
+
+    recording: str
+    axis: int
+    time: Array
+    speed: Array
+    measured: Array
+    predicted: Array
+    half: Array
+    own_friction: bool
+
+    @property
+    def residual(self) -> Array:
+        """Measured less predicted [N m or N]."""
+        return self.measured - self.predicted
+
+    def part(self, begin: float, end: float, most: int) -> Stretch:
+        """Samples from `begin` to `end` [s], `most` at most."""
+        kept = np.flatnonzero((begin <= self.time) & (self.time <= end))
+        kept = kept[:: max(1, -(-len(kept) // most))]
+        arrays = ("time", "speed", "measured", "predicted", "half")
+        return self._replace(**{name: getattr(self, name)[kept] for name in arrays})
+
+
+def stretches(
+    model: Model, recorded: Iterable[tuple[RecordedMotion, Recording]]
+) -> dict[tuple[str, int], Stretch]:
+    """Predict recordings: of each the axes that it moves, by recording and axis.
+
+    What is too short for a low-pass, and what has a gain that nobody knows, is passed over.
+    """
+    found = {}
+    for motion, recording in recorded:
+        with suppress(NotEnoughData, Mismatch):
+            whole = predict_whole(model, in_si(model, motion, recording), motion.id)
+            time = whole.time - recording.time[0]
+            for axis in motion.moved:
+                found[motion.id, axis] = _stretch(model, whole.of_axis(axis), time)
+    return found
+
+
+def _stretch(model: Model, found: PredictedTorque, time: Array) -> Stretch:
+    """One axis, where it moves; with friction of its own where the model states none."""
+    axis, speed, predicted = found.axis, found.qd, found.predicted
+    moves = np.abs(speed) > SLOW * max(float(np.abs(speed).max(initial=0.0)), 1e-300)
+    own = axis + 1 not in model.axes_without_friction
+    if not own:
+        columns = np.column_stack([np.ones(len(speed)), np.sign(speed), speed])[moves]
+        left = (found.measured - predicted)[moves]
+        predicted = predicted.copy()
+        predicted[moves] += columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+    return Stretch(
+        found.measurement,
+        axis,
+        time,
+        speed,
+        found.measured,
+        np.where(moves, predicted, np.nan),
+        TWICE * found.standard_error,
+        own,
+    )
+
+
+def most_demanding(found: Mapping[tuple[str, int], Stretch]) -> list[Stretch]:
+    """One stretch of each axis, in as few recordings as ask much of all axes, `LONGEST` at most."""
+    scatter = {key: float(np.std(each.measured)) for key, each in found.items()}
+    left = {axis: max(s for (_, a), s in scatter.items() if a == axis) for _, axis in found}
+    chosen: dict[int, Stretch] = {}
+    while left:
+        shown: dict[str, dict[int, float]] = defaultdict(dict)
+        for (name, axis), size in scatter.items():
+            if axis in left and size >= DEMANDING * left[axis]:
+                shown[name][axis] = size / left[axis] if left[axis] > 0 else 1.0
+        name = max(shown, key=lambda each: (len(shown[each]), sum(shown[each].values())))
+        own = [found[name, axis] for axis in shown[name]]
+        begin = _busiest(own)
+        chosen |= {each.axis: each.part(begin, begin + LONGEST, 700) for each in own}
+        left = {axis: size for axis, size in left.items() if axis not in chosen}
+    return [chosen[axis] for axis in sorted(chosen)]
+
+
+def _busiest(own: list[Stretch]) -> float:
+    """Begin of the `LONGEST` in which torques of all axes together scatter most [s]."""
+    first, last = min(each.time[0] for each in own), max(each.time[-1] for each in own)
+    begins = np.arange(first, max(last - LONGEST, first) + 1e-9, LONGEST / 4)
+    scatter = [
+        sum(
+            float(np.std(each.measured[within]) / max(np.std(each.measured), 1e-300))
+            for each in own
+            if (within := (begin <= each.time) & (each.time <= begin + LONGEST)).any()
+        )
+        for begin in begins
+    ]
+    return float(begins[int(np.argmax(scatter))])
