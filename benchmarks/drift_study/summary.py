@@ -11,9 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from benchmarks.plotting import image, plotting
 from hil.model.dependencies import GROUPS
 from hil.report.charts.chart import GRID, INK, MEASURED, MODEL, MUTED
-from hil.report.pictures import image, plotting
 from hil.runs.atomic_file import write_file
 
 from .campaigns import KINDS

@@ -25,8 +25,8 @@ from matplotlib import rc_context
 from benchmarks.drift_study.cell import Cell
 from benchmarks.drift_study.drift import judged, prepare
 from benchmarks.drift_study.summary import summarise
+from benchmarks.plotting import image, plotting
 from hil.model.robot import load_robot
-from hil.report.pictures import image, plotting
 from hil.runs.run import Run
 
 from . import assessment

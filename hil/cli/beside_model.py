@@ -112,7 +112,7 @@ def track(
 
 
 def _show(output: Path, model: str, delay: float) -> None:
-    from hil.report.pictures import write_tracking_plot
+    from hil.report.further_pages import write_tracking_page
     from hil.results.tracking import PASSES, tracked, tracking, write_tracking
     from hil.runs.run import Run
 
@@ -122,7 +122,8 @@ def _show(output: Path, model: str, delay: float) -> None:
     say_simulated(*runs.values())
     show(tracking(found))
     file = write_tracking(output, found)
-    say(f"following errors in {file}, plot in {write_tracking_plot(output, runs, delay)}")
+    page = write_tracking_page(output, runs, delay, tracking(found))
+    say(f"following errors in {file}, page in {page}")
 
 
 @commands.command(cls=PortsOptional)
@@ -227,14 +228,15 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
 
 def _keep(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show what was found, however the watch ended."""
-    from hil.report.pictures import write_watch_plot
+    from hil.report.further_pages import write_watch_page
     from hil.results.watch import alarms, watched, write_watched
 
     found = watcher.found(the_plan.digest, model)
     if not found.learned:
         return
     output.mkdir(parents=True, exist_ok=True)
-    show(watched(found), alarms(found))
+    tables = watched(found), alarms(found)
+    show(*tables)
     file, units = write_watched(output, found), tuple(axis.unit for axis in found.axes)
-    picture = write_watch_plot(output, watcher.trace, units)
-    say(f"alarms and thresholds in {file}, picture in {picture}")
+    page = write_watch_page(output, the_plan.robot.name, watcher.trace, units, tables)
+    say(f"alarms and thresholds in {file}, page in {page}")

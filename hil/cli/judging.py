@@ -80,7 +80,6 @@ def validate(
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
-    from hil.report.pictures import Drawn, write_validation_plot
     from hil.results.predicted_torques import predicted_torques
     from hil.results.validation import of_own_recordings, scores, write_validation
     from hil.results.validation import validate as judge
@@ -88,8 +87,9 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
 
     model.refuse_other_robot(run.robot, str(run.path))
     with working("predicting the torques of the recordings"):
-        drawn = Drawn(predicted_torques(model, pooled([run])))
-        found = of_own_recordings(model, run) or judge(model, drawn)
+        found = of_own_recordings(model, run) or judge(
+            model, predicted_torques(model, pooled([run]))
+        )
         file = write_validation(run, model, model_path, found)
     say_simulated(run)
     if found.axes:
@@ -98,7 +98,11 @@ def _judge(model: Model, model_path: Path, run: Run) -> None:
     if found.axes and found.word != "good":
         show_causes(model_path, run)
     if found.axes:
-        say(f"plot in {write_validation_plot(run.path, found, drawn.first)}")
+        from hil.report.further_pages import write_validation_page
+
+        with working("drawing the page"):
+            page = write_validation_page(run, model, found, _notes(model, run))
+        say(f"page in {page}")
     say(f"validation in {file}")
     if found.word == "failed":
         raise typer.Exit(Status.REFUSED)

@@ -1,4 +1,1 @@
-"""A run's report: one HTML file with its tables and pictures; and pictures of other commands."""
-
-VALIDATION = "validation.png"
-"""Picture of a validation, in the folder of the run that was predicted."""
+"""A run's report: one HTML file with its tables and charts; and pages of other commands."""

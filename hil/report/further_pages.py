@@ -1,4 +1,6 @@
-"""Pages beside reports, one HTML file each: of an acceptance, to be signed, and of a history.
+"""Pages beside reports, one HTML file each: of an acceptance, a history, a validation, a watch.
+
+All are one template: a word and its sentence, facts, charts, tables.
 
 A history draws quantities of a machine over its runs, with intervals; what is marked stands out.
 """
@@ -13,12 +15,19 @@ import numpy as np
 from hil.estimation.intervals import SIGNIFICANT
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
 from hil.report.page import when, write_html
+from hil.report.pictures import tracking as tracking_chart
+from hil.report.pictures import watch as watch_chart
 from hil.report.section import Plot
+from hil.report.sections.torques import over_time as torques_over_time
+from hil.report.stretches import most_demanding, stretches
 from hil.results import history_file as tables
 from hil.results.acceptance import checked
 from hil.results.history_file import half_width
 from hil.results.rounding import unit
 from hil.results.tables.table import Column, Table, table
+from hil.results.tracking import PASSES
+from hil.results.validation import scores
+from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -26,31 +35,120 @@ if TYPE_CHECKING:
 
     from hil.results.acceptance import Acceptance
     from hil.results.history import History
+    from hil.results.model import Model
     from hil.results.quantities import Kind
+    from hil.results.validation import Validation
     from hil.runs.run import Run
+    from hil.watching.trace import Trace
 
 NOT_KNOWN = "not stated"
+VALIDATION, TRACKING, WATCH = "validation.html", "tracking.html", "watch.html"
+"""Names of pages in the folders of what they are about."""
+
+
+def _write(
+    path: Path,
+    title: str,
+    verdicts: Sequence[tuple[str, str, str]] = (),
+    plots: Sequence[Plot] = (),
+    tables: Sequence[Table] = (),
+    *,
+    facts: Mapping[str, str] | None = None,
+    simulated: bool = False,
+    note: str = "",
+) -> None:
+    """Write the page, whole or not at all; verdicts: word that colours it, word, reason."""
+    write_html(
+        path, "result.html", title=title, verdicts=verdicts, plots=plots,
+        tables=[each for each in tables if each], facts=facts or {}, simulated=simulated, note=note,
+    )  # fmt: skip
+
+
+def write_validation_page(
+    run: Run, model: Model, found: Validation, notes: tuple[str, ...] = ()
+) -> Path:
+    """Write the page of a validation into the folder of the run that was predicted.
+
+    Raises
+    ------
+    FileError
+        A damaged recording, or a full disk.
+    """
+    path = run.path / VALIDATION
+    plot = Plot(
+        "torque",
+        lambda: torques_over_time(most_demanding(stretches(model, recorded(run))), run.robot),
+        "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
+        " difference below.",
+        "Measured and predicted torque, after the low-pass; below it the residual. Of each axis the"
+        " recording that asks most of it.",
+    )
+    _write(
+        path,
+        f"{run.robot.name}: validation",
+        [(each.word, each.word, each.clause) for each in found.reasons],
+        (plot,),
+        (scores(found, notes),),
+        simulated=run.journal.simulated,
+    )
+    return path
+
+
+def write_tracking_page(folder: Path, runs: Mapping[str, Run], delay: float, errors: Table) -> Path:
+    """Write the page of a tracking into its folder; arguments as of `hil.report.pictures`."""
+    path, run = folder / TRACKING, runs[PASSES[0]]
+    plot = Plot(
+        "errors",
+        lambda: tracking_chart(runs, delay),
+        "Following error of every axis over time with neither, velocity and both fed forward.",
+        "Following errors over the first period of the first trajectory, by what is fed forward;"
+        " below, the smaller ones by themselves.",
+    )
+    title = f"{run.robot.name}: following errors"
+    _write(path, title, (), (plot,), (errors,), simulated=run.journal.simulated)
+    return path
+
+
+def write_watch_page(
+    folder: Path, robot: str, trace: Trace, units: tuple[str, ...], shown: Sequence[Table]
+) -> Path:
+    """Write the page of a watch into its folder."""
+    path = folder / WATCH
+    plot = Plot(
+        "watch",
+        lambda: watch_chart(trace, units),
+        "Measured and predicted torque of every axis around its first alarm, or at the end.",
+        "Torques around each axis's first alarm, or at the end of the watch.",
+    )
+    _write(path, f"{robot}: watch", (), (plot,), shown)
+    return path
 
 
 def write_acceptance_page(
     path: Path, run: Run, found: Acceptance, stated: Mapping[str, str]
 ) -> None:
     """Write the page, whole or not at all; `stated`: facts that the run does not hold."""
-    sessions = run.journal.sessions
-    facts = {
-        **{name: text or NOT_KNOWN for name, text in stated.items()},
-        "Measured": when(sessions[-1].started) if sessions else NOT_KNOWN,
-        "Bus": sessions[-1].bus if sessions else NOT_KNOWN,
-    }
-    write_html(
+    sessions, count = run.journal.sessions, len(found.checks)
+    failed = sum(check.word == "failed" for check in found.checks)
+    many = "are outside their" if failed > 1 else "is outside its"
+    _write(
         path,
-        "acceptance.html",
-        robot=run.robot.name,
-        word=found.word,
-        failed=sum(check.word == "failed" for check in found.checks),
-        count=len(found.checks),
-        facts=facts.items(),
-        tables=[each for each in (checked(found), _drives(run)) if each],
+        f"{run.robot.name}: acceptance",
+        [
+            (
+                found.word,
+                found.word,
+                f"{failed} of {count} checks {many} limits"
+                if failed
+                else f"all {count} checks are within their limits",
+            )
+        ],
+        tables=(checked(found), _drives(run)),
+        facts={
+            **{name: text or NOT_KNOWN for name, text in stated.items()},
+            "Measured": when(sessions[-1].started) if sessions else NOT_KNOWN,
+            "Bus": sessions[-1].bus if sessions else NOT_KNOWN,
+        },
         simulated=run.journal.simulated,
     )
 
@@ -66,15 +164,18 @@ _CAPTION = "Values with intervals of 95 %, thin lines with what temperature may 
 
 def write_history_page(path: Path, found: History) -> None:
     """Write the page, whole or not at all."""
-    write_html(
+    newest = found.runs[-1]
+    changed = [("doubtful", "changed", sentence) for sentence in found.sentences(newest)]
+    unchanged = [("good", "unchanged", f"{newest.label}: nothing changed significantly")]
+    _write(
         path,
-        "history.html",
-        robot=found.robot.name,
-        newest=found.runs[-1].label,
-        marked=found.sentences(found.runs[-1]),
-        tables=[each(found) for each in (tables.runs, tables.changes, tables.condition)],
-        plots=list(_history_plots(found)),
-        rate=f"{SIGNIFICANT:.0%}",
+        f"{found.robot.name}: condition over time",
+        changed or unchanged,
+        tuple(_history_plots(found)),
+        [each(found) for each in (tables.runs, tables.changes, tables.condition)],
+        simulated=any(run.model.provenance.of_virtual_plant for run in found.runs),
+        note="Anything of a run of an unchanged machine is marked with a probability of"
+        f" {SIGNIFICANT:.0%} at most.",
     )
 
 

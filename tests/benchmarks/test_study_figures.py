@@ -16,7 +16,7 @@ from benchmarks.drift_study import summary, view
 from benchmarks.drift_study.cell import OUR_DEFAULT, Cell, Outcome
 from benchmarks.drift_study.drift import Judged
 from benchmarks.drift_study.scenarios import SCENARIOS
-from hil.report.pictures import plotting
+from benchmarks.plotting import plotting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

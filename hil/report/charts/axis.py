@@ -104,13 +104,3 @@ def text_of(marks: Mapping[float, str], axis: Scale) -> list[tuple[float, str]]:
     """Places of marks on an axis, and what is written there."""
     places = axis.place(list(marks)).tolist() if marks else []
     return list(zip(places, marks.values(), strict=True))
-
-
-def drawn(time: Array) -> tuple[slice, Array, Array]:
-    """Which samples of a line are drawn, when since the first [s], and where it is interrupted.
-
-    At most 1500 are drawn. The last is NaN after a hole of half a second, 0 elsewhere.
-    """
-    shown = slice(None, None, max(1, -(-len(time) // 1500)))
-    t = time[shown] - time[0]
-    return shown, t, np.where(np.diff(t, prepend=t[:1]) > 0.5, np.nan, 0.0)

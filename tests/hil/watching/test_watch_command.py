@@ -139,7 +139,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     assert "from outside at" in done.output
     assert "2 alarms in" in done.output
     assert "no lasting cause by which it differs from" in done.output  # pushes are over soon
-    assert (folder / "watch.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg viewBox" in (folder / "watch.html").read_text()
     found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
     for axis in found.axes:  # a push in the first 15 s of motion counts as scatter too
@@ -182,7 +182,7 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
     found = load_yaml(folder / NAME, Watched)
     assert found.learned + found.watched == pytest.approx(motion, abs=0.01)
     assert found.axes[5].soon is None
-    assert (folder / "watch.png").is_file()
+    assert (folder / "watch.html").is_file()
 
 
 def test_samples_one_by_one_show_what_all_together_show(
