@@ -11,6 +11,11 @@ coupling, eq. (21)
     each stroke of the creeping axis, a level that holds its friction (the paper's ``a1 qd_j`` at
     constant ``qd_j``), gravity being compensated.
 
+Much of the torque is none of these terms: friction that grows with the load or differs by
+direction, ripple, gears that give way, other axes that yield and accelerate as well. The improved
+method finds all that, and a point of step 1 that it is left in lies beside a right model
+(`believed_fit`).
+
 Samples slower than 5 % of the axis's speed limit are left out: presliding is no function of
 velocity. The row that belongs to a value is the mean of the regressor's rows over the same samples,
 not the row at the nominal configuration, since a window covers a range of q.
@@ -18,19 +23,21 @@ not the row at the nominal configuration, since a window covers a range of q.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
-from hil.friction.equation import SLOW
+from hil.friction.equation import LOAD, SLOW, own_friction, term_columns
 from hil.least_squares.layout import embedded
 from hil.least_squares.solving import orthonormal
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GRAVITY
-from hil.model.dynamics import regressors
+from hil.model.dynamics import regressor, regressors
 from hil.model.motors import motor_torque
+from hil.planning.measurement import Inertia
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,7 +47,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Coupling, ElementMeasurement, Gravity, Inertia
+    from hil.planning.measurement import Coupling, ElementMeasurement, Gravity
 
 
 SETTLING = 0.16
@@ -65,6 +72,41 @@ def local_fit(robot: Robot, measurement: ElementMeasurement, s: Signals) -> Loca
     """
     found: LocalFit = LOCAL_FITS[measurement.kind](robot, measurement, s)
     return found
+
+
+def believed_fit(
+    robot: Robot, measurement: ElementMeasurement, s: Signals, p: Array, common: Array
+) -> LocalFit:
+    """Evaluate one measurement as the improved method sees it.
+
+    Its torque is less all that is found beside the element: the terms common to the axis's
+    measurements, and what the full row of the regressor has beside gravity and the element itself.
+    Friction of the measurement alone has the improved method's terms.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n_base,)
+    common : ndarray, shape (N_COMMON,)
+        Coefficients of the axis's common terms.
+
+    Raises
+    ------
+    NotEnoughData
+        As of `local_fit`.
+    """
+    axis = measurement.index
+    rows, columns, _ = term_columns(robot, s, axis)
+    v, load = s.smoothed(s.qd[:, axis]), np.abs(s.smoothed(rows @ p))
+    columns[:, LOAD], columns[:, LOAD + 1] = load * np.sign(v), load
+    still = np.zeros_like(s.q)
+    qdd = s.qdd * np.abs(measurement.unit_acceleration)
+    own = regressor(robot, s.q, still, qdd, joints=[axis])[:, 0]
+    tau = s.tau.copy()
+    tau[:, axis] -= columns @ common + (rows - own) @ p
+    seen = replace(s, tau=tau)
+    if isinstance(measurement, Inertia):
+        return _inertia(robot, measurement, seen, own_friction(s, v / robot.velocity_limit[axis]))
+    return local_fit(robot, measurement, seen)
 
 
 def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
@@ -99,12 +141,15 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
     )
 
 
-def _inertia(robot: Robot, m: Inertia, s: Signals) -> LocalFit:
+def _inertia(robot: Robot, m: Inertia, s: Signals, friction: Array | None = None) -> LocalFit:
     i = m.index
     v = s.qd[:, i]
     reference = REFERENCE_SPEED * robot.velocity_limit[i]
     columns = np.column_stack([s.qdd[:, i], v, np.sign(v), np.cbrt(v)])
     levels = np.array([0.0, reference, 1.0, np.cbrt(reference)])
+    if friction is not None:  # the level is that of the published terms
+        columns = np.column_stack([s.qdd[:, i], friction])
+        levels = np.zeros(columns.shape[1])
     return _mass_element(robot, m, s, (i, i), columns, levels, s.valid)
 
 
@@ -208,8 +253,9 @@ def _filtered(
         given = [s.qd[:, axis], motor, rows[0][:, shown], *([] if columns is None else [columns])]
         return rows[-1] - rows[0], s.filtered(np.column_stack(given))
 
-    # the columns of a measurement are always the same
-    element, found = s.once((_filtered, robot, axis), of_motion)
+    # columns of a measurement are always the same, as many as there are
+    n_columns = 0 if columns is None else columns.shape[1]
+    element, found = s.once((_filtered, robot, axis, n_columns), of_motion)
     k = 2 + len(shown)
     sides = np.column_stack([s.filtered(s.tau[:, axis]), found[:, 1:k]])
     return _Filtered(sides, np.append([0, 1], 2 + shown), found[:, 0], found[:, k:], element)

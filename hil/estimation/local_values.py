@@ -35,6 +35,9 @@ class LocalValue:
         creeps, mean of both directions [N m].
     residual : float
         Root mean square of what the local model leaves [N m].
+    believed, believed_error : float
+        Value and standard error when all is taken off that the estimator finds beside the element
+        (`hil.estimation.local_fits.believed_fit`); NaN by a method that finds nothing beside it.
     """
 
     id: str
@@ -48,6 +51,15 @@ class LocalValue:
     standard_error: float
     friction: float
     residual: float
+    believed: float = np.nan
+    believed_error: float = np.nan
+
+    @property
+    def shown(self) -> tuple[float, float]:
+        """Value and standard error as they are set beside the model's."""
+        if np.isnan(self.believed):
+            return self.value, self.standard_error
+        return self.believed, self.believed_error
 
     @property
     def symbol(self) -> Literal["g", "M"]:

@@ -34,17 +34,18 @@ from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.history import history
 from hil.estimation.identifiability import conditions, require_all_groups, require_rank
-from hil.estimation.local_fits import ELSEWHERE, local_fit
+from hil.estimation.local_fits import ELSEWHERE, believed_fit, local_fit
 from hil.estimation.options import DEFAULTS, NUISANCES, Options
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import Joint, SimultaneousFit
 from hil.estimation.two_step import TwoStep
+from hil.friction.equation import place
 from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_element, shows_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
@@ -174,6 +175,7 @@ def _improved(
     )  # fmt: skip
     return replace(
         estimate,
+        local=tuple(_believed(robot, found, p, estimate.local)),
         drive_train=drive_train,
         load_friction=solver.load_friction,
         prior_share=share,
@@ -182,6 +184,18 @@ def _improved(
             robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
         ),
     )
+
+
+def _believed(
+    robot: Robot, found: Joint, p: Array, local: Sequence[LocalValue]
+) -> Iterator[LocalValue]:
+    """Values of step 1 with what each is when all is taken off that was found beside it."""
+    prepared = {m.id: (m, s) for m, s in found.prepared if shows_element(m)}
+    for each in local:
+        m, s = prepared[each.id]
+        common = found.solver.solution[place(robot, m.index)[found.solver.n_base :]]
+        seen = believed_fit(robot, m, s, p, common).at(p)
+        yield replace(each, believed=seen.value, believed_error=seen.standard_error)
 
 
 def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:

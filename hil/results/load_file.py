@@ -263,8 +263,8 @@ def _elements(estimate: Estimate | None) -> tuple[ElementRecord, ...]:
             id=value.id,
             kind=value.kind,
             axis=value.axis + 1,
-            value=value.value,
-            standard_error=_finite(value.standard_error),
+            value=value.shown[0],
+            standard_error=_finite(value.shown[1]),
             model=value.model,
         )
         for value in (estimate.local if estimate else ())

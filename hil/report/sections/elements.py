@@ -29,6 +29,16 @@ if TYPE_CHECKING:
     from hil.report.reported_run import ReportedRun
 
 
+BELIEVED = (
+    "Taken off is what the improved method finds beside the element: lag, gears that give way,"
+    " friction of the load and by direction, ripple, and other axes that yield and accelerate."
+)
+AS_PUBLISHED = (
+    "Step 1 is the published one, which takes friction by direction, soft gears and axes that yield"
+    " for part of the element; then all points of an axis lie beside the model by as much."
+)
+
+
 def measured_and_modelled(run: ReportedRun) -> Section | None:
     """One plot a kind that was measured."""
     kinds = {value.kind for value in run.estimate.local}
@@ -37,7 +47,8 @@ def measured_and_modelled(run: ReportedRun) -> Section | None:
     )
     if not plots:
         return None
-    return Section("Measured and modelled", "measured_and_modelled.html", plots=plots)
+    note = BELIEVED if run.model.method == "improved" else AS_PUBLISHED
+    return Section("Measured and modelled", "measured_and_modelled.html", {"note": note}, plots)
 
 
 def _elements_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
@@ -116,9 +127,9 @@ def measured_elements(values: Sequence[LocalValue], kind: ElementKind, robot: Ro
 def _element(chosen: Sequence[tuple[int, LocalValue]], kind: ElementKind, robot: Robot) -> Panel:
     axis, partner = chosen[0][1].axis, chosen[0][1].partner
     x, ids = [number for number, _ in chosen], [value.id for _, value in chosen]
-    measured = np.array([value.value for _, value in chosen])
+    measured, error = np.array([value.shown for _, value in chosen]).T
     model = np.array([value.model for _, value in chosen])
-    error = 2.0 * np.nan_to_num([value.standard_error for _, value in chosen])
+    error = 2.0 * np.nan_to_num(error)
     unit, label = kind.unit_of(robot, axis, partner), "measured, ± 2 standard errors"
     return Panel(
         items=(
@@ -201,9 +212,9 @@ def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: Elem
 def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
     """Panels of one axis, all with the same vertical axis, over joints that vary by 4 deg or mm."""
     axis = own[0].axis
-    left = np.array([value.value - value.model for value in own])
+    left = np.array([value.shown[0] - value.model for value in own])
     mean = float(left.mean())
-    error = 2.0 * np.nan_to_num([value.standard_error for value in own])
+    error = 2.0 * np.nan_to_num([value.shown[1] for value in own])
     most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
     unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
     for joint, turns in enumerate(robot.revolute):
@@ -242,7 +253,7 @@ def _right_angles(shown: Array) -> dict[float, str] | None:
 
 def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> float:
     """Measured less modelled as a torque over the axis's limit, eq. (16)."""
-    torque = (value.value - value.model) * planned.torque_per_element
+    torque = (value.shown[0] - value.model) * planned.torque_per_element
     return float(torque / robot.torque_limit[value.axis])
 
 

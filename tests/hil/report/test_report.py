@@ -18,7 +18,9 @@ from hil import cli
 from hil.errors import NotIdentifiable
 from hil.estimation.estimate import LeftOut
 from hil.estimation.excluded.result import ErrorTerm
+from hil.estimation.local_fits import believed_fit
 from hil.estimation.two_step_methods import estimates
+from hil.friction.equation import place
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.page import report
@@ -310,6 +312,28 @@ class TestAdvice:
     def test_drives_taken_as_exact_are_of_note(self, folder, found):
         item = self.advised(folder, found["improved"])["torque constants and rotor inertias"]
         assert "state their uncertainty in the robot file" in item.remedy
+
+
+class TestPointsOfStep1:
+    def test_they_lie_on_the_model_where_it_is_right(self, found):
+        """Friction here has offsets, which step 1 as published takes for gravity."""
+        local = [each for each in found["improved"].local if each.kind == "gravity"]
+        raw = {each.axis: each.value - each.model for each in local}
+        seen = [(each.shown[0] - each.model) / each.shown[1] for each in local]
+        assert abs(raw[1]) > 0.5
+        assert np.mean(np.abs(seen)) < 2.0
+        assert all(np.isnan(each.believed) for each in found["published"].local)
+
+    def test_an_inertia_that_is_wrong_by_a_percent_shows(self, folder, found):
+        """Friction has more terms than in step 1, which must not take up what the model lacks."""
+        best = found["improved"]
+        m, s = next((m, s) for m, s in best.joint.prepared if m.kind == "inertia" and m.index == 1)
+        place_of_axis = place(folder.robot, 1)[best.joint.solver.n_base :]
+        common = best.joint.solver.solution[place_of_axis]
+        right, wrong = best.p, 1.01 * best.p
+        values = [believed_fit(folder.robot, m, s, p, common).at(p) for p in (right, wrong)]
+        lower = [each.value - each.model for each in values]
+        assert lower[0] - lower[1] == pytest.approx(0.01 * values[0].model, rel=0.2)
 
 
 class TestPrediction:
