@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import closing, nullcontext
 from pathlib import Path  # noqa: TC003 - typer reads the annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,11 +13,14 @@ from typer.core import TyperGroup
 
 from checked_files.yaml_file import FileError
 from sim_plant.faults.fault_plan import load_fault_plan
+from sim_plant.serving.hand import Hand
 from sim_plant.serving.server import serve
 from sim_plant.slave_network import CLOCKS, CYCLE_DEFAULT, Clock
 from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from sim_plant.faults.fault_plan import FaultPlan
     from sim_plant.machine_protocol import Machine
     from sim_plant.plant import Plant
@@ -61,6 +65,9 @@ def main(
         float, typer.Option(min=1e-4, max=10, help="SYNC period of drives without 1006h \\[s].")
     ] = CYCLE_DEFAULT,
     faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
+    hand: Annotated[
+        str | None, typer.Option(help="Path of a socket that is made to take pushes of the arm.")
+    ] = None,
 ) -> None:
     """Serve the simulated plant's drives on a bus, until Ctrl-C; what happens by default."""
     try:
@@ -68,13 +75,15 @@ def main(
         machine = load_machine(plant, seed, personality)
         fault_plan = load_fault_plan(faults) if faults else None
         if interface == ETHERCAT:
-            if options:
-                raise ValueError("--bus-option: interface ethercat takes none")  # noqa: TRY301
+            if options or hand:
+                raise ValueError(  # noqa: TRY301
+                    f"{'--bus-option' if options else '--hand'}: interface ethercat takes none"
+                )
             _serve_ethercat(channel, plant, machine, passing, fault_plan, cycle)
             return
-        with _open(interface, channel, options) as bus:
+        with _open(interface, channel, options) as bus, _hand(hand, machine) as pushing:
             typer.echo(_announcement(machine, plant, bus.channel_info, passing))
-            serve(bus, machine, passing, threading.Event(), fault_plan, cycle)
+            serve(bus, machine, passing, threading.Event(), fault_plan, cycle, pushing)
     except KeyboardInterrupt:
         typer.echo("stopped")
     except (FileError, can.CanError, ValueError, OSError) as error:
@@ -149,6 +158,10 @@ def _open(interface: str, channel: str, options: dict[str, str]) -> can.BusABC:
             f"{interface} channel {channel!r} cannot be opened: {error}; check channel and"
             " options, and an adapter's cable and driver where the interface has one"
         ) from error
+
+
+def _hand(path: str | None, machine: Plant) -> AbstractContextManager[Hand | None]:
+    return nullcontext() if path is None else closing(Hand(path, machine))
 
 
 def _options(pairs: list[str]) -> dict[str, str]:

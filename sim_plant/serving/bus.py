@@ -39,7 +39,8 @@ class PlantBus(can.BusABC):
     receive_own_messages : bool
         Whether sent frames come back.
     **options
-        seed, clock, cycle, personality, faults, bitrate: see `sim_plant.serving.plant_options`.
+        seed, clock, cycle, personality, faults, hand, bitrate: see
+        `sim_plant.serving.plant_options`.
 
     Attributes
     ----------

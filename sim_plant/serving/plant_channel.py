@@ -16,6 +16,7 @@ from checked_files.yaml_file import FileError
 from sim_plant.faults.fault_plan import load_fault_plan
 from sim_plant.faults.faulty_network import FaultyNetwork
 from sim_plant.faults.frame_faults import NotSent
+from sim_plant.serving.hand import Hand
 from sim_plant.serving.plant_options import PlantOptions
 from sim_plant.serving.wall_clock import TICK, WallClock
 from sim_plant.slave_network import SlaveNetwork
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     import queue
     from collections.abc import Iterable
 
+    from sim_plant.plant import Plant
     from sim_plant.slave_network import CanFrame
 
     Inbox = queue.SimpleQueue[can.Message]
@@ -41,7 +43,9 @@ class PlantChannel:
         self.options = options
         self.inboxes: list[Inbox] = []
         self._lock = threading.Lock()
-        self._network = _network(name, options)
+        machine = load_machine(name, options.seed, options.personality)
+        self._network = _network(machine, options)
+        self._hand = None if options.hand is None else Hand(options.hand, machine)
         self._durations = [(47 + 8 * n) / options.bitrate for n in range(9)]
         self._wire_free = 0.0
         self._stop = threading.Event()
@@ -59,12 +63,16 @@ class PlantChannel:
         self._stop.set()
         if self._follower.is_alive():
             self._follower.join()
+        if self._hand is not None:
+            self._hand.close()
 
     def transmit(self, message: can.Message, sender: Inbox, echo: bool) -> None:
         """Pass a frame from one bus to the others and to the drives, and back what they answer."""
         network = self._network
         with self._lock:  # an interrupt after a call of `acquire` would leave it locked for good
             time = self._occupy(network.time, message.dlc)
+            if self._hand is not None:
+                self._hand.act(network.time)
             if echo or len(self.inboxes) > 1:
                 self._pass_on(message, time, sender, echo=echo)
             if message.is_extended_id or message.is_error_frame:
@@ -112,6 +120,8 @@ class PlantChannel:
         wall = WallClock()
         while not self._stop.wait(TICK):
             with self._lock:
+                if self._hand is not None:
+                    self._hand.act(self._network.time)
                 self._deliver(self._network.elapse(wall.elapsed()))
 
 
@@ -161,8 +171,7 @@ def close_channel(channel: PlantChannel, inbox: Inbox) -> None:
             _channels.pop(channel.name, None)
 
 
-def _network(name: str, options: PlantOptions) -> SlaveNetwork | FaultyNetwork:
-    machine = load_machine(name, options.seed, options.personality)
+def _network(machine: Plant, options: PlantOptions) -> SlaveNetwork | FaultyNetwork:
     if options.faults is None:
         return SlaveNetwork(machine, options.clock, options.cycle)
     plan = load_fault_plan(options.faults)

@@ -33,6 +33,8 @@ class PlantOptions:
         Of all drives, by name or path, instead of those of the plant file.
     faults : str, optional
         Path of a fault plan.
+    hand : str, optional
+        Path of a socket at which the plant takes pushes (`sim_plant.serving.hand`).
     bitrate : int
         Spaces the time stamps of frames [bit/s].
     """
@@ -42,6 +44,7 @@ class PlantOptions:
     cycle: float = CYCLE_DEFAULT
     personality: str | None = None
     faults: str | None = None
+    hand: str | None = None
     bitrate: int = BITRATE
 
     @classmethod

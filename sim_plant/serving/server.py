@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from sim_plant.faults.fault_plan import FaultPlan
     from sim_plant.plant import Plant
+    from sim_plant.serving.hand import Hand
     from sim_plant.slave_network import CanFrame, Clock
 
 SYNC = 0x80
@@ -37,6 +38,7 @@ def serve(
     stop_event: threading.Event,
     faults: FaultPlan | None = None,
     cycle: float = CYCLE_DEFAULT,
+    hand: Hand | None = None,
 ) -> None:
     """Answer on `bus` as the plant's drives until `stop_event` is set.
 
@@ -52,6 +54,8 @@ def serve(
         What goes wrong. A frame that the master's adapter refuses is here one that is lost.
     cycle : float
         See `sim_plant.slave_network`.
+    hand : Hand, optional
+        What pushes the plant.
 
     Raises
     ------
@@ -69,6 +73,8 @@ def serve(
     _send(bus, network.power_on())
     while not stop_event.is_set():
         message = bus.recv(wall.pause if clock == "wall" else IDLE)
+        if hand is not None:
+            hand.act(network.time)
         if clock == "wall" and (wall.due or message is None or message.arbitration_id == SYNC):
             _send(bus, network.elapse(wall.elapsed()))
             wall.stepped()

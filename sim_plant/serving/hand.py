@@ -1,0 +1,103 @@
+"""A hand at the plant: pushes that come from outside, on a way of their own beside the bus.
+
+A push is one datagram to a Unix socket: a JSON object with ``torque``, a number an axis [N m or N],
+and ``lasts``, after which the hand lets go by itself unless the next datagram has come [s of the
+plant's time, at most `LONGEST`]. It counts from the moment at which the plant takes it, until then
+the arm has not moved. What is no such push moves nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from sim_plant.physics import state as st
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from sim_plant.plant import Plant
+
+LONGEST = 1.0
+"""Longest time for which one datagram pushes [s]: whoever stays away holds on no longer."""
+_SIZE = 4096  # more than 64 axes need
+
+
+class Hand:
+    """Pushes the axes of a plant as datagrams say.
+
+    A push by a fault plan on the same axes is replaced while the hand pushes.
+
+    Parameters
+    ----------
+    path : str
+        Where the socket is made; one that another plant left behind is replaced.
+    plant : Plant
+
+    Raises
+    ------
+    FileError
+        There is something else, or no socket can be made there.
+    """
+
+    def __init__(self, path: str, plant: Plant) -> None:
+        self._path, self._state = path, plant.state
+        self._ends = -math.inf
+        self._socket = _bound(path)
+
+    def act(self, time: float) -> None:
+        """Take what has come until a time of the plant [s], and let go where it is over."""
+        while True:
+            try:
+                pushed = _push(self._socket.recv(_SIZE), len(self._state))
+            except BlockingIOError:
+                break
+            except OSError:  # closed
+                return
+            if pushed is not None:
+                self._state[:, st.PUSH], self._ends = pushed[0], time + pushed[1]
+        if time >= self._ends:
+            self._state[:, st.PUSH], self._ends = 0.0, math.inf
+
+    def close(self) -> None:
+        """Let go and remove the socket."""
+        self._state[:, st.PUSH] = 0.0
+        self._socket.close()
+        with suppress(OSError):
+            Path(self._path).unlink()
+
+
+def _push(datagram: bytes, n_axes: int) -> tuple[NDArray[np.float64], float] | None:
+    """Torques and duration; None where it is no push of this plant."""
+    try:
+        said: Any = json.loads(datagram)
+        torque = np.array(said["torque"], dtype=float)
+        lasts = float(said["lasts"])
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+    if torque.shape != (n_axes,) or not np.isfinite([*torque, lasts]).all():
+        return None
+    return torque, min(max(lasts, 0.0), LONGEST)
+
+
+def _bound(path: str) -> socket.socket:
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    made.setblocking(False)
+    try:
+        if Path(path).is_socket():
+            Path(path).unlink()
+        made.bind(path)
+    except OSError as error:
+        made.close()
+        raise FileError(
+            f"hand={path}: no socket can be made there: {error.strerror or error}; give the path of"
+            " a file that does not exist, at most 100 bytes long, in a folder that may be written"
+        ) from error
+    return made
