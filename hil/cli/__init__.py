@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 
 PANELS = {
+    "First of all": {
+        "try": "Try it all on a virtual robot in five minutes: measure, identify, predict, push.",
+    },
     "Robot and plan": {
         "robot": "Show base parameters, their groups, and where they occur in M and g.",
         "plan": "Choose configurations and motions from g(q) and M(q).",
@@ -88,7 +91,7 @@ MODULES = {
     "payload": "payload", "accept": "judging", "history": "judging", "export": "exchanging",
     "doctor": "doctor", "scan": "drives", "drives": "drives", "check": "commissioning",
     "jog": "commissioning", "home": "commissioning", "monitor": "monitoring", "compare": "results",
-    "friction": "friction", "trajectory": "trajectory",
+    "friction": "friction", "trajectory": "trajectory", "try": "trying",
 }  # fmt: skip
 """Module of each command, or group of them, in this package."""
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}

@@ -173,7 +173,7 @@ def watch(
         model = Model.load(model_path)
         model.refuse_other_robot(the_robot, str(model_path))
         watcher = Watcher(model, the_plan.sample_period, learn)
-        how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown))
+        how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown, where.bus_option))
         view = WatchView(watcher, the_robot)
         rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
     try:
@@ -186,6 +186,7 @@ def watch(
             in_front=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
             display=view.display,
             rounds=rounds,
+            watcher=watcher,
         )
     finally:
         _keep(output, the_plan, watcher, str(file_of(model_path)))

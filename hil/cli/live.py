@@ -9,6 +9,9 @@ import typer
 from typer.core import TyperCommand
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
     from typer.models import OptionInfo
 
     from hil.live.listener import Listener
@@ -43,6 +46,12 @@ def _served(option: str, what: str, elsewhere: str) -> tuple[OptionInfo, OptionI
         f"{option}-address", metavar="ADDRESS", callback=_address, help=elsewhere
     )
     return cast("OptionInfo", port), cast("OptionInfo", address)
+
+
+def hand_of(bus_option: Sequence[str] | None) -> str:
+    """Path at which the virtual plant takes pushes, as options of the bus state it, or nothing."""
+    given = [each.removeprefix("hand=") for each in bus_option or () if each.startswith("hand=")]
+    return given[-1] if given else ""
 
 
 _LIVE, _LIVE_ADDRESS = _served(
@@ -86,8 +95,23 @@ class Shown:
     foxglove_address: Annotated[str | None, _FOXGLOVE_ADDRESS] = None
 
 
-def listeners(shown: Shown) -> list[Listener]:
+def listeners(
+    shown: Shown,
+    bus_option: Sequence[str] | None = None,
+    folder: Path | None = None,
+    *,
+    while_open: bool = False,
+) -> list[Listener]:
     """Processes that are informed of the run.
+
+    Parameters
+    ----------
+    bus_option : sequence of str, optional
+        Options of the bus: the virtual plant's hand is reached from the page.
+    folder : Path, optional
+        Run folder whose recordings are identified while the page shows the run.
+    while_open : bool
+        Stop the run once its page has been closed.
 
     Raises
     ------
@@ -97,14 +121,18 @@ def listeners(shown: Shown) -> list[Listener]:
     page = "--live", "the live page", "hil.live.page_server"
     stream = "--foxglove", "the stream to Foxglove", "hil.live.foxglove_server"
     found = []
-    for option, what, module, port, address in (
-        (*page, shown.live, shown.live_address),
-        (*stream, shown.foxglove, shown.foxglove_address),
+    pushed = ["--hand", hand] if (hand := hand_of(bus_option)) else []
+    pushed += ["--while-open"] if while_open else []
+    for option, what, module, port, address, more in (
+        (*page, shown.live, shown.live_address, pushed),
+        (*stream, shown.foxglove, shown.foxglove_address, ()),
     ):
         if port is not None:
-            found.append((what, module, address or LOOPBACK, str(port)))
+            found.append((what, module, address or LOOPBACK, str(port), *more))
         elif address is not None:
             raise typer.BadParameter(f"it goes with {option}", param_hint=f"{option}-address")
+    if shown.live is not None and folder is not None:
+        found.append(("the estimate beside the run", "hil.live.estimator", str(folder)))
     if not found:
         return []
     from hil.live.listener import Listener

@@ -23,7 +23,7 @@ from hil.cli.arguments import (
     expand_records,
     refuse_no_channel,
 )
-from hil.cli.live import PortsOptional, Shown, listeners
+from hil.cli.live import PortsOptional, Shown, hand_of, listeners
 from hil.cli.outputs import file_to_write, folder_to_write, output_option
 from hil.measuring import REHEARSAL_SPEED
 from hil.runs import SIMULATED
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from hil.live.listener import Listener
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.watching.watcher import Watcher
 
 commands = typer.Typer()
 
@@ -105,7 +106,8 @@ def run(
             now(f"testing the friction of {symmetric}")
             _gate(symmetric, the_robot)
     how = OnBus(**vars(where), pacing=pacing, frame_log=frame_log, realtime=realtime)
-    how = replace(how, listeners=listeners(shown))
+    identified = None if rehearse or what_changes else output
+    how = replace(how, listeners=listeners(shown, where.bus_option, identified))
     if what_changes:
         _show_changes(the_plan, the_robot, plan_file, output, how)
     else:
@@ -120,12 +122,15 @@ class OnBus(RobotsBus):
     ----------
     listeners : sequence of Listener
         Processes informed of what happens, not started yet.
+    feed : Feed, optional
+        What informs listeners of this run among others, in their place.
     """
 
     pacing: Pacing = Pacing.AUTO
     frame_log: Path | None = None
     realtime: bool = False
     listeners: Sequence[Listener] = ()
+    feed: Feed | None = None
 
 
 def measure(
@@ -140,6 +145,7 @@ def measure(
     feeds: bool = False,
     display: Display | None = None,
     rounds: int = 1,
+    watcher: Watcher | None = None,
 ) -> None:
     """Measure a plan into a folder.
 
@@ -157,6 +163,8 @@ def measure(
         See `hil.cli.run_session.carry_out`.
     rounds : int
         How often the whole plan is measured, as measurements of their own.
+    watcher : Watcher, optional
+        Whose torques are shown to listeners.
     """
     from functools import partial
 
@@ -173,7 +181,7 @@ def measure(
     channel = how.channel or the_robot.name
     options = bus_options(how.bus_option)
     planned = repeated(the_plan, rounds)
-    feed = _feed(how, planned, the_robot, rehearsal)
+    feed = _feed(how, planned, the_robot, rehearsal, watcher)
     display = display or shown
 
     def bus() -> DriveBus:
@@ -202,14 +210,24 @@ def measure(
         )
 
 
-def _feed(how: OnBus, the_plan: Plan, the_robot: Robot, rehearsal: float | None) -> Feed | None:
+def _feed(
+    how: OnBus,
+    the_plan: Plan,
+    the_robot: Robot,
+    rehearsal: float | None,
+    watcher: Watcher | None,
+) -> Feed | None:
     """What informs listeners of the run; None where there are none."""
+    about, hand = (the_robot, the_plan, rehearsal), bool(hand_of(how.bus_option))
+    if how.feed is not None:
+        how.feed.go_on(*about, hand=hand, watcher=watcher)
+        return how.feed
     if not how.listeners:
         return None
     from hil.live.feed import Feed
 
     simulated = how.interface == SIMULATED
-    return Feed(how.listeners, the_robot, the_plan, rehearsal, simulated=simulated)
+    return Feed(how.listeners, *about, simulated=simulated, hand=hand, watcher=watcher)
 
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:

@@ -9,8 +9,11 @@ has ended is left out from then on.
 from __future__ import annotations
 
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from queue import Empty
 from typing import TYPE_CHECKING, Any
+
+import typer
 
 from drivers.drive_bus import DriveError
 from hil.live import lines
@@ -18,7 +21,7 @@ from hil.live.lines import FrictionSoFar
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
 from hil.terminal.console import printable
-from hil.terminal.interruption import interrupt_main
+from hil.terminal.interruption import STATUS, interrupt_main
 from hil.terminal.progress import Pace
 
 if TYPE_CHECKING:
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.watching.watcher import Watcher
 
     Take = Callable[[Event], None]
     Display = Callable[[Console], AbstractContextManager[Take]]
@@ -42,7 +46,7 @@ _EVERY = 1 / 25
 
 
 class Feed:
-    """Tells listeners what happens.
+    """Informs listeners of what happens, in one run or in several after each other.
 
     Parameters
     ----------
@@ -54,6 +58,10 @@ class Feed:
         Share of the speed limits at which all ways are only passed.
     simulated : bool
         Whether it is the virtual plant that moves.
+    hand : bool
+        Whether its arm can be pushed from the live page.
+    watcher : Watcher, optional
+        Whose torques are passed on.
     """
 
     def __init__(
@@ -64,16 +72,31 @@ class Feed:
         rehearsal: float | None = None,
         *,
         simulated: bool,
+        hand: bool = False,
+        watcher: Watcher | None = None,
     ) -> None:
         self._listeners = listeners
         self._missed: set[str] = set()
-        self._start = lines.start(robot, plan, rehearsal, simulated=simulated)
-        self._numbers = {each.id: k for k, each in enumerate(plan.measurements, start=1)}
-        self._pace = Pace()
-        self._friction = FrictionSoFar()
         self._say: Callable[[str], None] = lambda _: None
+        self._open = False
         self._next = 0.0
-        self._notes = 0
+        self._simulated = simulated
+        self.go_on(robot, plan, rehearsal, hand=hand, watcher=watcher)
+
+    def go_on(
+        self,
+        robot: Robot,
+        plan: Plan,
+        rehearsal: float | None = None,
+        *,
+        hand: bool = False,
+        watcher: Watcher | None = None,
+    ) -> None:
+        """Turn to another run, of which the next lines are; parameters are those of `Feed`."""
+        self._start = lines.start(robot, plan, rehearsal, simulated=self._simulated, hand=hand)
+        self._numbers = {each.id: k for k, each in enumerate(plan.measurements, start=1)}
+        self._pace, self._friction, self._notes = Pace(), FrictionSoFar(), 0
+        self._watcher, self._alarms = watcher, 0
 
     def in_front(self, bus: DriveBus) -> FedBus:
         """Put a bus in front of another that is not entered yet."""
@@ -83,14 +106,13 @@ class Feed:
     def display(self, shown: Display, console: Console) -> Iterator[Take]:
         """Show events as `shown` does and pass them on; yields what takes them.
 
-        Listeners are started first and ended last.
-
         Raises
         ------
         ListenerFailed
-            One of them cannot serve.
+            As by `open`.
         """
-        with self._listening(console), shown(console) as show:
+        with nullcontext() if self._open else self.open(console), shown(console) as show:
+            self.publish("start", self._start)
 
             def take(event: Event) -> None:
                 show(event)
@@ -118,25 +140,60 @@ class Feed:
         for text in notes[self._notes :]:
             self.publish("note", {"text": text})
         self._notes = len(notes)
+        if self._watcher is not None:
+            self._pass_torques(self._watcher)
+        self.pass_on()
+
+    def pass_on(self) -> None:
+        """Pass on what listeners have for each other, and name those that have ended."""
+        for listener in self._listeners:
+            try:
+                while True:
+                    said = listener.said.get_nowait()
+                    self.publish(said.pop("kind"), said)
+            except Empty:
+                continue
         self._name_missed()
 
+    def _pass_torques(self, watcher: Watcher) -> None:
+        course = watcher.course()
+        if len(course.time):
+            line = lines.torque(range(course.measured.shape[1]), *course)
+            encoded = lines.encoded("torque", **line)
+            for listener in self._listeners:
+                listener.write(encoded, droppable=True)
+        for raised in watcher.alarms[self._alarms :]:
+            self.publish("alarm", lines.alarm(raised, watcher.unit(raised)))
+        self._alarms = len(watcher.alarms)
+
     @contextmanager
-    def _listening(self, console: Console) -> Iterator[None]:
+    def open(self, console: Console) -> Iterator[Sequence[str]]:
+        """Start the listeners, and end them when all is over; yields what they state.
+
+        Raises
+        ------
+        ListenerFailed
+            One of them cannot serve.
+        """
         self._say = lambda text: console.print(
             printable(text), highlight=False, markup=False, soft_wrap=True
         )
+        stated = []
         try:
             for listener in self._listeners:
-                self._say(listener.start(interrupt_main))
-            with self._begun_and_ended():
-                yield
+                stated.append(listener.start(interrupt_main))
+                if stated[-1]:
+                    self._say(stated[-1])
+            self._open = True
+            with self._ended():
+                yield stated
         finally:
+            self._open = False
             for listener in self._listeners:
                 listener.close()
 
     @contextmanager
-    def _begun_and_ended(self) -> Iterator[None]:
-        self.publish("start", self._start)
+    def _ended(self) -> Iterator[None]:
         try:
             yield
         except BaseException as error:
@@ -145,7 +202,7 @@ class Feed:
         else:
             self.publish("end", {"how": "finished", "text": ""})
         finally:
-            self._name_missed()
+            self.pass_on()
 
     def publish(self, kind: str, values: lines.Line) -> None:
         """Pass a line of `hil.live.lines` on."""
@@ -210,7 +267,9 @@ class FedBus(BusInFront):
 
 def _how(error: BaseException) -> lines.Line:
     """How a run ends that is left by an exception."""
-    if isinstance(error, KeyboardInterrupt):
+    if isinstance(error, KeyboardInterrupt) or (
+        isinstance(error, typer.Exit) and error.exit_code == STATUS
+    ):
         return {"how": "stopped", "text": "stopped by the operator"}
     if isinstance(error, (BrokenPipeError, SystemExit)):  # rich turns the one into the other
         return {"how": "stopped", "text": "nobody reads the output of the terminal"}

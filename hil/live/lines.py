@@ -7,7 +7,9 @@ start
     The first line. ``robot`` as `hil.view.visuals.robot_data` has it (name, joints with limits
     and units), ``workspace`` likewise or null, ``measurements``: how many the plan has,
     ``rehearsal``: share of the speed limits, or null, ``simulated``: whether it is the virtual
-    plant that moves.
+    plant that moves, ``hand``: whether its arm can be pushed from the page.
+headline
+    ``text``: what is going on, in one sentence; of several the last holds.
 armed
     The axes are under power: ``axes``, of each ``name``, ``identity``, ``lower`` and ``upper``
     limit of its position and the ``velocity`` limit that hold on the drive.
@@ -24,6 +26,18 @@ event
 level
     What a recording shows of the friction of one ``axis`` (`level_of`): ``level``, ``speed``,
     ``measurement``, and of all so far ``count``, ``least`` and ``most``.
+torque
+    Measured torque beside the predicted one: ``axes``, from 0, ``t`` [s], and ``measured``,
+    ``predicted`` and ``band``, a list an instant with a number an axis each. The band about the
+    predicted torque holds 95 % of what is normal; null where it is not known.
+estimate
+    What the recordings show of the base parameters so far: ``recordings``, their number, and
+    ``parameters``, of each ``name``, ``unit``, ``expression``, ``value``, ``half``: half-width of
+    its 95 % interval, null while recordings leave it open, and ``share``: the torque that this
+    amounts to on a free motion, of the axis where it is largest, as a share of its limit.
+alarm
+    A push begins to be seen: ``axis``, from 0, ``torque`` from outside and its ``threshold``, with
+    their ``unit``, at ``t``.
 note
     ``text`` of what the operator should know though it stops nothing.
 fault
@@ -49,10 +63,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from drivers.drive_bus import AxisInfo, Sample
+    from hil.arrays import Array
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
+    from hil.results.watch import Alarm
     from hil.runs.recording import Recording
 
 MIDDLE = (0.25, 0.75)
@@ -134,7 +150,9 @@ def encoded(kind: str, **values: object) -> bytes:
     return json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
-def start(robot: Robot, plan: Plan, rehearsal: float | None, *, simulated: bool) -> Line:
+def start(
+    robot: Robot, plan: Plan, rehearsal: float | None, *, simulated: bool, hand: bool = False
+) -> Line:
     """What stands in the line ``start``."""
     return {
         "robot": robot_data(robot),
@@ -142,6 +160,7 @@ def start(robot: Robot, plan: Plan, rehearsal: float | None, *, simulated: bool)
         "measurements": len(plan.measurements),
         "rehearsal": rehearsal,
         "simulated": simulated,
+        "hand": hand,
     }
 
 
@@ -167,6 +186,37 @@ def sample(taken: Sample) -> Line:
         "q": [_number(q, _PLACES["q"]) for q in taken.q],
         "tau": [_number(tau, _PLACES["tau"]) for tau in taken.tau],
         "flags": list(taken.flags),
+    }
+
+
+def torque(axes: Sequence[int], time: Array, *torques: Array) -> Line:
+    """What stands in the line ``torque``.
+
+    Parameters
+    ----------
+    axes : sequence of int
+        From 0.
+    time : ndarray, shape (n,)
+        [s].
+    *torques : ndarray, shape (n, n_axes)
+        Measured, predicted and band [N m or N].
+    """
+    names = ("measured", "predicted", "band")
+    rows = (
+        [[_number(x, _PLACES["tau"]) for x in row] for row in each.tolist()] for each in torques
+    )
+    found = dict(zip(names, rows, strict=True))
+    return {"axes": list(axes), "t": [round(t, 4) for t in time.tolist()], **found}
+
+
+def alarm(raised: Alarm, unit: str) -> Line:
+    """What stands in the line ``alarm``."""
+    return {
+        "axis": raised.axis - 1,
+        "torque": _number(raised.torque),
+        "threshold": _number(raised.threshold),
+        "unit": unit,
+        "t": round(raised.time, 4),
     }
 
 

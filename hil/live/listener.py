@@ -3,9 +3,9 @@
 Its standard input is a pipe that the run writes lines to (`hil.live.lines`) as far as there is
 room: where the reader is behind, samples are left out, and what matters waits in a small buffer.
 What it has to say comes back by its standard output, as JSON lines with ``kind`` too: ``ready`` or
-``failed`` with a ``text`` first, and ``stop`` where somebody wants the axes stopped. It is in a
-session of its own, so that Ctrl-C at the terminal ends the run and not it; the end of its input is
-its end.
+``failed`` with a ``text`` first, ``stop`` where somebody wants the axes stopped, and lines for the
+other processes. It is in a session of its own, so that Ctrl-C at the terminal ends the run and not
+it; the end of its input is its end.
 """
 
 from __future__ import annotations
@@ -54,6 +54,8 @@ class Listener:
         Whether the process has ended; noticed when something is written, or by itself.
     dropped : int
         Lines left out because the reader was behind.
+    said : SimpleQueue of dict
+        Lines for the other processes, with ``kind``.
     """
 
     def __init__(self, what: str, module: str, *arguments: str) -> None:
@@ -63,6 +65,7 @@ class Listener:
         self._command = [sys.executable, "-P", "-m", module, *arguments]
         self._waiting = bytearray()
         self._first: SimpleQueue[dict[str, Any]] = SimpleQueue()
+        self.said: SimpleQueue[dict[str, Any]] = SimpleQueue()
         self._process: subprocess.Popen[bytes] | None = None
         self._input = -1
         self._ear = Thread()
@@ -162,8 +165,10 @@ class Listener:
         with output:
             for line in output:
                 said = json.loads(line)
-                if said["kind"] != "stop":
+                if said["kind"] in ("ready", "failed"):
                     self._first.put(said)
+                elif said["kind"] != "stop":
+                    self.said.put(said)
                 elif not (stopped or self.gone):
                     stopped = True
                     stop()
@@ -183,14 +188,14 @@ def _environment() -> dict[str, str]:
 def begin_listening() -> Callable[..., None]:
     """Let the run go first; return what says something to it, from any thread.
 
-    For the process itself: a kind of line, and its text.
+    For the process itself: a kind of line, and its text or what else stands in it.
     """
     os.nice(10)
     lock = Lock()
 
-    def say(kind: str, text: str = "") -> None:
+    def say(kind: str, text: str = "", **values: object) -> None:
         with lock:
-            sys.stdout.write(json.dumps({"kind": kind, "text": text}) + "\n")
+            sys.stdout.write(json.dumps({"kind": kind, **(values or {"text": text})}) + "\n")
             sys.stdout.flush()
 
     return say

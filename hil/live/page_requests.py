@@ -1,9 +1,12 @@
-"""What a browser may ask of the live page: the page, what it consists of, its events, and a stop.
+"""What a browser may ask of the live page: the page, its parts, its events, a stop, and a push.
 
 A page of another site may try to reach this one through the browser of whoever visits it. So a
 request is refused whose host is not ours (a name that was made to point here), that comes from
-another origin, or, for a stop, that lacks a header which only our own page may set. Served on
-another address than the loopback, every path begins with a secret.
+another origin, or, for a stop or a push, that lacks a header which only our own page may set.
+Served on another address than the loopback, every path begins with a secret.
+
+A push is of the virtual plant's arm alone, and goes to the plant itself, never to the bus or to the
+process that runs it: a datagram to the socket at which the plant takes pushes.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import gzip
 import hmac
 import ipaddress
+import json
 import socket
 from functools import cache
 from http import HTTPStatus
@@ -28,6 +32,7 @@ if TYPE_CHECKING:
 ASSETS = Path(__file__).parent / "assets"
 VIEW = Path(__file__).parents[1] / "view" / "assets"
 STOP_HEADER = "X-Hil-Stop"
+PUSH_HEADER = "X-Hil-Push"
 SECURITY = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src"
@@ -59,12 +64,15 @@ class Site(NamedTuple):
         First part of every path; empty for none.
     names : set of str
         Names of this computer by which it may be addressed, beside its addresses.
+    hand : str
+        Path of the socket at which the plant takes pushes; empty where nothing can be pushed.
     """
 
     streams: Streams
     stop: Callable[[], None]
     secret: str
     names: frozenset[str]
+    hand: str = ""
 
 
 class Requests(BaseHTTPRequestHandler):
@@ -87,13 +95,15 @@ class Requests(BaseHTTPRequestHandler):
             self._text(HTTPStatus.NOT_FOUND, "there is no such page")
 
     def do_POST(self) -> None:
-        """Stop the run."""
+        """Stop the run, or push the plant's arm."""
         place = self._place()
         if place is None:
             return
         length = self.headers.get("Content-Length", "")
-        self.rfile.read(min(int(length), 1024) if length.isdecimal() else 0)
-        if place != "stop":
+        body = self.rfile.read(min(int(length), 1024) if length.isdecimal() else 0)
+        if place == "push" and self.site.hand:
+            self._push(body)
+        elif place != "stop":
             self._text(HTTPStatus.NOT_FOUND, "nothing but stop can be asked for")
         elif self.headers.get(STOP_HEADER) != "1":
             self._text(HTTPStatus.FORBIDDEN, "a stop is taken from the live page alone")
@@ -102,6 +112,26 @@ class Requests(BaseHTTPRequestHandler):
         else:
             self.site.stop()
             self._text(HTTPStatus.ACCEPTED, "the axes are being stopped")
+
+    def _push(self, body: bytes) -> None:
+        if self.headers.get(PUSH_HEADER) != "1":
+            self._text(HTTPStatus.FORBIDDEN, "a push is taken from the live page alone")
+        elif not _is_push(body):
+            self._text(
+                HTTPStatus.BAD_REQUEST,
+                'a push must read {"torque": [a number an axis], "lasts": seconds}',
+            )
+        elif self.site.streams.ended:
+            self._text(HTTPStatus.CONFLICT, "the run has ended already")
+        else:
+            try:
+                with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hand:
+                    hand.setblocking(False)
+                    hand.sendto(body, self.site.hand)
+            except OSError:  # between two runs, or its queue is full
+                self._text(HTTPStatus.SERVICE_UNAVAILABLE, "the arm cannot be pushed now")
+            else:
+                self._text(HTTPStatus.ACCEPTED, "pushed")
 
     def version_string(self) -> str:
         """Name no versions."""
@@ -168,6 +198,15 @@ def _content(files: tuple[Path, ...], compressed: bool) -> bytes:
 def names_of_this_computer() -> frozenset[str]:
     """Names by which other computers may address this one."""
     return frozenset({"localhost", socket.gethostname().lower()})
+
+
+def _is_push(body: bytes) -> bool:
+    try:
+        said = json.loads(body)
+        numbers = [*said["torque"], said["lasts"]]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return False
+    return all(isinstance(each, (int, float)) for each in numbers)
 
 
 def _ours(host: str, port: int, names: frozenset[str]) -> bool:

@@ -4,6 +4,9 @@ It reads the run's lines from its standard input (`hil.live.lines`) and serves t
 nothing but Python's own library, at a lower priority than the run. It ends with its input. To the
 run's lines it adds ``alive``, now and then; ``stopping``, where a page has asked for a stop; and an
 ``end`` of its own, ``lost``, where the run has ended without one.
+
+After ADDRESS and PORT may come ``--hand PATH``, the socket at which the virtual plant takes pushes,
+and ``--while-open``: a stop is asked for once the last page has been closed.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import errno
 import ipaddress
 import json
+import math
 import os
 import secrets
 import select
@@ -28,10 +32,12 @@ from hil.live.page_requests import Requests, Site, names_of_this_computer
 from hil.live.streams import Streams
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 CONNECTIONS_MAX = 128
 """At a time, those of pages among them."""
+CLOSED = 8.0
+"""Time without a page after which all count as closed [s]: one that is loaded anew is soon back."""
 _BUSY = (
     b"HTTP/1.0 503 Service Unavailable\r\nContent-Type: text/plain\r\nRetry-After: 5\r\n\r\n"
     b"too many connections; close a page\n"
@@ -85,8 +91,9 @@ class PageServer(ThreadingHTTPServer):
         """Say nothing of connections that break: the terminal is the run's."""
 
 
-def main(address: str, port: str) -> None:
+def main(address: str, port: str, *options: str) -> None:
     """Serve until the end of standard input."""
+    hand = options[options.index("--hand") + 1] if "--hand" in options else ""
     streams, say = Streams(), begin_listening()
 
     def stop() -> None:
@@ -96,7 +103,7 @@ def main(address: str, port: str) -> None:
     secret = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
     try:
         server = PageServer(
-            address, int(port), Site(streams, stop, secret, names_of_this_computer())
+            address, int(port), Site(streams, stop, secret, names_of_this_computer(), hand)
         )
     except OSError as error:
         say(
@@ -107,7 +114,7 @@ def main(address: str, port: str) -> None:
         return
     Thread(target=server.serve_forever, name="server", daemon=True).start()
     say("ready", _where(address, server.server_port, secret))
-    _pass_on(streams)
+    _pass_on(streams, stop if "--while-open" in options else None)
 
 
 def _remedy(error: OSError) -> str:
@@ -116,12 +123,17 @@ def _remedy(error: OSError) -> str:
     return "choose another with --live PORT, or 0 for a free one"
 
 
-def _pass_on(streams: Streams) -> None:
+def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
     """Pass on all lines of standard input, and a sign of life every second.
 
     Pages have half a second to get the last line.
+
+    Parameters
+    ----------
+    closed : callable, optional
+        Called once the last page has been closed.
     """
-    alive = 0.0
+    alive, seen = 0.0, math.inf
     for line in _lines(sys.stdin.fileno()):
         if line:
             streams.take(line)
@@ -129,6 +141,11 @@ def _pass_on(streams: Streams) -> None:
         if now - alive > 1.0:
             alive = now
             streams.take(_line("alive"))
+            if streams.pages:
+                seen = now
+        if closed is not None and now - seen > CLOSED:
+            closed()
+            closed = None
     if not streams.ended:
         streams.take(_line("end", how="lost", text="the run has ended without a word"))
     until = time.monotonic() + 0.5

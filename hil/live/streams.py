@@ -15,6 +15,8 @@ from threading import Event, Lock
 
 CLIENTS_MAX = 64
 """Pages that are served at a time."""
+DROPPABLE = frozenset({"sample", "torque"})
+"""Kinds of lines that a page that is behind can do without."""
 PATIENCE = 10.0
 """How long a page may take nothing [s]."""
 
@@ -80,6 +82,12 @@ class Streams:
         return "end" in self._state
 
     @property
+    def pages(self) -> int:
+        """How many pages are served."""
+        with self._lock:
+            return len(self._clients)
+
+    @property
     def idle(self) -> bool:
         """Whether no page has anything waiting."""
         with self._lock:
@@ -106,7 +114,7 @@ class Streams:
         with self._lock:
             self._keep(said, chunk)
             for client in self._clients:
-                client.give(chunk, droppable=said["kind"] == "sample")
+                client.give(chunk, droppable=said["kind"] in DROPPABLE)
             self._sweep()
 
     def flush(self) -> None:
@@ -125,7 +133,7 @@ class Streams:
             self._state["power"] = chunk
         elif kind == "level":
             self._state[f"level of {said['axis']}"] = chunk
-        elif kind in {"start", "event", "sample", "stopping", "end"}:
+        elif kind in {"start", "event", "sample", "stopping", "headline", "estimate", "end"}:
             self._state[kind] = chunk
 
     def _passed(self) -> bytes:

@@ -52,6 +52,8 @@ if TYPE_CHECKING:
 
 SLOW = 0.01
 """Share of the velocity limit below which an axis may be at rest."""
+NORMAL = 1.96
+"""Standard deviations within which 95 % of what is normal lies."""
 
 
 class Judged(NamedTuple):
@@ -66,6 +68,8 @@ class Judged(NamedTuple):
     outside, threshold : ndarray, shape (n, n_windows, n_joints)
         Mean torque from outside in each window that ends with these, and the threshold of its
         size, infinite where nothing is seen [N m or N].
+    band : ndarray, of the same shape
+        Within which 95 % of such means lie about 0 while nobody pushes [N m or N].
     moving : ndarray of bool, shape (n, n_joints)
     """
 
@@ -74,6 +78,7 @@ class Judged(NamedTuple):
     predicted: Array
     outside: Array
     threshold: Array
+    band: Array
     moving: Flags
 
     def after(self, first: int) -> Judged:
@@ -203,15 +208,17 @@ class Detector:
         wrong = np.maximum(turn.doubt, rest)
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
-        threshold = np.sqrt((self._sigmas * self._scatter.bound) ** 2 + error) + bands
+        scatter = self._scatter.bound
+        threshold, band = (
+            np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, NORMAL)
+        )
         threshold[threshold > 2.0] = np.inf  # twice the torque limit: nothing is seen
         moving = speed > SLOW
         doubtful: Flags = np.asarray(np.any(np.abs(means) > threshold, axis=1))
         sure = moving & (turn.doubt < 0.05)  # of friction's direction
         self._learned.append(_Learned(columns, left, means, doubtful, sure))
-        return Judged(
-            time, measured, predicted, -means * self._limit, threshold * self._limit, moving
-        )
+        shown = (-means * self._limit, threshold * self._limit, band * self._limit)
+        return Judged(time, measured, predicted, *shown, moving)
 
     def _parameter_variance(self, robot: Robot, q: Array, qd: Array) -> Array:
         """Of the torque by the base parameters, as share of the limit; without accelerations."""

@@ -5,7 +5,7 @@ Samples come from recordings, or from a bus that is watched whatever moves on it
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,30 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus, Sample
     from hil.arrays import Array
     from hil.results.model import Model
+
+
+APART = 0.04
+"""Time over which torques are averaged to be drawn [s]: 25 a second, enough for the eye."""
+HELD = 500
+"""Means that are held for whoever draws them: 20 s of motion."""
+
+
+class Course(NamedTuple):
+    """Torques over time, as means over `APART`.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Of the last sample of each [s].
+    measured, predicted, band : ndarray, shape (n, n_joints)
+        Band about the predicted torque in which 95 % of the measured means lie while nobody pushes;
+        infinite where that is not known [N m or N].
+    """
+
+    time: Array
+    measured: Array
+    predicted: Array
+    band: Array
 
 
 class Watcher:
@@ -56,6 +80,10 @@ class Watcher:
         # the last sample of a window is known one period later
         self._soon = max(int((self._lengths + period <= SOON + 1e-9).sum()), 1) - 1
         self._late = max(int((self._lengths + period <= LATE + 1e-9).sum()), 1) - 1
+        self._mean = max(round(APART / period), 1)
+        self._of_mean = int(np.abs(self._detector.windows - self._mean).argmin())
+        self._averaged: list[tuple[float, Array, Array, Array]] = []
+        self._sums, self._summed = np.zeros((2, n)), 0
         self._open: dict[int, int] = {}
         self._signs = np.full(n, -np.inf)
         self._unseen, self._still, self._judged = np.zeros((2, n)), np.zeros(n), 0
@@ -84,12 +112,21 @@ class Watcher:
         begun: list[Alarm] = []
         for judged in self._detector.take(time, q, tau):
             self._last = judged
+            self._average(judged)
             first = self._learn(judged)
             if first:
                 self.trace.take(judged, self._soon, slice(first))
             if first < len(judged.time):
                 begun += self._watch(judged.after(first))
         return tuple(begun)
+
+    def course(self) -> Course:
+        """Take the torques since last asked, the last `HELD` of them."""
+        held, self._averaged = self._averaged[-HELD:], []
+        if not held:
+            n = self._robot.n_joints
+            return Course(np.empty(0), *np.empty((3, 0, n)))
+        return Course(*map(np.array, zip(*held, strict=True)))
 
     def unit(self, alarm: Alarm) -> str:
         """Unit of an alarm's torque."""
@@ -122,7 +159,7 @@ class Watcher:
         """
         if self._last is None:
             return np.full((self._robot.n_joints, 4), np.nan)
-        _, measured, predicted, outside, threshold, _ = (values[-1] for values in self._last)
+        _, measured, predicted, outside, threshold, *_ = (values[-1] for values in self._last)
         return np.column_stack([measured, predicted, outside[self._late], threshold[self._late]])
 
     def found(self, plan_digest: str, model: str) -> Watched:
@@ -143,6 +180,22 @@ class Watcher:
             axes=self.sights(),
             alarms=tuple(self.alarms),
         )
+
+    def _average(self, judged: Judged) -> None:
+        begin = 0
+        while begin < len(judged.time):
+            rows = slice(begin, begin + self._mean - self._summed)
+            both = judged.measured[rows], judged.predicted[rows]
+            self._sums += [each.sum(axis=0) for each in both]
+            self._summed += len(both[0])
+            begin += len(both[0])
+            if self._summed == self._mean:
+                last = begin - 1
+                band = judged.band[last, self._of_mean]
+                self._averaged.append((float(judged.time[last]), *self._sums / self._mean, band))
+                self._sums, self._summed = np.zeros_like(self._sums), 0
+        if len(self._averaged) > 2 * HELD:
+            del self._averaged[:-HELD]
 
     def _learn(self, judged: Judged) -> int:
         """Return how many of the samples go into learning alone."""

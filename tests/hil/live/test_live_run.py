@@ -35,11 +35,16 @@ class Run(NamedTuple):
     page: Served
 
     def server(self) -> int:
-        """Return the process that serves the page: the only one that the run has started."""
+        """Return the process that serves the page."""
+        return self.beside("hil.live.page_server")
+
+    def beside(self, module: str) -> int:
+        """Return the process beside the run that carries out a module."""
         number = self.process.pid
         children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
-        assert len(children) == 1
-        return int(children[0])
+        found = [each for each in children if module in Path(f"/proc/{each}/cmdline").read_text()]
+        assert len(found) == 1
+        return int(found[0])
 
 
 @pytest.fixture

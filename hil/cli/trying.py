@@ -1,0 +1,250 @@
+"""`hil try`: a virtual robot is measured, identified, watched and pushed, on one page.
+
+All of it is what `hil plan`, `run --live`, `identify` and `watch --live` do, one after the other
+with one page: measured faster than in real time, watched in real time.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, suppress
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hil.cli.outputs import new_folder, output_option, say_judgement
+from hil.terminal.console import out, say, working
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from drivers.drive_bus import DriveBus
+    from hil.live.feed import Feed
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+    from hil.results.model import Model
+
+commands = typer.Typer()
+
+ROBOT = "manutec-r15"
+RUNS = Path("runs")
+COUNTS = {"gravity": 18, "inertia": 32, "coupling": 4}
+"""Measurements of each kind: 54 of 14 parameters, some 12 minutes of robot time."""
+LEARNING = 15.0
+"""Time of motion in which thresholds are learned [s]: with less those of an axis that moved little
+are a third too large (`hil.watching.scatter`)."""
+PERIOD, HARMONICS = 10.0, 4
+"""Of the motion that is pushed [s]: slow enough for the mouse to follow."""
+SPEED = 0.3
+"""Share of the velocity limit that it uses."""
+
+
+@commands.command("try")
+def try_(
+    output: Annotated[
+        Path | None,
+        output_option(
+            new_folder, "Folder that keeps both runs; by default runs/try, or a next one."
+        ),
+    ] = None,
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, help="Port of the page on this computer, 0 for a free one."),
+    ] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address and open no browser.")
+    ] = False,
+    speed: Annotated[
+        float, typer.Option(min=1, max=1000, help="Greatest speed of measuring, times real time.")
+    ] = 16.0,
+    push: Annotated[
+        float, typer.Option(min=5, max=3600, help="Time for pushing the arm \\[s].")
+    ] = 100.0,
+) -> None:
+    """Try it all on a virtual robot in five minutes: measure, identify, predict, push.
+
+    A page opens in the browser.
+
+    It ends by itself, by the page's Stop button, when the page is closed, or by Ctrl-C.
+
+    Example: hil try
+
+    Example: hil try --no-browser --port 8420 -o runs/demo
+    """
+    with ExitStack() as left:
+        with working("planning the measurements of the virtual robot"):
+            from tempfile import TemporaryDirectory
+
+            from hil.cli.live import Shown, listeners
+            from hil.live.feed import Feed
+            from hil.model.robot import load_robot
+            from hil.terminal.interruption import interruptible
+
+            robot = load_robot(ROBOT)
+            plan = measured_plan(robot)
+        folder = _claimed(output)
+        left.callback(lambda: _remove_if_empty(folder))
+        left.enter_context(interruptible(lambda: f"stopped; what was measured stays in {folder}"))
+        hand = f"{left.enter_context(TemporaryDirectory(prefix='hil-'))}/hand"
+        shown = listeners(Shown(live=port), [f"hand={hand}"], folder / "measured", while_open=True)
+        feed = Feed(shown, robot, plan, simulated=True)
+        stated = left.enter_context(feed.open(out))
+        if not no_browser:
+            _open_browser(stated)
+        model = _measure(robot, plan, folder / "measured", feed, speed)
+        found = _push(robot, model, folder, feed, hand, push)
+    say(f"{found}\nall of it is in {folder}; go on with: hil report {folder / 'measured'}")
+
+
+def measured_plan(robot: Robot) -> Plan:
+    """Plan that soon shows something of every parameter, whatever the ways between cost."""
+    from hil.planning.design.by_counts import design
+    from hil.planning.plan import as_plan
+
+    return as_plan(robot, mixed(design(robot, COUNTS).measurements))
+
+
+def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
+    """Return measurements with kinds, axes and configurations well mixed.
+
+    Of one kind and axis they follow each other by the golden section, which leaves no part of a
+    sequence unvisited for long; kinds and axes go on evenly beside each other.
+    """
+    by_axis: dict[tuple[str, tuple[int, ...]], list[Measurement]] = {}
+    for each in measurements:
+        by_axis.setdefault((each.kind, each.moved), []).append(each)
+    placed = [
+        ((k + 0.5) / len(own), each)
+        for own in by_axis.values()
+        for k, each in enumerate(own[i] for i in _golden(len(own)))
+    ]
+    return [each for _, each in sorted(placed, key=lambda pair: pair[0])]
+
+
+def _golden(n: int) -> list[int]:
+    return sorted(range(n), key=lambda k: k * 0.6180339887 % 1.0)
+
+
+def pushed_plan(robot: Robot, duration: float) -> Plan:
+    """Plan of a slow motion of all axes that no measurement has shown."""
+    import numpy as np
+
+    from hil.planning.design.trajectories import Basis
+    from hil.planning.plan import as_plan
+
+    basis = Basis(robot, PERIOD, HARMONICS, SPEED * robot.velocity_limit)
+    drawn = basis.random(np.random.default_rng(2))
+    return as_plan(robot, [basis.trajectory(drawn, max(1, round(duration / PERIOD)), "slow")])
+
+
+def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -> Model:
+    from hil.cli.measuring import OnBus, measure
+    from hil.measuring.pacing import PacedBus
+    from hil.results import model_file
+    from hil.results.findings import identify_and_keep
+    from hil.results.identification import method_for
+    from hil.runs.run import Run
+
+    paced = partial(PacedBus, fastest=speed)
+    measure(plan, robot, Path("the plan"), folder, OnBus(feed=feed), in_front=paced)
+    feed.publish("headline", {"text": "Identifying the robot from all recordings"})
+    with working("identifying the robot"):
+        run = Run.open(folder)
+        model = identify_and_keep(run, method_for(run)[0]).model
+        model.save(folder / model_file.NAME)
+    for kind, line in _shown(robot, model):
+        feed.publish(kind, line)
+    if model.outcome is not None:
+        say_judgement(model.outcome)
+    return model
+
+
+def _shown(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]]:
+    """Lines of a model for the page: its intervals, and how well it predicts."""
+    import numpy as np
+
+    from hil.live.interim import estimate_line
+    from hil.results.prediction import free_torques, uncertainty
+
+    free, relative = free_torques(model), uncertainty(model)
+    half = model.interval(0.95) @ np.array([-0.5, 0.5])
+    known = np.ones(len(half), dtype=bool)
+    if free is not None:
+        share = (free.of_each(half) / robot.torque_limit[:, np.newaxis]).max(axis=0)
+        n = model.provenance.measurements
+        yield "estimate", estimate_line(robot, n, model.values, half, share, known)
+    if relative is not None:
+        worst = int(np.argmax(relative))
+        within = f"{100 * relative[worst]:.2g} % (1 sigma), worst axis {worst + 1}"
+        yield "headline", {"text": f"Identified: predicted torque within {within}"}
+
+
+def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, duration: float) -> str:
+    """Watch the arm while it can be pushed; return what was found."""
+    with working("predicting torques"):
+        from hil.cli.measuring import OnBus, measure
+        from hil.cli.watch_view import WatchView
+        from hil.measuring.pacing import PacedBus
+        from hil.report.pictures import write_watch_plot
+        from hil.results import model_file
+        from hil.results.watch import write_watched
+        from hil.watching.watcher import Watcher, WatchingBus
+
+        plan = pushed_plan(robot, LEARNING + duration)
+        watcher = Watcher(model, plan.sample_period, LEARNING)
+        view = WatchView(watcher, robot)
+
+    def in_front(bus: DriveBus) -> DriveBus:
+        return WatchingBus(PacedBus(bus, 1.0), watcher, view.take)
+
+    how = OnBus(bus_option=[f"hand={hand}"], feed=feed)
+    path = folder / "pushed"
+    try:
+        measure(
+            plan.model_copy(update={"attempts": 1}), robot, Path("the motion"), path / "run", how,
+            in_front=in_front, display=view.display, watcher=watcher,
+        )  # fmt: skip
+    finally:
+        if watcher.learned:
+            path.mkdir(parents=True, exist_ok=True)
+            found = watcher.found(plan.digest, str(folder / "measured" / model_file.NAME))
+            write_watched(path, found)
+            write_watch_plot(path, watcher.trace, tuple(axis.unit for axis in found.axes))
+    pushes = "1 push" if len(watcher.alarms) == 1 else f"{len(watcher.alarms) or 'no'} pushes"
+    return f"{pushes} found in {watcher.watched:.0f} s"
+
+
+def _claimed(output: Path | None) -> Path:
+    """Folder that was asked for, or the first of those by default that is not there."""
+    if output is not None:
+        output.mkdir(parents=True)
+        return output
+    for number in count(1):
+        path = RUNS / ("try" if number == 1 else f"try-{number}")
+        with suppress(FileExistsError):
+            path.mkdir(parents=True)
+            return path
+    raise AssertionError
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _open_browser(stated: Sequence[str]) -> None:
+    """Open the page, where there is a screen: a browser of the terminal would take it over."""
+    import os
+    import sys
+    import webbrowser
+    from threading import Thread
+
+    screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    if sys.platform.startswith("linux") and not any(map(os.environ.get, screens)):
+        return
+    address = stated[0].partition("http")[1:]
+    # some browsers are waited for until they are closed
+    Thread(target=webbrowser.open, args=("".join(address),), daemon=True).start()

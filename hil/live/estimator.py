@@ -1,0 +1,93 @@
+"""The process that identifies a run while it goes on: `python -m hil.live.estimator FOLDER`.
+
+It reads the run's lines from its standard input (`hil.live.lines`), and each recording from the
+run's folder once the line says that it is there: never from the process that moves the robot, which
+waits for nobody. Lines ``torque`` and ``estimate`` go back by its standard output. Where it is
+behind, several recordings make one estimate. It has the lowest priority, and ends with its input.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
+from typing import TYPE_CHECKING
+
+from hil.live.listener import begin_listening
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+PATIENCE = 30.0
+"""Time for which a recording is waited for, as long as the run waits for a disk [s]."""
+
+
+def main(folder: str) -> None:
+    """Estimate until the end of standard input."""
+    say = begin_listening()
+    os.nice(9)
+    say("ready", "")
+    recorded: SimpleQueue[str | None] = SimpleQueue()
+    Thread(target=_listen, args=(recorded,), daemon=True).start()
+    first = recorded.get()
+    if first is None:
+        return
+    # only now, that a run begins at once
+    from hil.live.interim import Interim  # noqa: PLC0415
+    from hil.runs.run import Run  # noqa: PLC0415
+
+    run = Run.open(Path(folder))
+    if not run.robot.limits_known:
+        return
+    interim = Interim(run.robot)
+    motions = {each.id: each for each in run.motions}
+    not_yet = {first, *(each.id for each in run.missing)}
+    before = [name for name in motions if name not in not_yet]
+    for names in _batches([*before, first], recorded):
+        for name in names:
+            path = run.recording_path(motions[name])
+            if _is_there(path):
+                for line in interim.take(motions[name], run.read(motions[name]).recording):
+                    say("torque", **line)
+        say("estimate", **interim.parameters())
+
+
+def _listen(recorded: SimpleQueue[str | None]) -> None:
+    for text in sys.stdin.buffer:
+        if b'"Recorded"' in text:
+            line = json.loads(text)
+            if line.get("name") == "Recorded":
+                recorded.put(line["measurement"])
+    recorded.put(None)
+
+
+def _batches(first: list[str], recorded: SimpleQueue[str | None]) -> Iterator[list[str]]:
+    """Names of what has come since the last batch, each once, until the end."""
+    seen = set(first)
+    yield first
+    while True:
+        names = [recorded.get()]
+        while not recorded.empty():
+            names.append(recorded.get())
+        fresh = [name for name in names if name is not None and name not in seen]
+        seen |= set(fresh)
+        if fresh:
+            yield fresh
+        if None in names:
+            return
+
+
+def _is_there(path: Path) -> bool:
+    """Whether a recording is written, or comes to be: it is renamed into its place when whole."""
+    ends = time.monotonic() + PATIENCE
+    while not path.exists() and time.monotonic() < ends:
+        time.sleep(0.02)
+    return path.exists()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

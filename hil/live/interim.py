@@ -1,0 +1,155 @@
+"""What the recordings of a run show so far, while it goes on: parameters, and the next torques.
+
+Each recording is condensed once; adding them up and solving takes as long for the last one as for
+the first. Lags, soft gears and friction of the load are left to identification proper: what stands
+here is for the eye.
+
+A recording's torque is predicted before the recording is used. Friction of each motion is fitted in
+it, as identification does it, so the prediction is of the rigid bodies; of what friction's columns
+P = B B' span nothing is predicted, and the error of the rest is that of the parameters and of the
+torque itself,
+
+    tau = A p + P (tau - A p),   variance (1 - P) A V A' (1 - P)' + noise.
+
+Noise is the median of what such predictions left of earlier recordings of the kind: ripple and
+what friction is beside its terms count, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.errors import NotEnoughData
+from hil.estimation.condensed import ROTOR, condensed_blocks, stack
+from hil.estimation.intervals import half_width
+from hil.estimation.signals import signals
+from hil.friction.equation import ASYMMETRIC, COMMON, LOAD
+from hil.least_squares.regression import Regression
+from hil.least_squares.solving import orthonormal, undetermined_beside
+from hil.live import lines
+from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import shows_parameters
+from hil.results.prediction import FreeTorques
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from hil.arrays import Array
+    from hil.estimation.condensed import Stacked
+    from hil.estimation.signals import Signals
+    from hil.least_squares.blocks import Blocks
+    from hil.live.lines import Line
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
+
+POINTS = 120
+"""Samples of a recording's torque that are drawn, at most: one in two pixels of a chart."""
+
+
+class Interim:
+    """An estimate that grows with each recording.
+
+    Parameters
+    ----------
+    robot : Robot
+        With known limits.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot, self._base = robot, base_parameters(robot)
+        self._blocks: list[Blocks] = []
+        self._free = FreeTorques(robot)
+        n = len(self._base)
+        self._p, self._covariance = np.zeros(n), np.zeros((n, n))
+        self._left: dict[tuple[str, int], list[float]] = {}
+        self._degrees, self._open = np.ones(n), np.ones(n, dtype=bool)
+
+    def take(self, motion: RecordedMotion, recording: Recording) -> Iterator[Line]:
+        """Take a recording; yield what stands in the lines ``torque``, of its axes.
+
+        One that shows no parameters, or too little, is passed over.
+        """
+        if not shows_parameters(motion):
+            return
+        try:
+            s = signals(recording)
+            stacks = stack(self._robot, motion, s)
+        except NotEnoughData:
+            return
+        if not self._open.any():
+            yield from (self._predicted(motion.kind, each, s) for axes in stacks for each in axes)
+        if any(stacks):
+            self._blocks.append(condensed_blocks(self._robot, stacks).without(ROTOR))
+
+    def parameters(self) -> Line:
+        """Estimate; return what stands in the line ``estimate``."""
+        if self._blocks:
+            self._solve()
+        half = half_width(np.diag(self._covariance), np.zeros(1), self._degrees, 0.95)
+        known = ~self._open
+        torque = self._free.of_each(np.where(known, half, 0.0))
+        share = (torque / self._robot.torque_limit[:, np.newaxis]).max(axis=0)
+        return estimate_line(self._robot, sum(map(len, self._blocks)), self._p, half, share, known)
+
+    def _solve(self) -> None:
+        products, counts = (
+            np.concatenate([getattr(each, name) for each in self._blocks])
+            for name in ("products", "counts")
+        )
+        blocks = replace(self._blocks[0], products=products, counts=counts)
+        own = blocks.layout.kept([COMMON[:LOAD]] * self._robot.n_joints)
+        regression, n = Regression.weighed(blocks, own), len(self._base)
+        self._open = undetermined_beside(regression.normal.information, n)
+        if len(blocks) > 1:
+            found = regression.uncertainty("jackknife")
+            self._covariance = found.covariance[:n, :n]
+            self._degrees = np.maximum(found.degrees_of_freedom[:n], 1.0)
+            self._p = regression.solution[:n]
+
+    def _predicted(self, kind: str, each: Stacked, s: Signals) -> Line:
+        A, y = each.X[:, : each.n_base], each.torques[:, 0]
+        common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
+        basis, _ = orthonormal(np.hstack([each.friction, common]))
+        left = A - basis @ (basis.T @ A)
+        predicted = left @ self._p + basis @ (basis.T @ y) + each.torques[:, 1]
+        variance = np.einsum("nk,kl,nl->n", left, self._covariance, left).clip(0.0)
+        before = self._left.setdefault((kind, each.axis), [])
+        noise = np.median(before) if before else np.inf
+        band = 1.96 * np.sqrt(variance + noise)
+        before.append(float(np.mean((y + each.torques[:, 1] - predicted) ** 2)))
+        drawn = slice(None, None, -(-len(y) // POINTS))
+        shown = (y + each.torques[:, 1], predicted, band)
+        columns = (column[drawn, np.newaxis] for column in shown)
+        return lines.torque([each.axis], s.time[each.index[drawn]], *columns)
+
+
+def estimate_line(
+    robot: Robot,
+    recordings: int,
+    p: Array,
+    half: Array,
+    share: Array,
+    known: NDArray[np.bool_],
+) -> Line:
+    """What stands in the line ``estimate``; arrays have the shape (n_base,)."""
+    base = base_parameters(robot)
+    group = {k: name for name, members in base.groups.items() for k in members}
+    rows = [
+        {
+            "name": name,
+            "group": group.get(k, ""),
+            "expression": str(base.expressions[k]),
+            "unit": base.units[k],
+            "value": float(f"{p[k]:.6g}") if known[k] else None,
+            "half": float(f"{half[k]:.3g}") if known[k] else None,
+            "share": float(f"{share[k]:.3g}") if known[k] else None,
+        }
+        for k, name in enumerate(base.names)
+    ]
+    return {"recordings": recordings, "parameters": rows}
