@@ -48,7 +48,7 @@ def main(folder: str) -> None:
     not_yet = {first, *(each.id for each in run.missing)}
     before = [name for name in motions if name not in not_yet]
     for names in _batches([*before, first], recorded):
-        for name in names:
+        for name in filter(motions.__contains__, names):
             path = run.recording_path(motions[name])
             if _is_there(path):
                 for line in interim.take(motions[name], run.read(motions[name]).recording):

@@ -93,10 +93,12 @@ class Feed:
         watcher: Watcher | None = None,
     ) -> None:
         """Turn to another run, of which the next lines are; parameters are those of `Feed`."""
-        self._start = lines.start(robot, plan, rehearsal, simulated=self._simulated, hand=hand)
+        kind = {"simulated": self._simulated, "hand": hand, "watched": watcher is not None}
+        self._start = lines.start(robot, plan, rehearsal, **kind)
         self._numbers = {each.id: k for k, each in enumerate(plan.measurements, start=1)}
         self._pace, self._friction, self._notes = Pace(), FrictionSoFar(), 0
-        self._watcher, self._alarms = watcher, 0
+        self._watcher, self._alarms, self._hand = watcher, 0, hand
+        self._learning: bool | None = None
 
     def in_front(self, bus: DriveBus) -> FedBus:
         """Put a bus in front of another that is not entered yet."""
@@ -150,7 +152,8 @@ class Feed:
             try:
                 while True:
                     said = listener.said.get_nowait()
-                    self.publish(said.pop("kind"), said)
+                    if self._watcher is None:  # else it is late, and about the run before
+                        self.publish(said.pop("kind"), said)
             except Empty:
                 continue
         self._name_missed()
@@ -162,9 +165,20 @@ class Feed:
             encoded = lines.encoded("torque", **line)
             for listener in self._listeners:
                 listener.write(encoded, droppable=True)
+        if watcher.learning is not self._learning:
+            self._learning = watcher.learning
+            self.publish("headline", {"text": self._state_of(watcher)})
         for raised in watcher.alarms[self._alarms :]:
             self.publish("alarm", lines.alarm(raised, watcher.unit(raised)))
+            size = f"{raised.torque:.3g}".replace("-", "\N{MINUS SIGN}")
+            push = f"axis {raised.axis}, {size} {watcher.unit(raised)}"
+            self.publish("headline", {"text": f"Push found: {push}"})
         self._alarms = len(watcher.alarms)
+
+    def _state_of(self, watcher: Watcher) -> str:
+        if watcher.learning:
+            return f"Learning how torques scatter, {watcher.to_learn:.0f} s of motion: do not push"
+        return "Push the arm: drag a link" if self._hand else "Watching: no push so far"
 
     @contextmanager
     def open(self, console: Console) -> Iterator[Sequence[str]]:

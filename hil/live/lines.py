@@ -7,7 +7,8 @@ start
     The first line. ``robot`` as `hil.view.visuals.robot_data` has it (name, joints with limits
     and units), ``workspace`` likewise or null, ``measurements``: how many the plan has,
     ``rehearsal``: share of the speed limits, or null, ``simulated``: whether it is the virtual
-    plant that moves, ``hand``: whether its arm can be pushed from the page.
+    plant that moves, ``hand``: whether its arm can be pushed from the page, ``watched``: whether
+    torques are compared with a model's.
 headline
     ``text``: what is going on, in one sentence; of several the last holds.
 armed
@@ -151,7 +152,13 @@ def encoded(kind: str, **values: object) -> bytes:
 
 
 def start(
-    robot: Robot, plan: Plan, rehearsal: float | None, *, simulated: bool, hand: bool = False
+    robot: Robot,
+    plan: Plan,
+    rehearsal: float | None,
+    *,
+    simulated: bool,
+    hand: bool = False,
+    watched: bool = False,
 ) -> Line:
     """What stands in the line ``start``."""
     return {
@@ -161,6 +168,7 @@ def start(
         "rehearsal": rehearsal,
         "simulated": simulated,
         "hand": hand,
+        "watched": watched,
     }
 
 

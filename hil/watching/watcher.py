@@ -142,6 +142,11 @@ class Watcher:
         return self._moved * self._period
 
     @property
+    def to_learn(self) -> float:
+        """Time of motion from which thresholds are to be learned [s]."""
+        return self._needed * self._period
+
+    @property
     def watched(self) -> float:
         """Time since then, in which alarms may be raised [s]."""
         return self._judged * self._period

@@ -17,7 +17,8 @@ export function ticks(low, high, most) {
 
 export class Curve {
   /** `lines(joint)` gives {name, value(t), instants(begin, end, n), dashed, colour}. */
-  constructor(host, { title, lines, seek, bounds = () => [] }) {
+  constructor(host, { title, lines, seek, bounds = () => [], height = HEIGHT }) {
+    this.height = height;
     this.lines = lines;
     this.title = title;
     this.bounds = bounds;
@@ -27,6 +28,8 @@ export class Curve {
     this.canvas.setAttribute('role', 'img');
     this.mark = document.createElement('div');
     this.mark.className = 'cursor';
+    this.canvas.style.height = `${height}px`;
+    this.mark.style.height = `${height - TOP - BOTTOM}px`;
     this.figure.append(this.caption, this.canvas, this.mark);
     host.append(this.figure);
     this.canvas.addEventListener('pointerdown', (event) => {
@@ -82,17 +85,17 @@ export class Curve {
   }
 
   _y(v) {
-    return TOP + ((this.high - v) / (this.high - this.low)) * (HEIGHT - TOP - BOTTOM);
+    return TOP + ((this.high - v) / (this.high - this.low)) * (this.height - TOP - BOTTOM);
   }
 
   _paint() {
     const ratio = Math.min(window.devicePixelRatio, 2);
     this.width = this.canvas.clientWidth || 360;
     this.canvas.width = this.width * ratio;
-    this.canvas.height = HEIGHT * ratio;
+    this.canvas.height = this.height * ratio;
     const pen = this.canvas.getContext('2d');
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, this.width, HEIGHT);
+    pen.clearRect(0, 0, this.width, this.height);
     const style = getComputedStyle(this.canvas);
     const colour = (name) => style.getPropertyValue(name);
     this._paintScale(pen, colour);
@@ -112,7 +115,7 @@ export class Curve {
     pen.lineWidth = 1;
     pen.textBaseline = 'middle';
     pen.textAlign = 'right';
-    const { values, digits } = ticks(this.low, this.high, 4);
+    const { values, digits } = ticks(this.low, this.high, this.height < HEIGHT ? 2 : 4);
     for (const v of values) {
       pen.strokeStyle = colour('--line');
       this._line(pen, LEFT, this._y(v), this.width - RIGHT, this._y(v));
@@ -123,13 +126,14 @@ export class Curve {
     for (const v of this.limits) this._line(pen, LEFT, this._y(v), this.width - RIGHT, this._y(v));
     const [begin, end] = this.span;
     const wide = this.width < 340 ? 3 : 5;
-    const { values: instants, digits: places } = ticks(0, Math.max(end - begin, 1e-3), wide);
+    const from = this.origin ?? begin; // where time is counted from
+    const { values: instants, digits: places } = ticks(begin - from, Math.max(end - from, begin - from + 1e-3), wide);
     pen.textAlign = 'center';
     pen.textBaseline = 'alphabetic';
     pen.fillStyle = colour('--muted');
     instants.forEach((t, i) => {
       const unit = i === instants.length - 1 ? ' s' : '';
-      pen.fillText(`${t.toFixed(places)}${unit}`, this._x(begin + t), HEIGHT - 4);
+      pen.fillText(`${t.toFixed(places).replace('-', '−')}${unit}`, this._x(from + t), this.height - 4);
     });
   }
 

@@ -1,11 +1,15 @@
 // What a run's lines (hil/live/lines.py) change on the page. Text is only ever set as text.
 import { clock, make } from './elements.js';
+import { Hand } from './hand.js';
+import { Intervals } from './intervals.js';
 import { LiveAxes } from './live_axes.js';
 import { RobotView } from './robot_view.js';
+import { TorqueCharts } from './torque_charts.js';
 
 const at = (id) => document.getElementById(id);
 const SILENT = 2; // after which samples, or all signs of life, are missed [s]
 const NOTICES = 200;
+const KEPT = 1500; // samples to look back at: a minute
 const AT_THE_TERMINAL = 'stop it with Ctrl-C at the terminal, or by the emergency stop';
 const ENDS = {
   finished: ['the run is finished, the axes are off', ''],
@@ -55,6 +59,10 @@ export class LivePage {
     at('fault').textContent = '';
     if (!this.robot) this._open(line);
     this.text = text;
+    [this.past, this.watched, this.rate, this.event] = [[], line.watched, undefined, undefined];
+    this.charts.forget();
+    this.hand?.enable(line.hand);
+    this.headline = '';
     this.measurements = line.measurements;
     const how = line.rehearsal ? `Rehearsal at ${Math.round(100 * line.rehearsal)} %` : 'Run';
     at('title').textContent = `${how} of ${line.robot.name}, live`;
@@ -66,6 +74,8 @@ export class LivePage {
   _open({ robot, workspace }) {
     this.robot = robot;
     this.axes = new LiveAxes(at('axes'), robot.joints);
+    this.charts = new TorqueCharts(at('torques'), robot.joints, (t) => this._seek(t));
+    this.intervals = new Intervals(at('intervals'));
     try {
       this.scene = new RobotView(at('scene'), { robot, workspace });
     } catch (error) {
@@ -75,8 +85,13 @@ export class LivePage {
     for (const from of ['oblique', 'front', 'side', 'top']) {
       at('views').append(make('button', { type: 'button', text: from, onclick: () => this.scene.look(from) }));
     }
+    this.scene.orbit(0, 0, 1.25);
+    this.hand = new Hand(this.scene, robot, at('hand'), (torque, lasts) => this._push(torque, lasts));
     const scheme = matchMedia('(prefers-color-scheme: dark)');
-    const set = () => this.scene.theme(scheme.matches);
+    const set = () => {
+      this.scene.theme(scheme.matches);
+      this.charts.redraw();
+    };
     scheme.addEventListener('change', set);
     set();
   }
@@ -92,18 +107,65 @@ export class LivePage {
   }
 
   _sample(line) {
+    this._keepPace(line.t);
     this.sampled = performance.now();
     if (!this.sample) requestAnimationFrame(() => this._draw());
     this.sample = line;
+    this.past.push(line);
+    if (this.past.length > KEPT) this.past.shift();
+  }
+
+  /** How much faster than the clock the bus's time passes, averaged over a second. */
+  _keepPace(t) {
+    const now = performance.now() / 1000;
+    if (!this.since || t < this.since.t) this.since = { t, now };
+    if (now - this.since.now < 1) return;
+    this.rate = (t - this.since.t) / (now - this.since.now);
+    this.since = { t, now };
+  }
+
+  /** Stand as at an instant that has passed; without one, as now. */
+  _seek(t) {
+    this.back = t === undefined ? undefined : this.past.find((each) => each.t >= t);
+    if (this.back) this._stand(this.back);
+  }
+
+  async _push(torque, lasts) {
+    try {
+      const answer = await fetch('push', { method: 'POST', headers: { 'X-Hil-Push': '1' }, body: JSON.stringify({ torque, lasts }) });
+      if (!answer.ok && lasts) this._note({ at: Date.now() / 1000, text: `push: ${(await answer.text()).trim()}` });
+    } catch { /* the state says that there is no connection */ }
   }
 
   _draw() {
     const { q, tau, t } = this.sample;
     this.sample = undefined;
+    if (!this.back) this._stand({ q, tau });
+    if (this.event?.total) at('progress').value = Math.min(t / this.event.total, 1);
+  }
+
+  _stand({ q, tau }) {
     this.q = q.map((each, j) => each ?? this.q?.[j] ?? 0);
     this.scene?.show(this.q);
     this.axes.show(q, tau);
-    if (this.event?.total) at('progress').value = Math.min(t / this.event.total, 1);
+  }
+
+  _headline({ text }) {
+    this.headline = text;
+  }
+
+  _torque(line) {
+    this.charts.take(line);
+  }
+
+  _estimate(line) {
+    this.intervals.take(line);
+    at('estimated').hidden = false;
+  }
+
+  _alarm(line) {
+    this.charts.alarm(line);
+    this._note({ ...line, text: `axis ${line.axis + 1}: ${line.torque.toFixed(1)} ${line.unit} from outside, threshold ${line.threshold.toFixed(1)} ${line.unit}` });
   }
 
   _event(line) {
@@ -113,7 +175,8 @@ export class LivePage {
     if (line.total) at('progress').value = Math.min(line.t / line.total, 1);
     if (line.notice) this._note({ ...line, text: line.notice });
     const axes = line.axes ?? [];
-    this.scene?.highlight(axes);
+    if (!this.watched && line.number) this.headline = `Measuring: ${line.number} of ${this.measurements}`;
+    this.scene?.highlight(this.watched ? [] : axes);
     this.axes.highlight(axes);
   }
 
@@ -138,6 +201,7 @@ export class LivePage {
 
   _end({ how, text, at: when }) {
     this.ended = how;
+    this.hand?.enable(false);
     if (how === 'failed' && at('fault').textContent !== text) this._fault({ text, at: when });
   }
 
@@ -146,12 +210,14 @@ export class LivePage {
     const [text, look] = this._state();
     if (at('state').textContent !== text) at('state').textContent = text;
     at('state').className = look;
+    if (at('headline').textContent !== this.headline) at('headline').textContent = this.headline ?? '';
     at('none').hidden = at('notices').childElementCount > 0;
     at('stop').disabled = Boolean(this.ended);
     if (this.ended) at('stop').textContent = 'Stop';
     if (this.ended === 'finished') at('progress').value = 1;
     const left = Math.max(0, ((this.due ?? 0) - performance.now()) / 1000);
-    at('left').textContent = this.event && !this.ended ? `${clock(left)} left` : '';
+    const faster = this.rate > 1.5 ? `, ${this.rate.toFixed(0)} times real time` : '';
+    at('left').textContent = this.event && !this.ended ? `${clock(left)} left${faster}` : '';
   }
 
   _state() {

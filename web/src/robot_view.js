@@ -1,6 +1,6 @@
 // The robot in three dimensions. Its state is set from outside: show(q), highlight(axes), sweep(qs).
 import {
-  AmbientLight, Color, DirectionalLight, DoubleSide, GridHelper, Group, InstancedMesh, LineBasicMaterial,
+  AmbientLight, Color, CylinderGeometry, DirectionalLight, DoubleSide, GridHelper, Group, InstancedMesh, LineBasicMaterial,
   LineSegments, Mesh, MeshBasicMaterial, MeshLambertMaterial, NotEqualStencilFunc, PerspectiveCamera, Quaternion, ReplaceStencilOp, Scene,
   Vector3, WebGLRenderer,
 } from 'three';
@@ -72,6 +72,18 @@ export class RobotView {
     this.sweeps = [];
     if (qs.length) this._sweep(qs);
     this.show(this.q);
+  }
+
+  /** Draw a line from a point of the robot to where it is pulled; without points none. */
+  pull(from, to) {
+    this.pulled.visible = Boolean(from);
+    if (from) {
+      const way = to.clone().sub(from);
+      this.pulled.position.copy(from).addScaledVector(way, 0.5);
+      this.pulled.scale.set(1, way.length(), 1);
+      this.pulled.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), way.normalize());
+    }
+    this._draw();
   }
 
   /** Show or hide a part: links, meshes, boxes, limits, swept. */
@@ -155,12 +167,18 @@ export class RobotView {
     this.scene.add(new AmbientLight('#ffffff', 1.3), this.sun);
     this.materials = {
       grid: new LineBasicMaterial(), limit: new LineBasicMaterial(), marked: new LineBasicMaterial(),
+      pulled: new MeshBasicMaterial({ depthTest: false }),
       link: new MeshLambertMaterial(MARKED), measured: new MeshLambertMaterial(MARKED), near: new MeshLambertMaterial(MARKED),
       mesh: new MeshLambertMaterial({ side: DoubleSide, ...MARKED }),
       hidden: new MeshBasicMaterial({ colorWrite: false, ...NOT_OVER_LINKS }),
       swept: new MeshBasicMaterial({ transparent: true, opacity: 0.25, depthWrite: false, ...NOT_OVER_LINKS }),
     };
     this._buildRobot();
+    const thick = 0.008 * this.robot.reach;
+    this.pulled = new Mesh(new CylinderGeometry(thick, thick, 1, 8), this.materials.pulled);
+    this.pulled.visible = false;
+    this.pulled.renderOrder = 4;
+    this.scene.add(this.pulled);
     this._buildBoxes();
     this._buildGrid();
   }
@@ -245,7 +263,7 @@ export class RobotView {
     const theme = THEMES[this.dark ? 'dark' : 'light'];
     this.scene.background = new Color(theme.ground);
     const { materials } = this;
-    const colours = { grid: 'grid', limit: 'line', marked: 'axis', link: 'link', measured: 'axis', near: 'box', mesh: 'mesh', swept: 'axis' };
+    const colours = { pulled: 'box', grid: 'grid', limit: 'line', marked: 'axis', link: 'link', measured: 'axis', near: 'box', mesh: 'mesh', swept: 'axis' };
     for (const [name, colour] of Object.entries(colours)) materials[name].color.set(theme[colour]);
     this.capsules.forEach((each, j) => {
       each.material = j === this.close.link ? materials.near : this.highlighted.has(j) ? materials.measured : materials.link;

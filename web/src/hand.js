@@ -1,0 +1,117 @@
+// A hand at the virtual arm: a link that is dragged is pulled where the pointer goes; or one axis is pushed by a button.
+import { Raycaster, Vector2, Vector3 } from 'three';
+import { make } from './elements.js';
+
+const STRONGEST = 0.2; // share of an axis's torque limit
+const FULL = 0.25; // share of the reach by which the pointer goes for the strongest pull
+const EVERY = 100; // a pull is told again so often [ms]
+const PUSHED = 0.5; // how long a button pushes [s]
+const LASTS = 0.3; // after which the arm is let go where no more is told [s]
+const GRIP = 14; // a pointer so close to a link has it [pixels]
+
+export class Hand {
+  /** `send(torque, lasts)` passes a push on. */
+  constructor(view, robot, host, send) {
+    this.view = view;
+    this.joints = robot.joints;
+    this.reach = robot.reach;
+    this.send = send;
+    this.ray = new Raycaster();
+    this.element = view.renderer.domElement;
+    const on = (name, action) => this.element.addEventListener(name, (event) => this.on && action(event), { capture: true });
+    on('pointerdown', (event) => this._grip(event));
+    on('pointermove', (event) => this._pull(event));
+    for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) on(end, () => this._letGo());
+    this.force = make('span', { class: 'small', 'aria-live': 'off' });
+    const buttons = this.joints.map((_, j) => make('button', { type: 'button', text: `axis ${j + 1}`, 'aria-label': `Push axis ${j + 1}`, onclick: () => this._push(j) }));
+    this.bar = make('div', { class: 'row', role: 'group', 'aria-label': 'Push the arm' }, make('span', { text: 'Drag a link, or push' }), ...buttons, this.force);
+    host.append(this.bar);
+    this.enable(false);
+  }
+
+  enable(on) {
+    this.on = on;
+    this.bar.hidden = !on;
+    this.element.classList.toggle('pushed', on);
+    if (!on) this._letGo();
+  }
+
+  /** Torque of a pull at a point, by virtual work: J' F. */
+  static torques(joints, frames, link, point, force) {
+    return joints.map(({ revolute }, j) => {
+      if (j > link) return 0;
+      const { elements: e } = frames[j];
+      const axis = new Vector3(e[8], e[9], e[10]);
+      if (!revolute) return axis.dot(force);
+      return axis.dot(point.clone().sub(new Vector3(e[12], e[13], e[14])).cross(force));
+    });
+  }
+
+  _push(j) {
+    const torque = this.joints.map((joint, k) => (k === j ? STRONGEST * joint.torque : 0));
+    this.send(torque, PUSHED);
+    this.force.textContent = `pushed axis ${j + 1} with ${torque[j].toFixed(0)} ${this.joints[j].torque_unit}`;
+  }
+
+  _grip(event) {
+    const held = this._under(event);
+    if (!held) return;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    this.element.setPointerCapture(event.pointerId);
+    const inverse = this.view.chain.frames[held.link].clone().invert();
+    this.held = { link: held.link, local: held.point.clone().applyMatrix4(inverse), depth: held.point.clone().project(this.view.camera).z };
+    this.to = held.point;
+    this.view.highlight([held.link]);
+    this.timer = setInterval(() => this._tell(), EVERY);
+  }
+
+  /** Link and point under the pointer, or beside it: a fingertip is wide, and the wrist slender. */
+  _under(event) {
+    const around = [[0, 0], [GRIP, 0], [-GRIP, 0], [0, GRIP], [0, -GRIP]];
+    for (const [dx, dy] of around) {
+      this.ray.setFromCamera(this._place(event, dx, dy), this.view.camera);
+      const [hit] = this.ray.intersectObjects(this.view.capsules.filter(({ visible }) => visible));
+      if (hit) return { link: this.view.capsules.indexOf(hit.object), point: hit.point };
+    }
+    return undefined;
+  }
+
+  _place({ clientX, clientY }, dx = 0, dy = 0) {
+    const { left, top, width, height } = this.element.getBoundingClientRect();
+    return new Vector2((2 * (clientX + dx - left)) / width - 1, 1 - (2 * (clientY + dy - top)) / height);
+  }
+
+  _pull(event) {
+    if (!this.held) return;
+    event.stopImmediatePropagation();
+    const { x, y } = this._place(event);
+    this.to = new Vector3(x, y, this.held.depth).unproject(this.view.camera);
+  }
+
+  _tell() {
+    const { link, local } = this.held;
+    const { frames } = this.view.chain;
+    const at = local.clone().applyMatrix4(frames[link]);
+    const way = this.to.clone().sub(at);
+    const far = way.length();
+    if (far < 1e-3 * this.reach) return;
+    const unit = way.divideScalar(far);
+    const torque = Hand.torques(this.joints, frames, link, at, unit);
+    const most = Math.max(...torque.map((each, j) => Math.abs(each) / this.joints[j].torque));
+    const force = Math.min((STRONGEST / most) * Math.min(far / (FULL * this.reach), 1), 500);
+    this.send(torque.map((each) => each * force), LASTS);
+    this.view.pull(at, this.to);
+    this.force.textContent = `pulling with ${force.toFixed(0)} N`;
+  }
+
+  _letGo() {
+    if (!this.held) return;
+    clearInterval(this.timer);
+    this.held = undefined;
+    this.send(this.joints.map(() => 0), 0);
+    this.view.pull();
+    this.view.highlight([]);
+    this.force.textContent = '';
+  }
+}
