@@ -2,7 +2,9 @@
 # .venv. A Python of your choice: make PYTHON=python3.12 test
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test pythons coverage vcan docs lint bench paper view-bundle release clean
+# some hundred processes of the tests load this package: compiled once, not by each of them
+unexport PYTHONDONTWRITEBYTECODE
+.PHONY: help demo test tests test-long pythons coverage vcan docs lint bench paper view-bundle release clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -17,7 +19,8 @@ DEV := $(VENV)/installed-dev
 
 help:
 	@echo 'make demo     measure, identify and report on the virtual manutec-r15, into runs/'
-	@echo 'make test     every check and every test'
+	@echo 'make test     every check, and every test that is not long'
+	@echo 'make test-long   the others: whole sessions, studies, tutorials, browsers; property tests anew'
 	@echo 'make pythons  the same under every Python that is here, of $(PYTHONS)'
 	@echo 'make coverage the tests, and how many lines they reach'
 	@echo 'make vcan     the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
@@ -32,9 +35,17 @@ help:
 demo: $(RUNTIME)
 	@sh examples/demo.sh $(BIN)/hil
 
-# the tests of a file share a worker, and so what is made once for all of them
-test: lint
-	$(BIN)/pytest -n auto --dist loadfile
+# side by side: mypy keeps one core busy, and the tests wait for it at times
+test: $(DEV)
+	@$(MAKE) --no-print-directory -j 2 lint tests
+
+tests: $(DEV)
+	$(BIN)/pytest -n auto --dist worksteal -m 'not long'
+
+# The tests of a file share a worker, and so what is made once for all of them. Property tests draw
+# new examples; what fails is kept in .hypothesis/found.
+test-long: $(DEV)
+	$(BIN)/pytest -n auto --dist loadfile -m 'long or hypothesis' --hypothesis-profile=ci-long
 
 # each in an environment of its own, .venv-3.12 and so on; the last line names those that are not here
 pythons:

@@ -15,6 +15,7 @@ import pytest
 from canopen.sdo import SdoClient
 from desk import Desk
 from hypothesis import settings
+from hypothesis.database import DirectoryBasedExampleDatabase
 from ideal_machine import IdealMachine
 
 from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
@@ -35,20 +36,50 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move
     from hil.model.robot import Robot
 
+FOUND = Path(__file__).parents[1] / ".hypothesis" / "found"
+"""Where examples that fail are kept by `ci-long`, which tries them first the next time."""
+
 settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
-settings.register_profile("explore", deadline=None, print_blob=True)
+settings.register_profile(
+    "ci-long", deadline=None, print_blob=True, database=DirectoryBasedExampleDatabase(FOUND)
+)
 settings.load_profile("repeatable")  # another by --hypothesis-profile
 
-WHOLE_SESSIONS = ("system", "benchmarks", "drivers/found_settings", "sim_plant/faults")
-"""Folders of tests that go through everything: coverage counts what tests of parts reach."""
+LONG = (
+    "benchmarks",
+    "drivers/found_settings",
+    "hil/cli/test_causes_of_a_change.py",
+    "hil/cli/test_ended_by_a_signal.py",
+    "hil/cli/test_export_command.py",
+    "hil/cli/test_interruption.py",
+    "hil/cli/test_mixture.py",
+    "hil/cli/test_tutorials.py",
+    "sim_plant/faults",
+    "system",
+)  # fmt: skip
+"""Folders and files of tests that go through everything: whole sessions, studies, tutorials."""
+LONG_FIXTURES = {"browser"}
+"""Fixtures whose tests are long wherever they stand."""
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave long files out before they are imported, where no long test is asked for."""
+    if config.option.markexpr != "not long":
+        return None
+    return True if _is_long(collection_path) else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave whole sessions out of coverage, which makes them three times as slow."""
-    folders = [Path(__file__).parent / folder for folder in WHOLE_SESSIONS]
+    """Mark long tests; coverage, which makes them three times as slow, counts the others alone."""
     for item in items:
-        if item.get_closest_marker("slow") or any(map(item.path.is_relative_to, folders)):
+        fixtures = LONG_FIXTURES.intersection(getattr(item, "fixturenames", ()))
+        if item.get_closest_marker("long") or fixtures or _is_long(item.path):
+            item.add_marker("long")
             item.add_marker("no_cover")
+
+
+def _is_long(path: Path) -> bool:
+    return any(path.is_relative_to(Path(__file__).parent / place) for place in LONG)
 
 
 SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them

@@ -44,7 +44,7 @@ OPERATION_ENABLED = 0x04
 STATUSWORD = Entry(0x6041, 0, "u16", "statusword")
 VELOCITY = Entry(0x606C, 0, "i32", "velocity actual value")
 
-pytestmark = [pytest.mark.slow, pytest.mark.flaky(reruns=2)]
+pytestmark = [pytest.mark.long, pytest.mark.flaky(reruns=2)]
 
 
 @pytest.fixture(scope="module", params=BUSES)

@@ -27,7 +27,7 @@ COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
 FIRST = 6
 """Measurements that are repeated with the same seed."""
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def cli(*arguments):

@@ -243,7 +243,7 @@ def test_a_corrupt_recording_is_measured_again_and_the_estimate_is_that_of_the_s
     assert np.array_equal(ours.scatter_covariance, theirs.covariance)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_campaign_killed_at_random_moments_loses_nothing() -> None:
     command = [sys.executable, "benchmarks/kill.py", "--kills", "3", "--counts", "6", "20", "2"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)  # noqa: S603 - our own

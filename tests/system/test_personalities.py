@@ -94,7 +94,7 @@ def predicted(robot: Robot, p: np.ndarray) -> np.ndarray:
     return inverse_dynamics(robot, p, q, np.zeros_like(q), qdd)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", FIT)
 def test_the_same_campaign_gives_the_same_parameters_on_every_personality(
     name: str, campaign: Callable[[str], Recorded_], plain: Estimate, manutec: Robot
@@ -104,7 +104,7 @@ def test_the_same_campaign_gives_the_same_parameters_on_every_personality(
     assert np.all(np.abs(difference).max(axis=0) < counts())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     [
@@ -131,7 +131,7 @@ def test_drives_that_differ_in_communication_alone_give_the_same_samples(
         assert np.array_equal(one.tau, other.tau)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_drives_that_differ_in_the_unit_of_current_differ_by_rounding_alone(
     campaign: Callable[[str], Recorded_],
 ) -> None:

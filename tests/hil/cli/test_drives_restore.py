@@ -141,7 +141,7 @@ def let_time_pass(syncs: int) -> None:
                 assert frame is not None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
     hil: Hil, plan_file: Path, tmp_path: Path
 ) -> None:
@@ -185,7 +185,7 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
         BusState(*PLACE).refuse_left_behind(None)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

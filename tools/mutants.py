@@ -1,0 +1,185 @@
+"""Mistakes put into the code one at a time where they would cost most; how many the tests find.
+
+::
+
+    python tools/mutants.py [WORD ...] [--list]
+
+Each is made in a copy of the checkout, where the tests of `make test` that lie beside the changed
+file are run until one fails. WORDs choose mutants by place or text. Of 40 at most 2 may survive;
+whoever finds one that does writes the test that is missing. Exit status 1 where more do. Takes half
+an hour on two cores; a mutant whose text is no longer there is an error, to be replaced.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+COPIED = (
+    "benchmarks", "checked_files", "docs", "drivers", "examples", "hil", "sim_plant", "tests",
+    "pyproject.toml",
+)  # fmt: skip
+BESIDE = {
+    "drivers/": ("tests/drivers",),
+    "hil/least_squares/": ("tests/hil/least_squares", "tests/hil/estimation"),
+    "hil/estimation/": ("tests/hil/estimation",),
+}
+"""Folders of tests by what they test."""
+MOST = 2
+"""Mutants that may survive: some differ from the code in no way that matters."""
+TIME_LIMIT = 1200.0
+"""For the tests of one mutant [s]; longer, it hangs, which a person would see."""
+
+
+class Mutant(NamedTuple):
+    """A mistake: in which file, what stands there, what in its place."""
+
+    file: str
+    old: str
+    new: str
+
+
+_AXIS = "drivers/axis.py"
+_PDO = "drivers/canopen/process_data.py"
+_TRIPS = "drivers/safety/trips.py"
+_STOP = "drivers/cia402/stop.py"
+_LEAVING = "drivers/session/leaving.py"
+_BEAT = "drivers/canopen/heartbeat.py"
+_LEAST = "hil/least_squares/"
+_UNCERTAIN = f"{_LEAST}uncertainty.py"
+_LOCAL = "hil/estimation/local_fits.py"
+_TWO_STEP = "hil/estimation/two_step.py"
+
+MUTANTS = (
+    # units and signs
+    Mutant(_AXIS, 'case "rms", "peak":\n            return math.sqrt(2)',
+           'case "rms", "peak":\n            return math.sqrt(0.5)'),
+    Mutant(_AXIS, "return round(q / self.position) + self.zero",
+           "return int(q / self.position) + self.zero"),
+    Mutant(_AXIS, "math.floor(value * (1 + 1e-9))", "math.ceil(value)"),
+    Mutant(_AXIS, "torque = axis.sign * axis.current.sign * axis.gear_ratio",
+           "torque = axis.sign * axis.gear_ratio"),
+    Mutant(_AXIS, "return torque / math.copysign(self.torque_limit, self.position)",
+           "return torque / self.torque_limit"),
+    Mutant(_AXIS, "return self.first + (position - self.first) % self.size",
+           "return self.low + (position - self.low) % self.size"),
+    Mutant("drivers/rate_units.py", "Fraction(1, 60_000)", "Fraction(1, 6_000)"),
+    Mutant("drivers/rate_units.py", "unit.size * Fraction(gear_ratio) / Fraction(math.tau)",
+           "unit.size / Fraction(math.tau)"),
+    # process data
+    Mutant("drivers/canopen/pdo_mapping.py", "AT_SYNC = range(241)", "AT_SYNC = range(256)"),
+    Mutant(_PDO, "                or len(data) != sizes[slot]\n", ""),
+    Mutant(_PDO, "                or frame.is_extended_id\n", ""),
+    Mutant(_PDO, "math.inf if flag & SampleFlag.MISSING or elapsed <= 0",
+           "0.0 if flag & SampleFlag.MISSING or elapsed <= 0"),
+    Mutant(_PDO, "self.feed_forward(axis, 0, 0)", "pass"),
+    Mutant("drivers/cia402/unwrapping.py", "self._inner.lead(axis, self._wrapped(axis, target))",
+           "self._inner.lead(axis, target)"),
+    # what stops all axes
+    Mutant(_TRIPS, "[2 * velocity * period", "[20 * velocity * period"),
+    Mutant(_TRIPS, "if abs(current) <= bound", "if current <= bound"),
+    Mutant(_TRIPS, "self._since.pop(axis.index, None)", "pass"),
+    Mutant(_TRIPS, "min(low, self._lows[axis]) if moving else low", "low"),
+    Mutant("drivers/safety/missing_telegrams.py", "+ 1 if gone else 0",
+           "+ 1 if gone else self._counts[axis.index]"),
+    Mutant(_STOP, "(STOP_DELAY + age + braking / 2)", "(STOP_DELAY + braking / 2)"),
+    Mutant(_STOP, "_ENDS | _UNUSED | {Shown.ENABLED: StopPhase.DISABLING}", "_ENDS | _UNUSED"),
+    Mutant(_STOP, "OFF_TIME_MOVING if self.phase in _BRAKING else OFF_TIME", "OFF_TIME"),
+    Mutant(_STOP, "if self._returns <= RETURNS:", "if self._returns:"),
+    Mutant(_STOP, "way > self.bound.way", "way > 2 * self.bound.way"),
+    # watchdogs
+    Mutant(_LEAVING, "if server in outcome.off and not over.passed", "if not over.passed"),
+    Mutant(_LEAVING, "            connection.life_sign.cease()\n", ""),
+    Mutant(_LEAVING, "set(connection.written) <= outcome.off", "bool(outcome.off)"),
+    Mutant(_BEAT, "now - last >= self.timeout", "now - last >= 2 * self.timeout"),
+    Mutant(_BEAT, "        if self.ceased:\n            return\n", ""),
+    Mutant(_BEAT, "node in self.starting and self._now() <= self._start_ends",
+           "node in self.starting"),
+    Mutant("drivers/canopen/watch_set_up.py", "if not least <= kept <= most",
+           "if not least <= kept"),
+    Mutant("drivers/cia402/supervision.py", "emergency.code & 0xFF00", "emergency.code & 0xFFFF"),
+    # estimators
+    Mutant(_UNCERTAIN, "/ squares - 1.0", "/ squares"),
+    Mutant(_UNCERTAIN, "left = np.sqrt(np.clip(1.0 - H, _ALONE, 1.0))",
+           "left = np.clip(1.0 - H, _ALONE, 1.0)"),
+    Mutant(f"{_LEAST}solving.py", "return rows @ P.T, sides @ P.T - rows[:, :, n:] @ nuisance",
+           "return rows @ P.T, sides @ P.T"),
+    Mutant(f"{_LEAST}regression.py", "np.sqrt(self.blocks.mean_squares(self.solution))",
+           "self.blocks.mean_squares(self.solution)"),
+    Mutant(_TWO_STEP, "1.0 / robot.torque_limit[self._axis]", "1.0 + 0.0 * self._axis"),
+    Mutant(_TWO_STEP, "weight * (values[rows] - self._rows[rows] @ p)", "weight * values[rows]"),
+    Mutant(_LOCAL, "torques.T @ torques / max(pairs - 1, 1)", "torques.T @ torques / pairs"),
+    Mutant(_LOCAL, "left.T @ left / (len(W) - W.shape[1])", "left.T @ left / len(W)"),
+)  # fmt: skip
+
+
+def main() -> None:
+    """Try the mutants and state which survive."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("words", nargs="*", help="of the mutants that are tried; by default all")
+    parser.add_argument("--list", action="store_true", help="the mutants, and try none")
+    given = parser.parse_args()
+    chosen = [m for m in MUTANTS if all(word in " ".join(m) for word in given.words)]
+    survivors = [m for m in chosen if not given.list and survives(m)]
+    if given.list:
+        sys.stdout.writelines(f"{m.file}: {m.old.strip()!r} -> {m.new.strip()!r}\n" for m in chosen)
+        return
+    sys.stdout.write(f"{len(survivors)} of {len(chosen)} survive, at most {MOST} may\n")
+    sys.exit(len(survivors) > MOST)
+
+
+def mutated(mutant: Mutant) -> str:
+    """Return the text of the file with the mistake in it.
+
+    Raises
+    ------
+    ValueError
+        What it replaces does not stand there once.
+    """
+    text = (ROOT / mutant.file).read_text(encoding="utf-8")
+    if text.count(mutant.old) != 1:
+        raise ValueError(f"{mutant.file} has {mutant.old!r} {text.count(mutant.old)} times; once")
+    return text.replace(mutant.old, mutant.new)
+
+
+def survives(mutant: Mutant) -> bool:
+    """Return whether the tests beside the changed file pass, and say so."""
+    text = mutated(mutant)
+    (tests,) = (folders for place, folders in BESIDE.items() if mutant.file.startswith(place))
+    own = Path("tests") / mutant.file
+    nearest = (own.with_name(f"test_{own.name}"), own.parent)  # first, since most are found there
+    tests = (*(str(each) for each in nearest if (ROOT / each).exists()), *tests)
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as place:
+        for name in COPIED:
+            copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+            copy(ROOT / name, Path(place) / name)
+        (Path(place) / mutant.file).write_text(text, encoding="utf-8")
+        command = (sys.executable, "-m", "pytest", "-qx", "-m", "not long", *tests)
+        environment = {**os.environ, "PYTHONPATH": place}
+        try:
+            done = subprocess.run(
+                command, cwd=place, env=environment, capture_output=True, text=True,
+                timeout=TIME_LIMIT, check=False,
+            )  # fmt: skip
+            passed, said = done.returncode == 0, done.stdout
+        except subprocess.TimeoutExpired:
+            passed, said = False, "FAILED to end in time"
+    word = "SURVIVES" if passed else "found"
+    by = next((line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))), "")
+    line = f"{word:8} {mutant.file}: {mutant.new.strip()[:60]!r}"
+    sys.stdout.write(f"{line} ({time.monotonic() - began:.0f} s) {by[:120]}\n")
+    sys.stdout.flush()
+    return passed
+
+
+if __name__ == "__main__":
+    main()
