@@ -31,8 +31,8 @@ commands = typer.Typer()
 
 ROBOT = "manutec-r15"
 RUNS = Path("runs")
-COUNTS = {"gravity": 18, "inertia": 32, "coupling": 4}
-"""Measurements of each kind: 54 of 14 parameters, some 12 minutes of robot time."""
+SHARE = 1 / 3
+"""Of the measurements of a whole plan: some 12 minutes of robot time."""
 LEARNING = 25.0
 """Time of motion in which thresholds are learned [s]: every axis has moved for 15 s of it, from
 which on a push does not count as scatter (`hil.watching.scatter`)."""
@@ -102,10 +102,11 @@ def try_(
 
 def measured_plan(robot: Robot) -> Plan:
     """Plan that soon shows something of every parameter, whatever the ways between cost."""
-    from hil.planning.design.by_counts import design
+    from hil.planning.design.by_counts import COUNTS, design
     from hil.planning.plan import as_plan
 
-    return as_plan(robot, mixed(design(robot, COUNTS).measurements))
+    counts = {kind: max(1, round(SHARE * count)) for kind, count in COUNTS.items()}
+    return as_plan(robot, mixed(design(robot, counts).measurements))
 
 
 def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
