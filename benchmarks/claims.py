@@ -42,7 +42,6 @@ from drift_study.scenarios import SCENARIOS, Scenario, write_plant
 from drift_study.summary import GROUPS
 from rivals.cramer_rao import cramer_rao
 
-from hil.cli.robot_drives import packaged_drives
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import load_robot
@@ -53,6 +52,7 @@ from hil.results.diagnosis import diagnose
 from hil.results.problem import regression
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
+from hil.tasks.robot_drives import packaged_drives
 from sim_plant.plant_file import load_plant_file
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def make_plan(name: str, path: Path) -> None:
     if name in PLANS:
         hil("plan", ROBOT, "-o", path, *PLANS[name])
         return
-    hil("trajectory", "plan", ROBOT, "-o", path, "--minutes", 10)
+    hil("plan", ROBOT, "--kind", "trajectory", "-o", path, "--minutes", 10)
     content = yaml.safe_load(path.read_text())
     (trajectory,) = content["measurements"]
     for wave in (trajectory["sine"], trajectory["cosine"]):

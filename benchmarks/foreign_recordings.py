@@ -1,6 +1,6 @@
 """Recordings as somebody else would hand them over, of the virtual twins of many robots.
 
-Every seed is a machine of its own: the twin that `python -m sim_plant new` makes of a robot file,
+Every seed is a machine of its own: the twin that `hil twin` makes of a robot file,
 friction, asymmetry and temperature drawn anew, drift on. It follows an exciting trajectory of this
 seed and then another one, which identification never sees. Kept are time, positions and torques as
 a CSV, at the rate and with the encoder of the case, and a map; no velocities, no CAN.
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 ROBOTS = Path(__file__).parents[1] / "tests" / "robots"
 NAMES = ("pan-tilt", "scara", "cartesian", "ur10e", "ur10e-on-a-wall", "panda", "manutec-r15")
 SEARCH = Search(random=100, refined=2, steps=25)
-"""Of a trajectory: less than `hil trajectory plan` searches, so excitation is not the best."""
+"""Of a trajectory: less than `hil plan` searches, so excitation is not the best."""
 TICK = 0.001
 """Between set-points [s]."""
 COUNT, AMPERE = (Reading._fields.index(name) for name in ("position", "current"))

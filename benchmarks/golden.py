@@ -58,9 +58,9 @@ PLANS: dict[str, tuple[object, ...]] = {
     "rough": ("plan", MANUTEC, *ROUGH),
     "whole": ("plan", MANUTEC),
     "mixed": ("plan", MANUTEC, "--minutes", 10, "--with-trajectories"),
-    "periodic": ("trajectory", "plan", MANUTEC, "--minutes", 3),
-    "sweep": ("friction", "plan", MANUTEC),
-    "stops": ("friction", "plan", MANUTEC, "--experiment", "stops", "--axis", 2),
+    "periodic": ("plan", MANUTEC, "--kind", "trajectory", "--minutes", 3),
+    "sweep": ("plan", MANUTEC, "--kind", "friction"),
+    "stops": ("plan", MANUTEC, "--kind", "friction", "--experiment", "stops", "--axis", 2),
 }
 LOAD = {"mass": 10.86, "centre": [0, 0, 0.14], "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047}
 """The paper's."""
@@ -116,7 +116,7 @@ BY_RIVALS: dict[str, tuple[str, tuple[object, ...]]] = {
 }
 """Results of ``python -m benchmarks.rivals``: run and options."""
 OTHERS: dict[str, tuple[tuple[object, ...], str]] = {
-    "friction-sweep": (("friction", "fit", "sweep", "--model", "campaign"), "sweep/friction.yaml"),
+    "friction-sweep": (("friction", "sweep", "--model", "campaign"), "sweep/friction.yaml"),
     "load-strokes": (("payload", "strokes", "strokes-loaded"), "strokes-loaded/load.yaml"),
     "load-imported": (
         ("payload", "scara-bare", "scara-loaded", "--mass", 2.805, "--gains"),
@@ -204,7 +204,8 @@ def _back_and_forth(folder: Path) -> None:
     robot_file, twin = ROBOTS / "pan-tilt.yaml", folder / "pan-tilt-twin"
     if not twin.exists():
         subprocess.run(
-            [sys.executable, "-m", "sim_plant", "new", str(robot_file), "-o", str(twin)], check=True
+            [sys.executable, "-m", "sim_plant", "twin", str(robot_file), "-o", str(twin)],
+            check=True,
         )
     for kind in ("trapezoids", "smooth"):
         name = f"back-and-forth-{kind}"

@@ -52,7 +52,10 @@ def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> 
     place = ("--interface", interface, "--channel", channel)
     with tempfile.TemporaryDirectory() as scratch:
         plan = Path(scratch) / "trajectory.yaml"
-        command = (*HIL, "trajectory", "plan", "manutec-r15", "--minutes", "0.5", "-o", str(plan))
+        command = (
+            *HIL, "plan", "manutec-r15", "--kind", "trajectory", "--minutes", "0.5",
+            "-o", str(plan),
+        )  # fmt: skip
         subprocess.run(command, check=True, capture_output=True)
         for name, options in (("normal", ()), ("real time", ("--realtime",))):
             ended = 0

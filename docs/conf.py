@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -11,6 +12,7 @@ import typer
 from typer.cli import get_docs_for_click
 
 from hil import cli
+from hil.cli.equipment import HELP, STATUSES
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -44,20 +46,38 @@ autodoc_typehints = "none"
 add_module_names = False
 
 REFERENCE = Path(__file__).parent / "reference"
+COMMON = {"quiet": "-q, --quiet", "verbose": "-v, --verbose", "json": "--json"}
+EPILOG = re.compile(r"\[bold\]Examples\[/bold\]\n((?:  .*(?:\n|$))+)")
 NOTEBOOKS = Path(__file__).parent / "tutorials" / "notebooks"
 
 
 def write_commands(_: Sphinx) -> None:
     """Write the page of all commands from the commands themselves."""
-    pages = [_described(name) for panel in cli.PANELS.values() for name in panel]
-    text = "\n".join(["# Commands", "", "As `hil COMMAND --help` states them.", "", *pages])
+    common = (f"| `{options}` | {HELP[name]} |" for name, options in COMMON.items())
+    statuses = (f"| {status} | {meaning} |" for status, meaning in STATUSES.items())
+    text = "\n".join([
+        "# Commands", "", "As `hil COMMAND --help` states them.", "",
+        "## Options of every command", "", "| option | |", "|---|---|", *common, "",
+        "`--json`: `tables` holds each table that is printed otherwise, with its `title` and its"
+        " `rows`, a value for each head, which states the unit unless a column beside does;"
+        " `judgement` the word and its sentence; `sentences` what is stated beside the tables.", "",
+        "## Exit status", "", "| status | meaning |", "|---|---|", *statuses, "",
+        *(_described(name) for panel in cli.PANELS.values() for name in panel),
+    ])  # fmt: skip
     (REFERENCE / "commands.md").write_text(text, encoding="utf-8")
 
 
 def _described(name: str) -> str:
     command = cli.imported(name)
     context = typer.Context(command, info_name="hil")
-    return get_docs_for_click(obj=command, ctx=context, name=name, indent=1, call_prefix="hil")
+    text = get_docs_for_click(obj=command, ctx=context, name=name, indent=1, call_prefix="hil")
+    without = re.sub(rf"\* `(?:{'|'.join(COMMON.values())})`.*\n", "", text)
+    return EPILOG.sub(_examples, without)
+
+
+def _examples(found: re.Match[str]) -> str:
+    lines = (f"$ {line.strip()}" for line in found[1].strip().splitlines())
+    return "\n".join(["**Examples**:", "", "```console", *lines, "```", ""])
 
 
 def setup(app: Sphinx) -> None:

@@ -80,7 +80,7 @@ class CurrentObject(FileModel):
         What one count is, in units of `basis`: with the basis mA 10 where the drive counts in
         0.01 A, 1000 where it shows A (f32); so too for any unit of the maker's.
     sign : int
-        -1 where it counts against the drive's position; `hil check` finds out.
+        -1 where it counts against the drive's position; `hil drives check` finds out.
     """
 
     index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
@@ -133,7 +133,7 @@ class Trip(FileModel):
 
 
 class Homing(FileModel):
-    """How the drive itself looks for its reference (mode 6), for `hil home`.
+    """How the drive itself looks for its reference (mode 6), for `hil drives home`.
 
     Attributes
     ----------

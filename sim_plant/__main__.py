@@ -92,7 +92,7 @@ def main(
 
 
 @app.command()
-def new(
+def twin(
     robot: Annotated[Path, typer.Argument(help="Robot file.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder that both files are written into.")

@@ -17,13 +17,13 @@ import yaml
 from benchmarks.drift_study.cell import Cell
 from benchmarks.drift_study.cell import measure as measure_cell
 from benchmarks.drift_study.scenarios import Scenario, write_plant
-from hil.cli.robot_drives import packaged_drives
 from hil.model.base_parameters import base_parameters
 from hil.planning.design.by_counts import design
 from hil.planning.design.friction import operation, stops, sweep
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import as_plan, dump_plan
+from hil.tasks.robot_drives import packaged_drives
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -130,7 +130,7 @@ def trajectories(
     found = recorded_as(Trajectory, recorded)
     if not found:
         raise NotEnoughData(
-            "no trajectories among the measurements; plan some with hil trajectory plan"
+            "no trajectories among the measurements; plan some with hil plan --kind trajectory"
         )
     return found
 

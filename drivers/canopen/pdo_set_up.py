@@ -159,7 +159,7 @@ def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -
         )
     server.note(
         f"status, position and current come as its TPDOs have them; state tpdos: {found} in"
-        " the drives file, for those who only listen (hil monitor) and for the bus load"
+        " the drives file, for those who only listen (hil drives monitor) and for the bus load"
     )
 
 

@@ -2,7 +2,7 @@
 
 Ratings, encoder, gear and units scale every torque and every set-point. A drive that contradicts
 the file is refused; where it is silent or contradicts itself, the file is trusted and that is
-noted. Commissioning and `hil check` make the same comparisons.
+noted. Commissioning and `hil drives check` make the same comparisons.
 """
 
 from __future__ import annotations

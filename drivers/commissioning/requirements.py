@@ -1,8 +1,8 @@
 """What a run needs of a drive's object dictionary: one table, a row an object of the profile.
 
 A row states what is done with an object, what becomes of a drive that lacks it and what follows
-from that, what is written to it and what may stand there instead. Start-up, `hil check`, the scan
-and the review of data sheets act on it, and the tables of `docs/reference/can.md` and
+from that, what is written to it and what may stand there instead. Start-up, `hil drives check`, the
+scan and the review of data sheets act on it, and the tables of `docs/reference/can.md` and
 `docs/reference/drives.md` are made from it. What depends on more than one object is code, which
 takes its sentences from here: the range, the comparison of units. How a drive communicates and who
 watches whom is its bus's business, whose rows stand among these (`with_rows`).

@@ -1,4 +1,4 @@
-"""`hil check`: whether what the drives file states is true of the drives on the bus.
+"""`hil drives check`: whether what the drives file states is true of the drives on the bus.
 
 It goes from harmless to less so. First the drives are asked by SDO, unpowered, and nothing is
 written. If that refuses any, it ends there. Then, with the operator's consent, all are configured

@@ -1,4 +1,4 @@
-"""The part of `hil check` that needs power: holding, rate of SYNC, a small move of each axis.
+"""What `hil drives check` needs power for: holding, rate of SYNC, a small move of each axis.
 
 All axes are powered as for a run, since that is what has to work: first they hold their position
 for a second, then one after the other moves there and back. Whatever ends it, leaving the driver

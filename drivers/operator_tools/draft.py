@@ -153,7 +153,7 @@ def _identity(dictionary: Dictionary) -> Iterator[str]:
         ("product", dictionary.product, "1018:02"),
     ):
         shown = None if value is None else f"0x{value:X}"
-        hint = f"{place} of the drive, a number such as 0x{0x4D2:X}: `hil scan` shows it"
+        hint = f"{place} of the drive, a number such as 0x{0x4D2:X}: `hil drives scan` shows it"
         yield "  " + _line(key, shown, "", hint)
     if dictionary.revision is not None:
         revision = f"revision: 0x{dictionary.revision:X}"

@@ -1,4 +1,4 @@
-"""`hil home`: one axis finds its reference by the drive's own homing mode (6).
+"""`hil drives home`: one axis finds its reference by the drive's own homing mode (6).
 
 The drive does it all: method (6098), speeds (6099), acceleration (609A), and which position the
 home position shall have (607C). It is commanded by bit 4 of the controlword and answers in the

@@ -1,4 +1,4 @@
-"""`hil jog`: one axis by a stated relative way, slowly, with no other axis powered.
+"""`hil drives jog`: one axis by a stated relative way, slowly, with no other axis powered.
 
 The other axes stay as they are, in their brakes. Way and velocity are checked against the limits
 before anything is powered on, the operator agrees to the very numbers, and the move is watched as

@@ -4,10 +4,10 @@ Run it from anywhere, without arguments::
 
     python examples/pan_tilt/record.py
 
-The plans are trajectories that `hil trajectory plan` designed for tests/robots/pan-tilt.yaml with
-seeds 1 and 2 (`--minutes 1 --seed 1`, `--minutes 0.5 --seed 2`); `plant.yaml` is what `python -m
-sim_plant new` makes of that robot file. Each plan is measured on the plant like on any robot, and
-written as somebody else's logger would: degrees and amperes, in text.
+The plans are trajectories that `hil plan --kind trajectory` designed for
+tests/robots/pan-tilt.yaml with seeds 1 and 2 (`--minutes 1 --seed 1`, `--minutes 0.5 --seed 2`);
+`plant.yaml` is what `hil twin` makes of that robot file. Each plan is measured on the plant like on
+any robot, and written as somebody else's logger would: degrees and amperes, in text.
 """
 
 from __future__ import annotations

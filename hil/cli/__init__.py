@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from hil.terminal.console import printable
+from hil.cli.equipment import HELP, epilog, equipped, set_output
+from hil.terminal.console import out, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,58 +27,37 @@ PANELS = {
     "First of all": {
         "try": "Try it all on a virtual robot in five minutes: measure, identify, predict, push.",
     },
-    "Robot and plan": {
-        "robot": "Show base parameters, their groups, and where they occur in M and g.",
-        "plan": "Choose configurations and motions from g(q) and M(q).",
-        "dry-run": "State what a plan takes and what it gives; nothing moves.",
-        "view": "Write a page that plays a plan or a run in 3-D, or shows a robot; one HTML file.",
+    "Plan": {
+        "robot": "Show what can be identified of a robot, or write a first robot file.",
+        "plan": "Plan measurements: strokes, friction sweeps, an exciting trajectory, or a load.",
+        "dry-run": "Check a plan and predict its duration and precision; nothing moves.",
+        "view": "Write a 3-D page of a plan, a run or a robot; one HTML file.",
+        "twin": "Write a virtual plant of a robot and its drives file, to rehearse without it.",
     },
-    "Run": {
-        "run": "Measure a plan into a folder; the robot moves.",
-        "track": (
-            "Follow trajectories with neither, velocity and both fed forward; the robot moves."
-        ),
-        "watch": "Compare torques with a model's while a plan moves the robot, and find pushes.",
-        "import": (
-            "Turn recordings of any robot into a run folder; a map states which column is what."
-        ),
+    "Measure": {
+        "drives": "Commission drives: scan, check, jog, home, monitor, write files, restore.",
+        "run": "Measure a plan into a run folder; the robot moves.",
+        "import": "Import recordings of any robot into a run folder.",
     },
-    "Results": {
-        "identify": (
-            "Estimate base parameters from runs of any kind; exit status 3 where that failed."
-        ),
-        "validate": (
-            "Judge a model by a run that it was not made from; exit status 3 where it failed."
-        ),
-        "report": "Write a run's report, one HTML file.",
-        "diagnose": (
-            "Test what the robot file leaves out and what it states; writes diagnosis.yaml."
-        ),
-        "payload": "Find a load from two runs, without and with it, or measure one in minutes.",
-        "accept": "Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if"
-        " failed.",
-        "history": (
-            "Show parameters and friction of one machine over many runs, and mark what changed."
-        ),
-        "export": "Write an identified model, or the recordings of a run, as files of other tools.",
+    "Identify": {
+        "identify": "Identify dynamics and friction from runs of any kind.",
+        "validate": "Validate a model on held-out data, or an estimate against a known truth.",
+        "report": "Write the report of a run; one HTML file.",
+        "friction": "Fit laws of friction to a run and test their symmetry.",
+        "payload": "Identify a load from runs without and with it, or measure one in minutes.",
+        "diagnose": "Test a robot file for missing effects and wrong values.",
     },
-    "Drives and commissioning": {
-        "doctor": "Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one"
-        " fails.",
-        "scan": "Find the nodes on a bus and what they lack for measuring; only reads.",
-        "drives": "Write drives files, put found settings back, reset faults.",
-        "check": "Check every drive against the drives file, at last by a small move of each axis.",
-        "jog": "Move one axis by a small relative way, slowly; no other axis is powered.",
-        "home": (
-            "Let one drive find its reference by its own homing mode; no other axis is powered."
-        ),
-        "monitor": "Show states, positions, torques and emergencies live; sends nothing unless"
-        " asked to.",
+    "Use a model": {
+        "export": "Export an identified model, or the recordings of a run, to other tools.",
+        "track": "Measure the tracking error without and with feed-forward; the robot moves.",
+        "watch": "Detect external forces while a plan moves the robot.",
     },
-    "Research": {
-        "compare": "Set an estimate against the truth of the virtual plant.",
-        "friction": "Friction, and how it changes in time.",
-        "trajectory": "Conventional identification with periodic trajectories.",
+    "Machines in series and over years": {
+        "accept": "Judge an identified run by limits; writes a page to sign and JUnit XML.",
+        "history": "Show how parameters and friction of one machine change over many runs.",
+    },
+    "This computer": {
+        "doctor": "Check this computer: Python, CAN, rights, clock, disk.",
     },
 }  # fmt: skip
 """Panels of the help, the commands of each as a user meets them, and the first line of their help.
@@ -86,12 +66,11 @@ The help repeats the commands' own docstrings; a test compares them.
 """
 MODULES = {
     "robot": "robots", "plan": "planning", "dry-run": "planning", "view": "viewing",
-    "run": "measuring", "track": "beside_model", "watch": "beside_model", "import": "exchanging",
-    "identify": "results", "validate": "judging", "report": "results", "diagnose": "results",
-    "payload": "payload", "accept": "judging", "history": "judging", "export": "exchanging",
-    "doctor": "doctor", "scan": "drives", "drives": "drives", "check": "commissioning",
-    "jog": "commissioning", "home": "commissioning", "monitor": "monitoring", "compare": "results",
-    "friction": "friction", "trajectory": "trajectory", "try": "trying",
+    "twin": "robots", "drives": "drives", "run": "measuring", "import": "exchanging",
+    "identify": "results", "validate": "judging", "report": "results", "friction": "friction",
+    "payload": "payload", "diagnose": "results", "export": "exchanging", "track": "beside_model",
+    "watch": "beside_model", "accept": "judging", "history": "judging", "doctor": "doctor",
+    "try": "trying",
 }  # fmt: skip
 """Module of each command, or group of them, in this package."""
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
@@ -118,9 +97,9 @@ class _ImportedLate(TyperGroup):
 
 
 def imported(name: str) -> Any:
-    """Import a command, or a group of them, by its name."""
+    """Import a command, or a group of them, by its name; with what all commands have."""
     module = import_module(f"{__name__}.{MODULES[name]}")
-    return typer.main.get_group(module.commands).commands[name]
+    return equipped(typer.main.get_group(module.commands).commands[name], name)
 
 
 def _show_version(wanted: bool) -> None:
@@ -133,7 +112,8 @@ def _show_version(wanted: bool) -> None:
 
 app = typer.Typer(
     cls=_ImportedLate,
-    help="Identify a robot's dynamics on the machine itself, over CANopen.",
+    help="Identify a robot's dynamics and friction on the machine itself, over its fieldbus.",
+    epilog=epilog("", exit_statuses=True),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -145,18 +125,27 @@ for _panel, _commands in PANELS.items():
 
 @app.callback()
 def _program(
-    version: Annotated[
+    _version: Annotated[
         bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="State the version."),
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
     ] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help=HELP["quiet"])] = False,
+    verbose: Annotated[
+        int,
+        typer.Option(
+            "-v", "--verbose", count=True, metavar="", show_default=False, help=HELP["verbose"]
+        ),
+    ] = 0,
 ) -> None:
     """Take the options that stand before a command."""
+    set_output(quiet=quiet, verbose=verbose)
 
 
 def main(
     arguments: Sequence[str] | None = None, program: typer.Typer = app, name: str = "hil"
 ) -> None:
     """Entry point of `hil` or of `program`; exit status 1 after a message, 2 for wrong usage."""
+    out.begin()
     try:
         program(None if arguments is None else list(arguments), prog_name=name)
     except OSError as error:
@@ -164,7 +153,7 @@ def main(
         sys.stderr.write(f"{printable(message)}\n")
         sys.exit(1)
     except Exception as error:
-        if not _explained(error):
+        if not _explained(error) or out.verbose:
             raise
         sys.stderr.write(f"{printable(str(error))}\n")
         sys.exit(1)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, get_type_hints
 import typer
 from typer.core import TyperGroup
 
+from hil.cli.completion import drives, files, robots, runs
 from hil.runs import SIMULATED
 
 if TYPE_CHECKING:
@@ -31,14 +32,17 @@ PLANT = "manutec-r15"
 """Channel of the virtual plant where neither a robot nor drives name one."""
 
 
-RunPath = Annotated[Path, typer.Argument(help="Folder of a run.")]
-RunPaths = Annotated[list[Path], typer.Argument(help="Folders of runs, identified together.")]
+RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=runs)]
+RunPaths = Annotated[
+    list[Path],
+    typer.Argument(metavar="RUN", help="Run folders, identified jointly.", autocompletion=runs),
+]
 Masses = Annotated[
     list[str] | None,
     typer.Option(
         "--mass",
-        metavar="LINK:LEAST:MOST",
-        help="Bounds of a link's mass \\[kg], for bodies; may be repeated.",
+        metavar="LINK:MIN:MAX",
+        help="Bounds on the mass of a link \\[kg], for bodies; may be repeated.",
     ),
 ]
 Without = Annotated[
@@ -46,69 +50,90 @@ Without = Annotated[
     typer.Option(
         "--without",
         metavar="ID",
-        help="Measurement that is left out, such as a damaged one; may be repeated.",
+        help="Measurement to leave out, such as a damaged one; may be repeated.",
     ),
 ]
 RobotName = Annotated[
-    str, typer.Argument(help="Name of a robot that comes along, or path of a robot file.")
+    str,
+    typer.Argument(metavar="ROBOT", help="Built-in robot, or robot file.", autocompletion=robots),
 ]
-PlanFile = Annotated[Path, typer.Argument(help="Plan as a YAML file.")]
+PlanFile = Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file.", autocompletion=files)]
 ModelPath = Annotated[
-    Path, typer.Option("--model", help="Model: its file, or the folder of the run that gave it.")
+    Path,
+    typer.Option(
+        "--model", help="Model file, or folder of the identified run.", autocompletion=runs
+    ),
 ]
 RobotOption = Annotated[
     str | None,
-    typer.Option("--robot", help="Robot file of the plan, where its robot does not come along."),
+    typer.Option(
+        "--robot",
+        help="Robot file, where the plan does not find it by itself.",
+        autocompletion=robots,
+    ),
 ]
 WorkspaceOption = Annotated[
     Path | None,
     typer.Option(
         "--workspace",
-        help="File of joint ranges and forbidden boxes, in place of those of the plan.",
+        help="Workspace file (joint ranges, forbidden boxes) in place of the plan's own.",
+        autocompletion=files,
     ),
 ]
 PlanWorkspace = Annotated[
     Path | None,
     typer.Option(
-        "--workspace", help="File of joint ranges and forbidden boxes that the plan keeps to."
+        "--workspace",
+        help="Workspace file: joint ranges and forbidden boxes that the plan respects.",
+        autocompletion=files,
     ),
 ]
 NoiseFrom = Annotated[
     Path | None,
     typer.Option(
-        help="Run that shows this robot's noise; without it the robot file states the noise."
+        help="Run from which noise is estimated; by default the robot file states it.",
+        autocompletion=runs,
     ),
 ]
 Drives = Annotated[
-    str, typer.Argument(help="Drives file, or name of a robot whose drives file comes along.")
+    str,
+    typer.Argument(metavar="DRIVES", help="Drives file, or built-in robot.", autocompletion=drives),
 ]
 RobotsDrives = Annotated[
     Path | None,
-    typer.Option("--drives", help="Drives file; by default the one that comes with the robot."),
+    typer.Option(
+        "--drives",
+        help="Drives file; the built-in one of the robot by default.",
+        autocompletion=files,
+    ),
 ]
-AxisName = Annotated[str, typer.Argument(help="Name of an axis, or its number from 1.")]
-Yes = Annotated[bool, typer.Option("--yes", help="Agree to motion beforehand; nothing is asked.")]
+AxisName = Annotated[str, typer.Argument(metavar="AXIS", help="Axis by name, or by number from 1.")]
+Yes = Annotated[
+    bool, typer.Option("--yes", help="Consent to motion beforehand; no question is asked.")
+]
 RealTime = Annotated[
     bool,
-    typer.Option("--realtime", help="Run with as much real-time priority as this system grants."),
+    typer.Option("--realtime", help="Use real-time scheduling, as far as this system grants it."),
 ]
 
 
-Interface = Annotated[str, typer.Option(help="Name of a python-can interface.")]
+Interface = Annotated[str, typer.Option(help="Interface of python-can, such as socketcan.")]
 RobotsChannel = Annotated[
     str | None,
-    typer.Option(help="Channel of the interface; that of sim_plant is the robot's by default."),
+    typer.Option(
+        help="Channel of the interface, such as can0; of sim_plant a plant, by default the robot's."
+    ),
 ]
 DrivesChannel = Annotated[
     str | None,
     typer.Option(
-        help="Channel of the interface; by default that of the virtual plant with these drives."
+        help="Channel of the interface, such as can0; by default the plant with these drives."
     ),
 ]
 BusOptions = Annotated[
     list[str] | None,
     typer.Option(
-        "--bus-option", help="Further argument of the interface as key=value; may be repeated."
+        "--bus-option", help="Further option of the interface as key=value; may be repeated."
     ),
 ]
 BitRate = partial(typer.Option, min=10_000, max=1_000_000)
@@ -225,7 +250,7 @@ def _value(text: str) -> object:
 
 
 def body_bounds(masses: Sequence[str] | None) -> BodyBounds:
-    """Bounds of masses as they are written, ``LINK:LEAST:MOST``.
+    """Bounds of masses as they are written, ``LINK:MIN:MAX``.
 
     Raises
     ------
@@ -241,7 +266,7 @@ def body_bounds(masses: Sequence[str] | None) -> BodyBounds:
             found[int(link)] = float(least), float(most)
         except ValueError as error:
             raise typer.BadParameter(
-                f"{text} must be LINK:LEAST:MOST, such as 2:10:40 for 10 to 40 kg of link 2",
+                f"{text} must be LINK:MIN:MAX, such as 2:10:40 for 10 to 40 kg of link 2",
                 param_hint="--mass",
             ) from error
     return BodyBounds(masses=found)

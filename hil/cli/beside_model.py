@@ -50,17 +50,18 @@ def track(
     plan_file: PlanFile,
     model_path: ModelPath,
     output: Annotated[
-        Path, output_option(folder_to_write, "Folder of the three runs and of what they show.")
+        Path, output_option(folder_to_write, "Folder of the three runs and their result.")
     ],
     *,
     where: RobotsBus,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Measure the passes that are missing in the folder.")
+        bool,
+        typer.Option("--resume", help="Continue with the passes that are missing."),
     ] = False,
     delay: Annotated[
         float,
         typer.Option(
-            min=0, max=10, help="Delay by which drives follow their set-points \\[SYNC periods]."
+            min=0, max=10, help="Delay of the drives behind their set-points \\[SYNC periods]."
         ),
     ] = 1.5,
     loop: Annotated[
@@ -71,7 +72,10 @@ def track(
     workspace: WorkspaceOption = None,
     realtime: RealTime = False,
 ) -> None:
-    """Follow trajectories with neither, velocity and both fed forward; the robot moves."""
+    """Measure the tracking error without and with feed-forward; the robot moves.
+
+    Passes the plan three times: without feed-forward, with velocity, with velocity and torque.
+    """
     with working("predicting the torques of the plan"):
         from checked_files.yaml_file import FileError
         from hil.cli.measuring import measure
@@ -93,7 +97,7 @@ def track(
             if not isinstance(measurement, Trajectory):
                 raise FileError(
                     f"{plan_file}: {measurement.id} is of kind {measurement.kind}, and only"
-                    " trajectories are streamed; make a plan of them with: hil trajectory plan"
+                    " trajectories are streamed; plan some with: hil plan --kind trajectory"
                 )
             refuse_beyond_torque(measurement, the_robot, predict)
     how = OnBus(**vars(where), realtime=realtime)
@@ -131,22 +135,22 @@ def _show(output: Path, model: str, delay: float) -> None:
 def watch(
     plan_file: PlanFile,
     model_path: ModelPath,
-    output: Annotated[Path, output_option(new_folder, "Folder of the run and of what was found.")],
+    output: Annotated[Path, output_option(new_folder, "Folder of the run and its alarms.")],
     *,
     where: RobotsBus,
     repeat: Annotated[
-        int | None, typer.Option(min=1, max=100_000, help="Number of times the plan is passed.")
+        int | None, typer.Option(min=1, max=100_000, help="Number of times to repeat the plan.")
     ] = None,
     hours: Annotated[
         float | None,
-        typer.Option(min=0, max=1000, help="Time for which the plan is passed again and again."),
+        typer.Option(min=0, max=1000, help="Time for which to repeat the plan \\[h]."),
     ] = None,
     learn: Annotated[
         float,
         typer.Option(
             min=5,
             max=3600,
-            help="Time of motion without a push from which thresholds are learned \\[s].",
+            help="Duration of motion without contact, from which thresholds are learned \\[s].",
         ),
     ] = 30.0,
     stop: Annotated[
@@ -157,9 +161,10 @@ def watch(
     realtime: RealTime = False,
     shown: Shown,
 ) -> None:
-    """Compare torques with a model's while a plan moves the robot, and find pushes.
+    """Detect external forces while a plan moves the robot.
 
-    Exit status 3 where there were alarms.
+    Alarms where measured torques leave the thresholds about those of the model; exit status 3
+    where there were any.
     """
     with working("reading plan and model"):
         from hil.cli.measuring import measure

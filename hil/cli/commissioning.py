@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from contextlib import closing, contextmanager
+from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hil.cli.arguments import AxisName, Drives, DrivesBus, RealTime, Yes, expand_records
-from hil.terminal.console import out, say
+from hil.terminal.console import give, give_each, out, say
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -35,19 +36,15 @@ if TYPE_CHECKING:
     from hil.terminal.keys import TerminalOperator
 
 
-commands = typer.Typer()
-
-
-@commands.command()
 @expand_records
 def check(
     drives_file: Drives,
     where: DrivesBus,
     axis: Annotated[
-        list[str] | None, typer.Option(help="Axis to check instead of all; may be repeated.")
+        list[str] | None, typer.Option(help="Axis to check; all by default; may be repeated.")
     ] = None,
     angle: Annotated[
-        float, typer.Option(min=0.5, max=20, help="Angle of the small moves \\[deg].")
+        float, typer.Option(min=0.5, max=20, help="Amplitude of the small moves \\[deg].")
     ] = 3.0,
     speed: Annotated[
         float, typer.Option(min=0.1, max=20, help="Speed of the small moves \\[deg/s].")
@@ -55,19 +52,21 @@ def check(
     model: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of an identified run, whose gravity shows the direction of each joint."
+            help="Identified run, whose gravity torques reveal the direction of each joint."
         ),
     ] = None,
     realtime: RealTime = False,
     jitter_time: Annotated[
         float,
         typer.Option(
-            min=0, max=600, help="Duration for which this computer's wake-ups are measured \\[s]."
+            min=0,
+            max=600,
+            help="Duration of measuring this computer's wake-up jitter \\[s].",
         ),
     ] = 10.0,
     yes: Yes = False,
 ) -> None:
-    """Check every drive against the drives file, at last by a small move of each axis."""
+    """Check every drive against the drives file; in the end by a small move of each axis."""
     from drivers.operator_tools.check import check as check_drives
     from drivers.operator_tools.check_powered import SmallMoves
     from hil.cli import bus_access
@@ -89,12 +88,11 @@ def check(
         raise typer.Exit(1)
 
 
-@commands.command()
 @expand_records
 def jog(
     drives_file: Drives,
     axis: AxisName,
-    by: Annotated[float, typer.Option(help="Signed way of the axis \\[deg; mm if prismatic].")],
+    by: Annotated[float, typer.Option(help="Signed distance to move \\[deg; mm if prismatic].")],
     speed: Annotated[
         float, typer.Option(min=0.01, help="Speed of the axis \\[deg/s; mm/s if prismatic].")
     ] = 5,
@@ -102,7 +100,7 @@ def jog(
     where: DrivesBus,
     yes: Yes = False,
 ) -> None:
-    """Move one axis by a small relative way, slowly; no other axis is powered."""
+    """Move one axis by a small distance, slowly; no other axis is powered."""
     from drivers.operator_tools import jog as jogging
     from hil.cli import bus_access
 
@@ -112,6 +110,12 @@ def jog(
         way, velocity = _si(drive, by), _si(drive, speed)
         stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
     torque = drive.effort_unit
+    give(
+        axis=drive.name, q=[float(stroke.q[0]), float(stroke.q[-1])],
+        following_error=float(stroke.following_error),
+        position_unit="m" if drive.joint == "prismatic" else "rad",
+        peak_torque=float(stroke.peak_torque), torque_unit=torque,
+    )  # fmt: skip
     say(
         f"{drive.name}: from {jogging.shown(drive, stroke.q[0])} to"
         f" {jogging.shown(drive, stroke.q[-1])}, torque at most {stroke.peak_torque:.3g} {torque},"
@@ -119,25 +123,20 @@ def jog(
     )
 
 
-@commands.command()
 @expand_records
 def home(
     drives_file: Drives,
     axis: AxisName,
     method: Annotated[
         int | None,
-        typer.Option(
-            min=-128, max=37, help="Homing method (6098) in place of that of the drives file."
-        ),
+        typer.Option(min=-128, max=37, help="Homing method (6098) in place of the drives file's."),
     ] = None,
-    patience: Annotated[
-        float, typer.Option(min=1, help="Longest duration of the homing \\[s].")
-    ] = 60,
+    patience: Annotated[float, typer.Option(min=1, help="Maximum duration of homing \\[s].")] = 60,
     *,
     where: DrivesBus,
     yes: Yes = False,
 ) -> None:
-    """Let one drive find its reference by its own homing mode; no other axis is powered."""
+    """Home one axis by its drive's own homing mode; no other axis is powered."""
     from checked_files.yaml_file import FileError
     from drivers.operator_tools import home as homing
     from drivers.operator_tools.jog import shown
@@ -151,6 +150,7 @@ def home(
     how = drive.homing if method is None else drive.homing.model_copy(update={"method": method})
     with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
+    give(axis=drive.name, method=how.method, q=float(q))
     say(f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off")
 
 
@@ -158,13 +158,13 @@ def home(
 def reset_faults(
     drives_file: Drives,
     axis: Annotated[
-        list[str] | None, typer.Option(help="Axis to reset instead of all; may be repeated.")
+        list[str] | None, typer.Option(help="Axis to reset; all by default; may be repeated.")
     ] = None,
     *,
     where: DrivesBus,
     yes: Yes = False,
 ) -> None:
-    """State the faults of drives and their causes, and reset them; nothing is powered on."""
+    """Show the faults of drives with their causes and reset them; nothing is powered on."""
     from drivers.operator_tools.reset_faults import reset_faults as reset
     from hil.cli import bus_access
 
@@ -246,6 +246,7 @@ def show_verdicts(verdicts: Iterable[Verdict], console: Console) -> bool:
             place = verdict.place
             console.print(f"\n{place}", style="bold", highlight=False, markup=False)
         counts[verdict.grade.value] += 1
+        give_each("verdicts", asdict(verdict) | {"grade": verdict.grade.value})
         console.print(_text(verdict), soft_wrap=True, highlight=False)
     total = ", ".join(f"{counts[grade]} {grade}" for grade in STYLES)
     console.print(f"\n{total}", highlight=False)

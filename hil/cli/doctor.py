@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.terminal.console import say, working
+from hil.terminal.console import give, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,16 +24,20 @@ EXTRAS = {"dask": "distributed", "pandas": "pandas", "recordings": "pyarrow"}
 @commands.command()
 def doctor(
     folder: Annotated[
-        Path, typer.Option("--folder", help="Folder that runs are to be written into.")
+        Path,
+        typer.Option("--folder", help="Folder for runs, whose space and rights are checked."),
     ] = Path(),
-    as_json: Annotated[bool, typer.Option("--json", help="Write the points as JSON.")] = False,
 ) -> None:
-    """Examine this computer: Python, CAN, rights, clock, disk; exit status 1 where one fails."""
+    """Check this computer: Python, CAN, rights, clock, disk.
+
+    Exit status 1 where a check fails.
+    """
     with working("examining this computer"):
         from hil.cli.computer import judge, read_computer
 
         points = judge(read_computer(folder, EXTRAS))
-    (_write_json if as_json else _show)(points)
+    give(points=[asdict(each) for each in points])
+    _show(points)
     if any(each.word == "FAIL" for each in points):
         raise typer.Exit(1)
 
@@ -43,10 +48,3 @@ def _show(points: Sequence[Judged]) -> None:
         remedy = f"; {each.remedy}" if each.remedy else ""
         line = f"{each.word:4}  {each.point:{width}}  {each.found}{remedy}"
         say(line, style=STYLES[each.word])
-
-
-def _write_json(points: Sequence[Judged]) -> None:
-    import json
-    from dataclasses import asdict
-
-    say(json.dumps([asdict(each) for each in points], indent=2))

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
-from hil.cli import commissioning, restoring
+from hil.cli import commissioning, monitoring, restoring
 from hil.cli.arguments import PLANT, BitRate, BusOptions, Interface, refuse_no_channel
 from hil.cli.outputs import new_file, output_option
 from hil.planning import BITRATE
@@ -31,20 +31,19 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 drives_commands = typer.Typer(
-    help="Write drives files, put found settings back, reset faults.", no_args_is_help=True
+    help="Commission drives: scan, check, jog, home, monitor, write files, restore.",
+    no_args_is_help=True,
 )
 commands.add_typer(drives_commands, name="drives")
-drives_commands.command()(restoring.restore)
-drives_commands.command()(commissioning.reset_faults)
 HIGHEST_NODE = 127
 MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
 """Modes as drives' manuals abbreviate them."""
 
 Channel = Annotated[str | None, typer.Option(help="Channel of the interface, such as can0.")]
-Nodes = Annotated[str | None, typer.Option(help="Numbers of the nodes, such as 1-6 or 1,2,11-16.")]
+Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
 
 
-@commands.command()
+@drives_commands.command()
 def scan(
     interface: Interface = SIMULATED,
     channel: Channel = None,
@@ -52,7 +51,7 @@ def scan(
     bitrate: Annotated[int, BitRate(help="Bit rate of the bus \\[bit/s].")] = BITRATE,
     nodes: Nodes = None,
 ) -> None:
-    """Find the nodes on a bus and what they lack for measuring; only reads."""
+    """Find the drives on a bus and what they lack for measuring; only reads."""
     found = _scanned(interface, channel, bus_option, bitrate, _numbers(nodes))
     _show_nodes(list(found.nodes.values()))
     if found.syncs:
@@ -71,7 +70,7 @@ def new(
     nodes: Nodes = None,
     interface: Annotated[
         str | None,
-        typer.Option(help="Name of a python-can interface, to read from the drives instead."),
+        typer.Option(help="Interface of python-can, to read from the drives instead."),
     ] = None,
     channel: Channel = None,
     bus_option: BusOptions = None,
@@ -79,7 +78,7 @@ def new(
         int | None, BitRate(help=f"Bit rate of the bus \\[bit/s]; {BITRATE} where drives are read.")
     ] = None,
 ) -> None:
-    """Write a first drives file from data sheets, and list what is to be stated in it."""
+    """Write a first drives file from data sheets or from the drives, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
     from drivers.opening import RULES
     from drivers.operator_tools.draft import draft_drives
@@ -103,6 +102,13 @@ def new(
         say(f"joint {', '.join(numbers)}: current {why}")
     marks = text.count(f": {UNSTATED} ")
     say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
+
+
+for _command in (
+    commissioning.check, commissioning.jog, commissioning.home, monitoring.monitor,
+    restoring.restore, commissioning.reset_faults,
+):  # fmt: skip
+    drives_commands.command()(_command)
 
 
 def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
@@ -148,7 +154,7 @@ def _from_bus(
         if node.dictionary and node.review and (nodes or node.review.profile in {None, 402})
     ]
     if not axes:
-        raise DriveRefused("no CiA 402 drive on the bus; `hil scan` shows what there is")
+        raise DriveRefused("no CiA 402 drive on the bus; `hil drives scan` shows what there is")
     return axes
 
 

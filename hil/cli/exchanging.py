@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hil.cli.arguments import Masses, Without, body_bounds
+from hil.cli.completion import files, formats, runs
 from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, refuse_no_folder
 from hil.terminal.console import out, printable, say, working
 
@@ -30,27 +31,28 @@ commands = typer.Typer()
 
 @commands.command("import")
 def import_(
-    output: Annotated[Path, output_option(new_folder, "Run folder to make, or map with --draft.")],
+    output: Annotated[Path, output_option(new_folder, "Run folder to write, or map with --draft.")],
     maps: Annotated[
-        list[Path] | None, typer.Argument(help="Maps that state which column is what.")
+        list[Path] | None,
+        typer.Argument(help="Maps: files that state what each column holds.", autocompletion=files),
     ] = None,
     draft: Annotated[
         Path | None,
-        typer.Option("--draft", help="File of a recording for which a first map is written."),
+        typer.Option("--draft", help="Recording of which a first map is drafted."),
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="Number of maps at once; 1 by default, with no scheduler."),
+        typer.Option(min=1, help="Number of maps to import in parallel; 1 by default."),
     ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(
-            help="Address of a Dask scheduler, such as tcp://host:8786, or local: a process for"
-            " each processor of this machine."
+            help="Address of a Dask scheduler, such as tcp://host:8786; or local: a process per"
+            " processor of this machine."
         ),
     ] = None,
 ) -> None:
-    """Turn recordings of any robot into a run folder; a map states which column is what."""
+    """Import recordings of any robot into a run folder."""
     if (draft is None) == (not maps):
         raise typer.BadParameter("give maps, or a recording with --draft: one of the two")
     if draft is not None:
@@ -112,25 +114,28 @@ def export(
         Path,
         typer.Argument(
             metavar="MODEL|RUN",
-            help="Folder of an identified run, or its model.yaml; of any run for recordings.",
+            help="Identified run, or model file; any run for its recordings.",
+            autocompletion=runs,
         ),
     ],
-    to: Annotated[str, typer.Option(help="Name of the format; an unknown one lists all.")],
+    to: Annotated[
+        str, typer.Option(help="Format; an unknown one lists all.", autocompletion=formats)
+    ],
     output: Annotated[Path, output_option(folder_to_write, "Folder to write into.")],
     urdf: Annotated[
         Path | None,
         typer.Option(
-            help="URDF of the robot, whose shapes and names urdf and mjcf keep, and mcap its names."
+            help="URDF of the robot: urdf and mjcf keep its shapes and names, mcap its names."
         ),
     ] = None,
     masses: Masses = None,
     without: Without = None,
     force: Annotated[
         bool,
-        typer.Option("--force", help="Write a model whose identification failed, too."),
+        typer.Option("--force", help="Export a model even where its identification failed."),
     ] = False,
 ) -> None:
-    """Write an identified model, or the recordings of a run, as files of other tools."""
+    """Export an identified model, or the recordings of a run, to other tools."""
     from hil.export.formats import RECORDINGS, SIMULATORS, refuse_unknown
 
     refuse_unknown(to)

@@ -1,87 +1,39 @@
-"""`hil friction`: plan, run and fit measurements of friction, and of its variance in time."""
+"""`hil friction`: laws of friction, fitted to a run, and their symmetry."""
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from hil.cli.arguments import PlanWorkspace, RobotName, RunPath
-from hil.cli.measuring import run
-from hil.cli.outputs import NewPlan, refuse_unwritable, say_simulated, show
+from hil.cli.arguments import RunPath
+from hil.cli.completion import runs
+from hil.cli.outputs import refuse_unwritable, say_simulated, show
 from hil.terminal.console import out, say, working
 
-if TYPE_CHECKING:
-    from hil.model.robot import Robot
-    from hil.planning.plan import Plan
-    from hil.planning.workspace import Workspace
-
-friction = typer.Typer(help="Friction, and how it changes in time.", no_args_is_help=True)
-friction.command()(run)
 commands = typer.Typer()
-commands.add_typer(friction, name="friction")
 
 
-class Experiment(StrEnum):
-    """What is measured."""
-
-    SWEEP = "sweep"
-    STOPS = "stops"
-    OPERATION = "operation"
-
-
-@friction.command()
-def plan(
-    name: RobotName,
-    output: NewPlan,
-    experiment: Annotated[
-        Experiment,
-        typer.Option(
-            help="Experiment: all speeds once (sweep), motion with stops (stops), or all speeds"
-            " after times of operation (operation)."
-        ),
-    ] = Experiment.SWEEP,
-    axis: Annotated[
-        list[int] | None,
-        typer.Option(
-            help="Number of an axis from 1; a sweep takes several, and all if none is given."
-        ),
-    ] = None,
-    workspace: PlanWorkspace = None,
-) -> None:
-    """Plan constant-velocity sweeps, or an experiment on friction's variance in time."""
-    from checked_files.yaml_file import FileError
-    from hil.cli.plan_files import load_guard, write_plan
-    from hil.model.robot import load_robot, refuse_unknown
-
-    robot = load_robot(name)
-    refuse_unknown(robot)
-    guard = load_guard(workspace, robot)
-    axes = [_index(number, robot) for number in axis or ()]
-    try:
-        planned = _planned(experiment, robot, axes, guard)
-    except ValueError as error:
-        raise FileError(f"{name}: {error}") from error
-    write_plan(output, planned, robot)
-
-
-@friction.command()
-def fit(
+@commands.command()
+def friction(
     folder: RunPath,
     model: Annotated[
         Path | None,
-        typer.Option(help="Folder of an identified run, whose model compensates gravity."),
+        typer.Option(
+            help="Identified run, whose model compensates gravity.",
+            autocompletion=runs,
+        ),
     ] = None,
     asymmetry: Annotated[
         float | None,
-        typer.Option(
-            min=0, help="Greatest asymmetry that is accepted, as share of the friction level."
-        ),
+        typer.Option(min=0, help="Maximum asymmetry, as a fraction of the friction level."),
     ] = None,
 ) -> None:
-    """Fit friction models to a run, test symmetry; writes friction.yaml into its folder."""
+    """Fit laws of friction to a run and test their symmetry.
+
+    Writes friction.yaml into the folder of the run.
+    """
     with working("reading the run") as now:
         from hil.estimation.friction.symmetry import BOUND
         from hil.results.friction import evaluate
@@ -102,23 +54,3 @@ def fit(
     for left in found.left_out:
         show_remark(f"left out: {left}", out)
     say(f"friction in {path}")
-
-
-def _planned(
-    experiment: Experiment, robot: Robot, axes: list[int], workspace: Workspace | None
-) -> Plan:
-    from hil.planning.design import friction
-
-    if experiment is Experiment.SWEEP:
-        return friction.sweep(robot, axes, workspace=workspace)
-    if len(axes) != 1:
-        raise typer.BadParameter(f"{experiment.value} takes one axis", param_hint="--axis")
-    if experiment is Experiment.STOPS:
-        return friction.stops(robot, axes[0], workspace=workspace)
-    return friction.operation(robot, axes[0], workspace=workspace)
-
-
-def _index(number: int, robot: Robot) -> int:
-    if not 1 <= number <= robot.n_joints:
-        raise typer.BadParameter(f"{number} must be in 1 ... {robot.n_joints}", param_hint="--axis")
-    return number - 1

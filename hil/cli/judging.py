@@ -1,4 +1,4 @@
-"""`hil validate` judges a model by another recording, `hil accept` a run by limits, in series.
+"""`hil validate` judges a model by held-out data, `hil accept` a run by limits, in series.
 
 `hil history` shows the condition of one machine over many runs, and what changed.
 """
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import RealTime, RobotsBus, RunPath, expand_records
+from hil.cli.arguments import RealTime, RobotsBus, RunPath, Without, expand_records
+from hil.cli.completion import files, robots, runs
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import (
@@ -26,7 +27,8 @@ from hil.cli.outputs import (
     show,
     show_causes,
 )
-from hil.terminal.console import printable, say, working
+from hil.cli.results import Method, Others, refuse_unknown
+from hil.terminal.console import give, out, printable, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -44,20 +46,54 @@ PAGE, JUNIT = "acceptance.html", "acceptance.xml"
 def validate(
     folder: RunPath,
     model_path: Annotated[
-        Path,
+        Path | None,
         typer.Option(
-            "--model", help="Model to judge: its file, or the folder of the run that gave it."
+            "--model",
+            help="Model to validate: its file, or the folder of its run.",
+            autocompletion=runs,
         ),
-    ],
+    ] = None,
+    truth: Annotated[
+        str | None,
+        typer.Option(
+            help="Plant file, or built-in plant, whose true parameters the estimate of this run is"
+            " compared with.",
+            autocompletion=robots,
+        ),
+    ] = None,
     measure: Annotated[
         bool,
-        typer.Option("--measure", help="Measure another motion into the folder first; it moves."),
+        typer.Option(
+            "--measure", help="Measure another motion into the folder first; the robot moves."
+        ),
     ] = False,
+    method: Method = None,
+    others: Others = None,
+    without: Without = None,
     *,
     where: RobotsBus,
     realtime: RealTime = False,
 ) -> None:
-    """Judge a model by a run that it was not made from; exit status 3 where it failed."""
+    """Validate a model on held-out data, or an estimate against a known truth.
+
+    The run must be another than the one that the model was identified from; with --truth it is one
+    of a virtual plant, and its own estimate is compared. Exit status 3 where the model failed.
+    """
+    if (model_path is None) == (truth is None):
+        raise typer.BadParameter("give either --model, or --truth for a virtual plant")
+    if truth is not None:
+        if measure or realtime or where != RobotsBus():
+            raise typer.BadParameter(
+                "--measure and the options of the bus do not go with --truth, which measures"
+                " nothing; leave them out"
+            )
+        _against_truth(folder, truth, method, others, without)
+        return
+    if method or others or without:
+        raise typer.BadParameter(
+            "--method, --with and --without go with --truth; a model is validated as it is"
+        )
+    assert model_path is not None  # noqa: S101 - see above
     with working("reading the model"):
         from hil.results.model import Model
         from hil.results.model_file import file_of
@@ -77,6 +113,30 @@ def validate(
         how = OnBus(**vars(where), realtime=realtime)
         measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
     _judge(model, model_path, Run.open(folder))
+
+
+def _against_truth(
+    folder: Path,
+    truth: str,
+    method: str | None,
+    others: list[Path] | None,
+    without: list[str] | None,
+) -> None:
+    with working("reading the run") as now:
+        from hil.ground_truth import comparison as module
+        from hil.results.identification import method_for
+        from hil.runs.pooling import open_runs
+
+        refuse_unknown(method)
+        run, *more = open_runs([folder, *(others or ())])
+        run = run.without(without or ())
+        now(f"comparing the estimate of {run.robot.name} with the truth")
+        found = module.compare(run, truth, out, method or method_for(run, more)[0], more)
+    give(
+        relative_errors={**found.group_error, "torques": found.mean_torque_error},
+        within_intervals=int(found.inside.sum()),
+        parameters=len(found.p),
+    )
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
@@ -119,28 +179,36 @@ def _notes(model: Model, run: Run) -> tuple[str, ...]:
 def accept(
     folder: RunPath,
     output: Annotated[
-        Path, output_option(place_to_write, "Folder of page and JUnit XML; file of a draft.")
+        Path,
+        output_option(
+            place_to_write, "Folder for page and JUnit XML; with --draft, the file of limits."
+        ),
     ],
     limits: Annotated[
-        Path | None, typer.Option("--limits", help="File of limits that the run is judged by.")
+        Path | None, typer.Option("--limits", help="File of limits.", autocompletion=files)
     ] = None,
     draft: Annotated[
-        bool, typer.Option("--draft", help="Write limits from this run, which is a good one.")
+        bool, typer.Option("--draft", help="Write limits from this run, a known good one.")
     ] = False,
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Run that a failed one is compared with, cause by cause; by default that which the"
-            " limits were drafted from, where it lies beside them or beside the run."
+            help="Run to compare a failed one with, cause by cause; by default the one that the"
+            " limits were drafted from, where it is found beside them or beside the run.",
+            autocompletion=runs,
         ),
     ] = None,
     factor: Annotated[
-        float, typer.Option(min=1.0, max=1000.0, help="Factor by which a draft widens intervals.")
+        float,
+        typer.Option(min=1.0, max=1000.0, help="Factor on the width of the intervals of a draft."),
     ] = 3.0,
     serial: Annotated[str, typer.Option(help="Serial number of the robot.")] = "",
-    operator: Annotated[str, typer.Option(help="Name of whoever accepts the robot.")] = "",
+    operator: Annotated[str, typer.Option(help="Name of the person who accepts the robot.")] = "",
 ) -> None:
-    """Judge an identified run by limits; writes a page and JUnit XML, exit status 3 if failed."""
+    """Judge an identified run by limits; writes a page to sign and JUnit XML.
+
+    Exit status 3 where the run failed.
+    """
     if draft == (limits is not None):
         raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
     if draft:
@@ -196,46 +264,42 @@ def _accept(
 
 @commands.command()
 def history(
-    folders: Annotated[list[Path], typer.Argument(help="Folders of identified runs.")],
+    folders: Annotated[list[Path], typer.Argument(help="Identified runs.", autocompletion=runs)],
     reference: Annotated[
         Path | None,
-        typer.Option(help="Run that all others are compared with; by default the first in time."),
+        typer.Option(
+            help="Run to compare all others with; the earliest by default.", autocompletion=runs
+        ),
     ] = None,
     wander: Annotated[
         float,
         typer.Option(
             min=0.0,
             max=99.0,
-            help="Percentage of friction that temperature may account for, at least.",
+            help="Change of friction put down to temperature, at least \\[%].",
         ),
     ] = 0.0,
     page: Annotated[
         Path | None,
         typer.Option(
-            "--html", callback=file_to_write, help="Page with plots to write, one HTML file."
-        ),
-    ] = None,
-    json_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--json", callback=file_to_write, help="JSON file to write, for monitoring systems."
+            "--html", callback=file_to_write, help="Page with plots to write; one HTML file."
         ),
     ] = None,
     identify: Annotated[
-        bool, typer.Option("--identify", help="Identify runs that have no model.yaml yet.")
+        bool, typer.Option("--identify", help="Identify runs that have no model yet.")
     ] = False,
     fail_on_change: Annotated[
         bool,
         typer.Option(
-            "--fail-on-change", help="End with status 4 where anything of the newest run changed."
+            "--fail-on-change", help="Exit with status 4 where anything of the newest run changed."
         ),
     ] = False,
 ) -> None:
-    """Show parameters and friction of one machine over many runs, and mark what changed."""
+    """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
         from hil.results import history_file as tables
         from hil.results.history import read_history
-        from hil.results.history_file import write_history
+        from hil.results.history_file import as_data
         from hil.runs.journal import NO_REAL_MACHINE
         from hil.runs.run import Run
 
@@ -253,9 +317,7 @@ def history(
         show_causes(Path(found.reference), Run.open(found.runs[-1].label))
     if not newest:
         say(f"{found.runs[-1].label}: nothing changed significantly")
-    if json_file is not None:
-        write_history(json_file, found)
-        say(f"history in {json_file}")
+    give(history=as_data(found))
     if page is not None:
         with working("drawing the page"):
             from hil.report.further_pages import write_history_page

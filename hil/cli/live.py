@@ -56,7 +56,7 @@ def hand_of(bus_option: Sequence[str] | None) -> str:
 
 _LIVE, _LIVE_ADDRESS = _served(
     "--live",
-    "Show the run on a page that this computer serves to itself",
+    "Show the run on a page in the browser of this computer",
     "Serve the live page to other computers at this IP address; its URL holds a secret.",
 )
 _FOXGLOVE, _FOXGLOVE_ADDRESS = _served(

@@ -23,6 +23,7 @@ from hil.cli.arguments import (
     expand_records,
     refuse_no_channel,
 )
+from hil.cli.completion import runs
 from hil.cli.live import PortsOptional, Shown, hand_of, listeners
 from hil.cli.outputs import file_to_write, folder_to_write, output_option
 from hil.measuring import REHEARSAL_SPEED
@@ -56,48 +57,52 @@ class Pacing(StrEnum):
 @expand_records
 def run(
     plan_file: PlanFile,
-    output: Annotated[Path, output_option(folder_to_write, "Folder of the run.")],
+    output: Annotated[Path, output_option(folder_to_write, "Run folder.")],
     *,
     where: RobotsBus,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Measure what a run that was stopped is missing.")
+        bool, typer.Option("--resume", help="Continue a run that was stopped.")
     ] = False,
     pacing: Annotated[
-        Pacing, typer.Option(help="Source of the time of SYNC: the computer's clock or the plant.")
+        Pacing,
+        typer.Option(help="Clock of SYNC: this computer's, or the plant's (lock-step)."),
     ] = Pacing.AUTO,
     frame_log: Annotated[
         Path | None,
         typer.Option(
             callback=file_to_write,
-            help="File that all CAN frames are logged to, such as *.asc, *.log or *.blf.",
+            help="Log of all CAN frames to write: *.asc, *.log or *.blf.",
         ),
     ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
     rehearse: Annotated[
         bool,
-        typer.Option("--rehearse", help="Pass all ways of the plan slowly; nothing is recorded."),
+        typer.Option("--rehearse", help="Move along all paths of the plan slowly; record nothing."),
     ] = False,
     speed: Annotated[
         float,
         typer.Option(
-            min=0.01, max=1, help="Speed of the rehearsal as a share of the velocity limits."
+            min=0.01, max=1, help="Speed of the rehearsal, as a fraction of the velocity limits."
         ),
     ] = REHEARSAL_SPEED,
     symmetric: Annotated[
         Path | None,
-        typer.Option(help="Run whose friction must be symmetric; otherwise nothing moves."),
+        typer.Option(
+            help="Run with friction that must be symmetric; otherwise nothing moves.",
+            autocompletion=runs,
+        ),
     ] = None,
     what_changes: Annotated[
         bool,
         typer.Option(
-            "--what-changes", help="List what a run would write to the drives; nothing is written."
+            "--what-changes", help="List what a run would write to the drives; write nothing."
         ),
     ] = False,
     realtime: RealTime = False,
     shown: Shown,
 ) -> None:
-    """Measure a plan into a folder; the robot moves."""
+    """Measure a plan into a run folder; the robot moves."""
     with working("reading the plan") as now:
         from hil.cli.plan_files import load
 
@@ -247,14 +252,14 @@ def _checked_drives(
 ) -> tuple[DrivesFile, str]:
     """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
     from hil.cli.plan_files import refuse_problems
-    from hil.cli.robot_drives import (
+    from hil.planning.dry_run import dry_run
+    from hil.tasks.robot_drives import (
         bus_cycle,
         following_of,
         load_robots_drives,
         narrowed_drives,
         packaged_drives,
     )
-    from hil.planning.dry_run import dry_run
 
     refuse_no_channel(how.interface, how.channel)
     drives_file = how.drives_file or packaged_drives(the_robot)

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
     from drivers.cia402.picture import AxisPicture, Picture
     from drivers.drives_file import AxisDrive, DrivesFile
 
-commands = typer.Typer()
 
-
-@commands.command()
 @expand_records
 def monitor(
     drives_file: Drives,
@@ -39,18 +36,20 @@ def monitor(
     duration: Annotated[
         float | None,
         typer.Option(
-            "--for", min=0.1, help="Duration after which the command ends by itself \\[s]."
+            "--for",
+            min=0.1,
+            help="Duration of monitoring; unlimited by default \\[s].",
         ),
     ] = None,
     inputs: Annotated[
         bool,
         typer.Option(
-            help="Read the inputs (60FD) too, which show safe torque off, where no other master is"
-            " on the bus."
+            help="Also read the digital inputs (60FD), which show safe torque off; only without"
+            " another master on the bus."
         ),
     ] = False,
 ) -> None:
-    """Show states, positions, torques and emergencies live; sends nothing unless asked to."""
+    """Show states, positions, torques and emergencies live; only listens."""
     from hil.cli import bus_access
 
     drives = bus_access.selected(drives_file)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from hil.terminal.console import out, say, working
+from hil.terminal.console import give, give_each, out, printable, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -106,6 +106,7 @@ def show(*found: Table | str) -> None:
 
     for each in found:
         if isinstance(each, str):
+            give_each("sentences", each)
             terminal.show_sentence(each, out)
         else:
             terminal.show(each, out)
@@ -122,6 +123,7 @@ def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
 
 def say_judgement(judgement: Judgement, more: str = "") -> None:
     """State what a result is worth, `more` behind it, and notes below where it is good."""
+    give(judgement={"word": judgement.word, "text": printable(str(judgement))})
     say("; ".join(filter(None, (str(judgement), more))), style=STYLES[judgement.word])
     for note in judgement.further if judgement.word == "good" else ():
         say(f"note: {note.clause}")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of
+from hil.cli.completion import runs
 from hil.cli.outputs import (
     folder_to_write,
     output_option,
@@ -18,11 +17,11 @@ from hil.cli.outputs import (
     show,
     show_causes,
 )
+from hil.cli.planning import poses
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from hil.cli.measuring import OnBus
-    from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.runs.run import Run
 
@@ -35,7 +34,7 @@ SLOW, FAST = "slow", "fast"
 
 payload = typer.Typer(
     cls=group_of(TWO_RUNS),
-    help="Find a load from two runs, without and with it, or measure one in minutes.",
+    help="Identify a load from runs without and with it, or measure one in minutes.",
     no_args_is_help=True,
 )
 commands = typer.Typer()
@@ -44,25 +43,28 @@ commands.add_typer(payload, name="payload")
 
 @payload.command(TWO_RUNS)
 def two_runs(
-    without: Annotated[Path, typer.Argument(help="Folder of the run without the load.")],
-    loaded: Annotated[Path, typer.Argument(help="Folder of the run with the load.")],
+    without: Annotated[Path, typer.Argument(help="Run without the load.", autocompletion=runs)],
+    loaded: Annotated[Path, typer.Argument(help="Run with the load.", autocompletion=runs)],
     mass: Annotated[
         float | None,
         typer.Option(
             min=1e-3,
-            help="Mass of the load, which is held; it corrects the torque constants of runs"
-            " measured by strokes \\[kg].",
+            help="Known mass of the load \\[kg]; corrects the torque constants of runs measured by"
+            " strokes.",
         ),
     ] = None,
     gains: Annotated[
         bool,
         typer.Option(
             "--gains",
-            help="Find the gains of all axes of imported runs by the mass, too; takes --mass.",
+            help="Estimate the torque gains of all axes of imported runs, too; takes --mass.",
         ),
     ] = False,
 ) -> None:
-    """Find a load from two runs; writes load.yaml into the second; what happens by default."""
+    """Identify a load from a run without and a run with it; the default command.
+
+    Writes load.yaml into the folder of the second.
+    """
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     with working("reading the runs") as now:
@@ -94,32 +96,30 @@ def measure(
     output: Annotated[Path, output_option(folder_to_write, "Folder of the measurement.")],
     minutes: Annotated[
         float,
-        typer.Option(min=LEAST_MINUTES, max=3, help="Duration of motion, ways included \\[min]."),
+        typer.Option(min=LEAST_MINUTES, max=3, help="Duration of motion, travel included \\[min]."),
     ] = 3.0,
     mass: Annotated[
         float | None,
-        typer.Option(min=1e-3, help="Mass of the load, which is held \\[kg]."),
+        typer.Option(min=1e-3, help="Known mass of the load \\[kg]."),
     ] = None,
     at_most: Annotated[
         float | None,
-        typer.Option(
-            min=1e-3, help="Mass that the load has at most, for poses that hold it \\[kg]."
-        ),
+        typer.Option(min=1e-3, help="Maximum payload mass, which poses must hold \\[kg]."),
     ] = None,
     pose: Annotated[
         list[str] | None,
         typer.Option(
-            help="Axis and where it is held in all measurements, such as axis5=90 \\[degrees; m];"
-            " may be given again."
+            help="Axis and its position in all measurements, such as axis5=90 \\[deg; m]; may be"
+            " repeated."
         ),
     ] = None,
     *,
     where: RobotsBus,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Measure what a measurement that was stopped misses.")
+        bool, typer.Option("--resume", help="Continue a measurement that was stopped.")
     ] = False,
 ) -> None:
-    """Measure a load beside a run without it, slowly and then faster; the robot moves."""
+    """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
     from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
     from hil.results.load import BareRun, LoadFit, estimate_load, find_load
@@ -131,7 +131,7 @@ def measure(
         raise typer.BadParameter(f"{mass:g} kg must be at most --at-most", param_hint="--mass")
     bare_run = Run.open(model if model.is_dir() else model.parent)
     _refuse_output(bare_run, output, resume=resume)
-    poses = _poses(bare_run.robot, pose or [])
+    held_axes = poses(bare_run.robot, pose or [])
     with working("reading what the run without the load knows"):
         bare = BareRun(bare_run)
         known = bare.known
@@ -139,7 +139,7 @@ def measure(
     slow = _kept_plan(output / SLOW, bare_run)
     if slow is None:
         with working("choosing slow measurements"):
-            slow = slow_plan(known, minutes, at_most if mass is None else mass, poses)
+            slow = slow_plan(known, minutes, at_most if mass is None else mass, held_axes)
             held = holds(known, slow)
         _show_stage("slow", slow, bare_run)
         say(
@@ -151,7 +151,7 @@ def measure(
     if fast is None:
         with working("estimating the load, and choosing faster measurements by it"):
             found = estimate_load(bare, [Run.open(output / SLOW)])
-            fast = fast_plan(known, minutes, slow, found, poses)
+            fast = fast_plan(known, minutes, slow, found, held_axes)
         _show_stage("fast", fast, bare_run)
     _carry_out(fast, bare_run, output / FAST, how, resume=resume)
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
@@ -165,21 +165,6 @@ def measure(
     if load.is_loose:
         show_causes(bare_run.path, *runs, known=("load",))
     say(f"load in {output / NAME}")
-
-
-def _poses(robot: Robot, stated: list[str]) -> tuple[tuple[int, float], ...]:
-    """Axes from 0 and where they are held [rad or m]."""
-    found = []
-    for each in stated:
-        fits = re.fullmatch(r"axis(\d+)=([-+]?\d+(?:\.\d*)?)", each)
-        if fits is None or not 1 <= int(fits[1]) <= robot.n_joints:
-            raise typer.BadParameter(
-                f"{each!r} must be axis1 to axis{robot.n_joints} and a position, such as axis5=90",
-                param_hint="--pose",
-            )
-        axis, at = int(fits[1]) - 1, float(fits[2])
-        found.append((axis, math.radians(at) if robot.revolute[axis] else at))
-    return tuple(found)
 
 
 def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:

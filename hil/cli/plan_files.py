@@ -12,7 +12,7 @@ from hil.model.robot import ROBOTS, load_robot, refuse_unknown
 from hil.planning.plan import dump_plan, load_plan, refuse_other_robot
 from hil.planning.workspace_check import load_workspace, remarks
 from hil.runs.atomic_file import write_file
-from hil.terminal.console import say
+from hil.terminal.console import give, say
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -98,6 +98,7 @@ def refuse_problems(result: DryRun, plan_file: Path) -> None:
 def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
     """Write a plan, and state how many measurements it has."""
     keep_plan(output, designed, the_robot)
+    give(plan=str(output), measurements=len(designed.measurements))
     say(f"{len(designed.measurements)} measurements in {output}")
 
 

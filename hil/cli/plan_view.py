@@ -154,7 +154,7 @@ def describe_problems(result: DryRun, text: str, source: str, most: int = 10) ->
 
 
 def _costs(result: DryRun) -> Table:
-    table = Table("", "measurements", "robot time", title="What it will take")
+    table = Table("", "measurements", "time, m:ss", title="Duration")
     for kind, duration in result.durations.items():
         table.add_row(kind, str(result.counts.get(kind, "")), clock(duration))
     table.add_section()
@@ -169,7 +169,7 @@ def _gains(result: DryRun) -> Table:
         "measurements",
         "rank",
         "condition",
-        title="What can be identified",
+        title="Identifiability",
     )
     for group in result.groups:
         condition = f"{group.condition:.1f}" if math.isfinite(group.condition) else "infinite"
@@ -190,7 +190,7 @@ def _words(group: str) -> str:
 def render_precision(found: Precision, robot: Robot, console: Console) -> None:
     """Print how precisely a plan will identify every base parameter."""
     columns = {"std. deviation": [_figure(each) for each in found.deviation]}
-    _print_precision("How precisely, predicted", columns, found, robot, console)
+    _print_precision("Predicted precision", columns, found, robot, console)
 
 
 def render_refinement(before: Precision, after: Precision, robot: Robot, console: Console) -> None:

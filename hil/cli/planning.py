@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import re
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,17 +20,15 @@ from hil.cli.arguments import (
     RobotsDrives,
     WorkspaceOption,
 )
+from hil.cli.completion import robots, runs
 from hil.cli.outputs import NewPlan, show
 from hil.planning import LONGEST
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from hil.model.robot import Robot
 
 commands = typer.Typer()
-
-Count = partial(typer.Option, min=1, max=2000)
-"""Option of a number of measurements; choosing among more takes longer than measuring them."""
 
 
 @commands.command("dry-run")
@@ -43,14 +44,14 @@ def dry_run_(
     drives_file: RobotsDrives = None,
     view: Annotated[
         bool,
-        typer.Option("--view", help="Write a page beside the plan that plays it in 3-D as well."),
+        typer.Option("--view", help="Also write a 3-D page of the plan beside it."),
     ] = False,
 ) -> None:
-    """State what a plan takes and what it gives; nothing moves."""
+    """Check a plan and predict its duration and precision; nothing moves."""
     from hil.cli import plan_view
     from hil.cli.plan_files import load, refuse_problems
-    from hil.cli.robot_drives import bus_cycle, following_of, known_drives
     from hil.planning.dry_run import dry_run
+    from hil.tasks.robot_drives import bus_cycle, following_of, known_drives
 
     if view:
         from hil.cli import viewing
@@ -68,11 +69,11 @@ def dry_run_(
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
-        from hil.cli.robot_drives import expected_of
         from hil.estimation.excluded.foreseen import foreseen
         from hil.friction.ripple import ripple_left_out
         from hil.planning.prediction.precision import predict
         from hil.results.tables import excluded
+        from hil.tasks.robot_drives import expected_of
 
         with working("predicting the precision") as now:
             expected = expected_of(the_robot, noise_from, drives_file)
@@ -90,37 +91,96 @@ def dry_run_(
             say(ripple, style="yellow")
 
 
+class Kind(StrEnum):
+    """What a plan measures."""
+
+    STROKES = "strokes"
+    FRICTION = "friction"
+    TRAJECTORY = "trajectory"
+    LOAD = "load"
+
+
+class Experiment(StrEnum):
+    """What is measured of friction."""
+
+    SWEEP = "sweep"
+    STOPS = "stops"
+    OPERATION = "operation"
+
+
+class Criterion(StrEnum):
+    """What an exciting trajectory makes small."""
+
+    CONDITION = "condition"
+    SINGULAR = "singular"
+    DET = "det"
+
+
+def _for(kinds: str) -> partial[Any]:
+    """Options of some kinds of plan, in a panel of the help."""
+    return partial(typer.Option, rich_help_panel=f"Options of --kind {kinds}")
+
+
+_strokes, _friction, _trajectory, _load = map(_for, ("strokes", "friction", "trajectory", "load"))
+_count = partial(_strokes, min=1, max=2000)
+"""Option of a number of measurements; choosing among more takes longer than measuring them."""
+
+
 @commands.command()
 def plan(
     output: NewPlan,
     name: Annotated[
         str | None,
-        typer.Argument(help="Name of a robot that comes along, or path of a robot file."),
+        typer.Argument(
+            metavar="ROBOT",
+            help="Built-in robot or robot file; a run states it for --refine and --kind load.",
+            autocompletion=robots,
+        ),
     ] = None,
-    gravity: Annotated[
-        int | None,
-        Count(help="Number of gravity measurements.", show_default="56"),
-    ] = None,
-    inertia: Annotated[
-        int | None,
-        Count(help="Number of inertia measurements.", show_default="80"),
-    ] = None,
-    coupling: Annotated[
-        int | None,
-        Count(help="Number of coupling measurements.", show_default="16"),
-    ] = None,
+    kind: Annotated[
+        Kind,
+        typer.Option(
+            help="Measurements to plan: strokes for base parameters, sweeps for friction, a"
+            " periodic trajectory, or slow strokes that weigh a load."
+        ),
+    ] = Kind.STROKES,
     minutes: Annotated[
         float | None,
         typer.Option(
             min=0.1,
             max=LONGEST / 60,
-            help="Duration, travel included, for which the most informative measurements are"
-            " chosen \\[min].",
+            help="Duration of motion \\[min]: of strokes chosen by information; of all periods of"
+            " a trajectory, 5 by default; of a load's two stages, 3 by default.",
         ),
+    ] = None,
+    warm_up: Annotated[
+        float,
+        typer.Option(min=0, max=LONGEST, help="Duration of motion before measuring \\[s]."),
+    ] = 0.0,
+    workspace: PlanWorkspace = None,
+    refine: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Run that the plan continues: its least precise parameters, or the faster strokes"
+            " of a load; may be repeated.",
+            autocompletion=runs,
+        ),
+    ] = None,
+    gravity: Annotated[
+        int | None,
+        _count(help="Number of gravity measurements.", show_default="56"),
+    ] = None,
+    inertia: Annotated[
+        int | None,
+        _count(help="Number of inertia measurements.", show_default="80"),
+    ] = None,
+    coupling: Annotated[
+        int | None,
+        _count(help="Number of coupling measurements.", show_default="16"),
     ] = None,
     with_trajectories: Annotated[
         bool,
-        typer.Option(
+        _strokes(
             "--with-trajectories",
             help="With --minutes: choose among trajectories too, for drives that follow streams of"
             " set-points.",
@@ -128,128 +188,123 @@ def plan(
     ] = False,
     distinguish: Annotated[
         str | None,
-        typer.Option(
-            metavar="CAUSE\\[,CAUSE...]",
-            help="Causes that the plan is to show in their usual size and to distinguish,"
-            " such as 'load,zero of axis 4'; what it adds lasts as long as the plan at most.",
+        _strokes(
+            metavar="CAUSE[,CAUSE...]",
+            help="Causes of error that the plan must distinguish at their usual size, such as"
+            " 'load,zero of axis 4'; this at most doubles its duration.",
         ),
     ] = None,
-    run: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--refine",
-            help="Run whose least precise parameters the plan measures again; may be repeated.",
+    noise_from: Annotated[
+        Path | None,
+        _strokes(
+            help="Run that shows this robot's noise; without it the robot file states the noise.",
+            autocompletion=runs,
         ),
     ] = None,
-    noise_from: NoiseFrom = None,
-    warm_up: Annotated[
-        float,
-        typer.Option(min=0, max=LONGEST, help="Duration of motion before measuring \\[s]."),
-    ] = 0.0,
-    workspace: PlanWorkspace = None,
+    experiment: Annotated[
+        Experiment | None,
+        _friction(
+            help="Experiment: all speeds once (sweep), motion with stops (stops), or all speeds"
+            " after times of operation (operation).",
+            show_default="sweep",
+        ),
+    ] = None,
+    axis: Annotated[
+        list[int] | None,
+        _friction(help="Number of an axis from 1; a sweep takes several, and all by default."),
+    ] = None,
+    period: Annotated[
+        float | None,
+        _trajectory(
+            min=1.0,
+            help="Period of the trajectory \\[s]; better no multiple of the SYNC period.",
+            show_default="10.0023",
+        ),
+    ] = None,
+    criterion: Annotated[
+        Criterion | None,
+        _trajectory(
+            help="Criterion of the optimum: condition number, smallest singular value or log det,"
+            " of the observation matrix with scaled rows and columns.",
+            show_default="det",
+        ),
+    ] = None,
+    harmonics: Annotated[
+        int | None,
+        _trajectory(
+            min=2, max=50, help="Number of harmonics of each joint's motion.", show_default="15"
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        _trajectory(
+            help="Seed of the search; the same seed gives the same trajectory.", show_default="0"
+        ),
+    ] = None,
+    drives: Annotated[
+        Path | None,
+        _trajectory(help="Drives file; the built-in one of the robot by default."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        _load(help="Run without the load, or the model in its folder.", autocompletion=runs),
+    ] = None,
+    at_most: Annotated[
+        float | None, _load(min=1e-3, help="Maximum payload mass, which poses must hold \\[kg].")
+    ] = None,
+    pose: Annotated[
+        list[str] | None,
+        _load(
+            help="Axis and its position in all measurements, such as axis5=90 \\[deg; m]; may be"
+            " repeated."
+        ),
+    ] = None,
 ) -> None:
-    """Choose configurations and motions from g(q) and M(q)."""
-    asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
-    counts = {kind: number for kind, number in asked.items() if number is not None}
-    own = warm_up or workspace is not None or noise_from is not None
-    for wrong, why in (
-        ((name is None) == (not run), "give a robot, or a run with --refine: one of the two"),
-        (
-            counts and (minutes is not None or run),
-            "--gravity, --inertia and --coupling are for a plan by counts; leave them out with"
-            " --minutes and --refine, which choose them",
-        ),
-        (
-            run and own,
-            "--refine takes workspace and noise from the run; leave --warm-up, --workspace and"
-            " --noise-from out",
-        ),
-        (
-            with_trajectories and run,
-            "--with-trajectories does not go with --refine, which chooses among strokes",
-        ),
-        (
-            with_trajectories and minutes is None,
-            "--with-trajectories needs --minutes, within which all kinds are weighed against each"
-            " other; for trajectories alone there is hil trajectory plan",
-        ),
-        (
-            distinguish is not None and (run or minutes is not None),
-            "--distinguish adds to a plan by counts, as much as causes need; leave --minutes and"
-            " --refine out",
-        ),
-        (
-            noise_from is not None and minutes is None and distinguish is None,
-            "--noise-from is for --minutes and --distinguish; a plan by counts uses no noise",
-        ),
-    ):
-        if wrong:
-            raise typer.BadParameter(why)
-    if run:
-        _refine(run, minutes or 10.0, output)
-        return
+    """Plan measurements: strokes, friction sweeps, an exciting trajectory, or a load."""
+    given = locals()
+    from checked_files.yaml_file import FileError
+    from hil.tasks.plans import Unsuited, designed
+
+    options = {key: given[key] for key in given if key not in {"name", "output", "kind"}}
+    source = name or next(iter(refine or ()), None)
     with working("reading the robot") as now:
-        from checked_files.yaml_file import FileError
         from hil.cli.plan_files import load_guard, write_plan
         from hil.model.robot import load_robot, refuse_unknown
-        from hil.planning.design.by_counts import design
+        from hil.runs.run import Run
 
-        the_robot = load_robot(str(name))
-        refuse_unknown(the_robot)
-        if distinguish is not None:
-            from hil.estimation.excluded.distinguishing import causes_named
-
-            named = causes_named(the_robot, distinguish)
+        the_robot = None if name is None else load_robot(name)
+        if the_robot is not None:
+            refuse_unknown(the_robot)
+            if workspace is not None:
+                options["workspace"] = load_guard(workspace, the_robot)
+        if model is not None and kind is Kind.LOAD:
+            source = model if model.is_dir() else model.parent
+            options["model"] = Run.open(source)
+            options["pose"] = poses(options["model"].robot, pose or [])
         try:
-            guard = load_guard(workspace, the_robot)
-            if minutes is None:
-                now("choosing measurements")
-                designed = design(the_robot, counts, warm_up, guard)
-            else:
-                from hil.cli.robot_drives import expected_of
-                from hil.planning.design.by_minutes import design_within
-
-                now(f"choosing the most informative measurements of {minutes:g} minutes")
-                designed = design_within(
-                    the_robot, minutes, expected_of(the_robot, noise_from).noise, warm_up, guard,
-                    with_trajectories=with_trajectories,
-                )  # fmt: skip
-            if distinguish is not None:
-                from hil.cli.robot_drives import expected_of
-                from hil.estimation.excluded import distinguishing
-                from hil.results.tables import excluded
-
-                now("choosing measurements that distinguish causes")
-                expected = expected_of(the_robot, noise_from)
-                reached = distinguishing.distinguish(
-                    designed, the_robot, expected.noise, expected.p, named
-                )
-                designed = reached.plan
+            found = designed(kind.value, now, robot=the_robot, **options)
+        except Unsuited as error:
+            raise typer.BadParameter(error.text) from error
         except ValueError as error:
-            raise FileError(f"{name}: {error}") from error
-    write_plan(output, designed, the_robot)
-    if distinguish is not None:
-        show(excluded.distinguished(reached, expected.source), *excluded.distinguishing(reached))
-
-
-def _refine(runs: Sequence[Path], minutes: float, output: Path) -> None:
-    with working("finding what the runs have shown") as now:
-        from checked_files.yaml_file import FileError
-        from hil.cli.plan_files import write_plan
+            raise FileError(f"{source}: {error}") from error
+    write_plan(output, found.plan, found.robot)
+    show(*found.shown)
+    if found.refinement:
         from hil.cli.plan_view import render_refinement
-        from hil.cli.robot_drives import experience_of
-        from hil.planning.design.by_minutes import refine
-        from hil.planning.prediction.precision import information, precision
 
-        folders, (noise, known, _) = experience_of(runs)
-        first, robot = folders[0], folders[0].robot
-        taken = {measurement.id for folder in folders for measurement in folder.motions}
-        now(f"choosing the most informative measurements of {minutes:g} minutes")
-        try:
-            designed = refine(robot, minutes, noise, known, first.planned, taken)
-        except ValueError as error:
-            raise FileError(f"{first.path}: {error}") from error
-        more = information(robot, designed.measurements, designed.sample_period, noise)
-        before, then = (precision(robot, each, noise.source) for each in (known, known + more))
-    write_plan(output, designed, robot)
-    render_refinement(before, then, robot, out)
+        render_refinement(*found.refinement, found.robot, out)
+
+
+def poses(robot: Robot, stated: list[str]) -> tuple[tuple[int, float], ...]:
+    """Axes from 0 and where they are held [rad or m]."""
+    found = []
+    for each in stated:
+        fits = re.fullmatch(r"axis(\d+)=([-+]?\d+(?:\.\d*)?)", each)
+        if fits is None or not 1 <= int(fits[1]) <= robot.n_joints:
+            raise typer.BadParameter(
+                f"{each!r} must be axis1 to axis{robot.n_joints} and a position, such as axis5=90",
+                param_hint="--pose",
+            )
+        axis, at = int(fits[1]) - 1, float(fits[2])
+        found.append((axis, math.radians(at) if robot.revolute[axis] else at))
+    return tuple(found)

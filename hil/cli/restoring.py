@@ -24,17 +24,17 @@ def restore(
     ],
     interface: Annotated[
         str | None,
-        typer.Option(help="Name of a python-can interface; by default that of the file."),
+        typer.Option(help="Interface of python-can; that of the file by default."),
     ] = None,
     channel: Annotated[
-        str | None, typer.Option(help="Channel of the interface; by default that of the file.")
+        str | None, typer.Option(help="Channel of the interface; that of the file by default.")
     ] = None,
     bus_option: BusOptions = None,
     other_bus: Annotated[
-        bool, typer.Option("--other-bus", help="Accept another bus than that of the file.")
+        bool, typer.Option("--other-bus", help="Accept another bus than the file states.")
     ] = False,
 ) -> None:
-    """Put back what drives held before a session that was killed; they must be off."""
+    """Restore the drives' settings after a session that was killed; the drives must be off."""
     from drivers.found_settings.settings_file import load_found_settings
     from hil.cli import bus_access
     from hil.cli.bus_state import BusState

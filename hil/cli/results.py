@@ -1,4 +1,4 @@
-"""What runs give: a model, a report, a load, a diagnosis; and how true the model is."""
+"""What runs give: a model, a report, a diagnosis."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds
+from hil.cli.completion import methods, runs
 from hil.cli.outputs import (
     Status,
     folder_to_write,
@@ -17,7 +18,7 @@ from hil.cli.outputs import (
     say_simulated,
     show,
 )
-from hil.terminal.console import out, say, working
+from hil.terminal.console import give, out, say, working
 
 if TYPE_CHECKING:
     from hil.estimation.options import Options
@@ -29,14 +30,15 @@ commands = typer.Typer()
 Method = Annotated[
     str | None,
     typer.Option(
-        help="Name of the method of estimation; an unknown one lists all.",
-        show_default="the one for what was recorded",
+        help="Method of estimation; an unknown one lists all.",
+        show_default="by the kind of recordings",
+        autocompletion=methods,
     ),
 ]
 Others = Annotated[
     list[Path] | None,
     typer.Option(
-        "--with", help="Further run that is identified together with it; may be repeated."
+        "--with", help="Further run to identify jointly; may be repeated.", autocompletion=runs
     ),
 ]
 
@@ -50,7 +52,7 @@ def identify(
     consistent: Annotated[
         bool,
         typer.Option(
-            "--consistent", help="Find the nearest robot that consists of bodies as well."
+            "--consistent", help="Also find the nearest physically consistent parameters."
         ),
     ] = False,
     masses: Masses = None,
@@ -58,17 +60,17 @@ def identify(
         str | None,
         typer.Option(
             metavar="cad=SHARE",
-            help="What the motion does not excite comes from the inertials of --urdf, masses and"
-            " moments uncertain by this share (1 sigma), such as cad=0.3.",
+            help="Relative uncertainty (1 sigma) of the inertials of --urdf, a prior for what the"
+            " motion does not excite, such as cad=0.3.",
         ),
     ] = None,
     urdf: Annotated[
-        Path | None, typer.Option(help="URDF of the robot with inertials, as CAD writes it.")
+        Path | None, typer.Option(help="URDF of the robot with inertials, such as CAD exports.")
     ] = None,
 ) -> None:
-    """Estimate base parameters from runs of any kind; exit status 3 where that failed.
+    """Identify dynamics and friction from runs of any kind.
 
-    The model is written into the first folder.
+    Writes model.yaml into the first folder. Exit status 3 where the identification failed.
     """
     begun = perf_counter()
     with working("reading the run") as now:
@@ -80,7 +82,7 @@ def identify(
         from hil.results.tables.friction import symmetry
         from hil.runs.pooling import open_runs, pooled
 
-        _refuse_unknown(method)
+        refuse_unknown(method)
         bounds = body_bounds(masses)
         path = folders[0] / model_file.NAME
         refuse_unwritable(path)
@@ -114,6 +116,7 @@ def identify(
     for each in (run, *more):
         _show_shortfall(each)
     took = f"{perf_counter() - begun:.1f} s"
+    give(model=str(path))
     say(f"model in {path} ({took})")
     if found.failed:
         raise typer.Exit(Status.REFUSED)
@@ -149,12 +152,12 @@ def report(
     figures: Annotated[
         Path | None,
         typer.Option(
-            callback=folder_to_write, help="Folder that the plots are written to as SVG files too."
+            callback=folder_to_write, help="Folder to write the plots into as SVG files, too."
         ),
     ] = None,
     without: Without = None,
 ) -> None:
-    """Write a run's report, one HTML file."""
+    """Write the report of a run; one HTML file."""
     begun = perf_counter()
     with working("reading the run") as now:
         from hil.report import page as module
@@ -171,32 +174,11 @@ def report(
 
 
 @commands.command()
-def compare(
-    folder: RunPath,
-    truth: Annotated[
-        str,
-        typer.Option(help="Plant file of the virtual plant, or name of a plant that comes along."),
-    ],
-    method: Method = None,
-    others: Others = None,
-    without: Without = None,
-) -> None:
-    """Set an estimate against the truth of the virtual plant."""
-    with working("reading the run") as now:
-        from hil.ground_truth import comparison as module
-        from hil.results.identification import method_for
-        from hil.runs.pooling import open_runs
-
-        _refuse_unknown(method)
-        run, *more = open_runs([folder, *(others or ())])
-        run = run.without(without or ())
-        now(f"setting what was estimated of {run.robot.name} beside the truth")
-        module.compare(run, truth, out, method or method_for(run, more)[0], more)
-
-
-@commands.command()
 def diagnose(folder: RunPath, without: Without = None) -> None:
-    """Test what the robot file leaves out and what it states; writes diagnosis.yaml."""
+    """Test a robot file for missing effects and wrong values.
+
+    Writes diagnosis.yaml into the folder of the run.
+    """
     with working("reading the run") as now:
         from hil.report.sections.kept import write_diagnosis_plots
         from hil.results import diagnosis
@@ -217,7 +199,14 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
     say(f"diagnosis in {folder / diagnosis.NAME}; hil report {folder} shows it")
 
 
-def _refuse_unknown(method: str | None) -> None:
+def refuse_unknown(method: str | None) -> None:
+    """Refuse a method that there is not.
+
+    Raises
+    ------
+    typer.BadParameter
+        With the known ones.
+    """
     from hil.estimation.identify import METHODS, RIVALS
 
     if method is not None and method not in METHODS:

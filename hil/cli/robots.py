@@ -1,20 +1,24 @@
-"""A robot: what can be identified of it, and a first file of it from a URDF or a table."""
+"""A robot: what can be identified of it, a first file of it, and its virtual twin."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from checked_files.errors import HilError
 from hil.cli.arguments import RobotName, group_of
-from hil.cli.outputs import new_file, output_option
+from hil.cli.completion import files
+from hil.cli.outputs import folder_to_write, new_file, output_option
 from hil.terminal.console import out, say, working
 
 commands = typer.Typer()
 robot_commands = typer.Typer(
     cls=group_of("show"),
-    help="Show base parameters, their groups, and where they occur in M and g.",
+    help="Show what can be identified of a robot, or write a first robot file.",
     no_args_is_help=True,
 )
 commands.add_typer(robot_commands, name="robot")
@@ -22,7 +26,7 @@ commands.add_typer(robot_commands, name="robot")
 
 @robot_commands.command()
 def show(name: RobotName) -> None:
-    """Show base parameters; `hil robot NAME` does so too."""
+    """Show base parameters and where they occur in M and g; the default command."""
     with working("reading the robot") as now:
         from hil.cli import plan_view
         from hil.model.base_parameters import base_parameters
@@ -42,28 +46,26 @@ def new(
     ] = None,
     dh: Annotated[
         Path | None,
-        typer.Option("--dh", help="Table of standard Denavit-Hartenberg parameters, CSV or YAML."),
+        typer.Option("--dh", help="Table of standard Denavit-Hartenberg parameters; CSV or YAML."),
     ] = None,
     mdh: Annotated[
         Path | None,
-        typer.Option("--mdh", help="Table of modified Denavit-Hartenberg parameters, CSV or YAML."),
+        typer.Option("--mdh", help="Table of modified Denavit-Hartenberg parameters; CSV or YAML."),
     ] = None,
     base: Annotated[
         str | None,
-        typer.Option("--from", help="Link of the URDF that stands still; by default the root."),
+        typer.Option("--from", help="Base link of the URDF; its root by default."),
     ] = None,
     tip: Annotated[
         str | None,
-        typer.Option(
-            "--to", help="Link of the URDF at the end; by default that of the longest chain."
-        ),
+        typer.Option("--to", help="Last link of the URDF; that of the longest chain by default."),
     ] = None,
     gravity: Annotated[
         tuple[float, float, float],
-        typer.Option(help="Gravity in the link, or frame 0, that stands still \\[m/s2]."),
+        typer.Option(help="Gravity in the base link, or frame 0 \\[m/s2]."),
     ] = (0.0, 0.0, -9.81),
 ) -> None:
-    """Write a first robot file from a URDF or a table, and list what is to be stated in it."""
+    """Write a first robot file from a URDF or a table, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
     from hil.runs.atomic_file import write_file
 
@@ -107,3 +109,25 @@ def _from_table(
     types = ", ".join(f"{joint.name} {joint.type}" for joint in table.joints)
     found = f"{len(table.joints)} joints of a {table.notation} table: {types}"
     return draft_robot(table, gravity), found, table.rounded
+
+
+@commands.command()
+def twin(
+    robot: Annotated[
+        Path, typer.Argument(help="Robot file, whose axes the plant has.", autocompletion=files)
+    ],
+    output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
+) -> None:
+    """Write a virtual plant of a robot and its drives file, to rehearse without it."""
+    # the plant is a program of its own, of which nothing is imported here: its model of the arm
+    # must not be the one that is tested against it
+    with working("scaling a plant to the limits of the robot"):
+        made = subprocess.run(  # noqa: S603 - our own program, by its own name
+            [sys.executable, "-m", "sim_plant", "twin", str(robot), "--output", str(output)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if made.returncode:
+        raise HilError(made.stderr.strip().removeprefix("sim_plant: "))
+    say(made.stdout.rstrip())

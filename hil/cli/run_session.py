@@ -16,7 +16,7 @@ from hil.results.rounding import clock
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
 from hil.runs.run_folder import RunFolder
-from hil.terminal.console import out, say
+from hil.terminal.console import give, out, say
 from hil.terminal.interruption import interruptible, report
 from hil.terminal.keys import HINT, KeyboardStop
 from hil.terminal.progress import shown
@@ -163,6 +163,7 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
             " same command without --rehearse"
         )
     assert isinstance(last, Finished)  # noqa: S101 - the last of all events
+    give(run=str(folder.path), measurements=last.recorded, with_findings=list(last.gave_up))
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
     return (
         f"{last.recorded} measurements in {folder.path}"

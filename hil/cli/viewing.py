@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import RobotOption, WorkspaceOption
+from hil.cli.completion import robots, runs
 from hil.cli.outputs import file_to_write, output_option, refuse_no_folder, refuse_unwritable
 from hil.terminal.console import say, working
 
@@ -33,31 +34,33 @@ def view(
         str,
         typer.Argument(
             metavar="PLAN|RUN|ROBOT",
-            help="Plan, folder of a run, or robot by its name, its file or its URDF.",
+            help="Plan, run folder, or robot: built-in, robot file or URDF.",
+            autocompletion=robots,
         ),
     ],
     output: Annotated[
         Path | None,
         output_option(
             file_to_write,
-            "Page to write; by default beside the plan, in the run's folder, or here.",
+            "Page to write; by default beside the plan, in the run folder, or here.",
         ),
     ] = None,
     model_path: Annotated[
         Path | None,
         typer.Option(
             "--model",
-            help="Model that predicts torques: its file, or the folder of the run that gave it.",
+            help="Model that predicts torques: its file, or the identified run.",
+            autocompletion=runs,
         ),
     ] = None,
     urdf: Annotated[
         Path | None,
-        typer.Option("--urdf", help="URDF of the same robot whose visual meshes are shown."),
+        typer.Option("--urdf", help="URDF of the robot, for its visual meshes."),
     ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
 ) -> None:
-    """Write a page that plays a plan or a run in 3-D, or shows a robot; one HTML file."""
+    """Write a 3-D page of a plan, a run or a robot; one HTML file."""
     path = Path(what)
     if path.is_dir():
         _refuse(robot_file, "--robot", "a run, which has its own")

@@ -21,7 +21,7 @@ from hil.results.model_file import NAME, read_model_file
 from hil.results.prediction import FreeTorques
 from hil.results.rounding import clock, rounded, signed, unit
 from hil.results.tables.table import Column, Marked, Part, Table, figures, table
-from hil.results.tables.terminal import show
+from hil.results.tables.terminal import show, show_sentence
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:
@@ -134,11 +134,10 @@ def compare(
     recordings = list(pooled([run, *others]))
     result = comparison(found_in(run, method, others).estimate, run.robot, true)
     render(result, run.robot, console)
-    console.print(
+    show_sentence(
         f"{len(recordings)} measurements in {clock(recordings[-1][1].time[-1])} of robot time,"
         f" {method} method, truth of {truth}",
-        highlight=False,
-        soft_wrap=True,
+        console,
     )
     return result
 
@@ -162,15 +161,17 @@ def render(result: Comparison, robot: Robot, console: Console) -> None:
     show(_parameters(result, robot), console)
     for group, error in result.group_error.items():
         name = group.replace("_", "-")
-        console.print(f"{name + ' group,':20} relative error in the norm   {_percent(error)}")
+        text = f"{name + ' group,':20} relative error in the norm   {_percent(error)}"
+        show_sentence(text, console)
     joints = ", ".join(_percent(error).strip() for error in result.torque_error)
-    console.print(
+    show_sentence(
         f"{'torques,':20} mean relative rms over joints{_percent(result.mean_torque_error)}"
         f"  (joints 1 to {robot.n_joints}: {joints})",
-        soft_wrap=True,
+        console,
     )
     inside = f"{result.inside.sum()} of {len(result.p)}"
-    console.print(f"{'intervals of 95 %,':20} hold the truth for {inside} parameters")
+    text = f"{'intervals of 95 %,':20} hold the truth for {inside} parameters"
+    show_sentence(text, console)
 
 
 def _parameters(result: Comparison, robot: Robot) -> Table:

@@ -1,7 +1,7 @@
 """The truth about the virtual plant, for whoever sets an estimate against it afterwards.
 
-Only `hil compare` and benchmarks come here; nothing that measures or estimates does. A run must
-have been measured on the plant, as its journal names it. Of the plant file just the machine is
+Only `hil validate --truth` and benchmarks come here; nothing that measures or estimates does. A run
+must have been measured on the plant, as its journal names it. Of the plant file just the machine is
 read: frames, bodies, drives, payload. It must be the robot's: joint types, frames, gravity and gear
 ratios are compared, all of them, before a single parameter is, since where one differs base
 parameters are other combinations of other bodies. Then its standard parameters of eq. (5), links

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _IN_A_PLAN = (
     "plan again with --workspace, choose another configuration or order, or correct box or capsule"
 )
-_AT_THE_START = "correct box or capsule, or bring the arm out of there with hil jog"
+_AT_THE_START = "correct box or capsule, or bring the arm out of there with hil drives jog"
 
 
 class JointBoxes:
@@ -108,7 +108,7 @@ def refuse_travel(
         where = ", ".join(f"{q:.3g}" for q in start)
         raise LimitExceeded(
             f"travel from ({where}): {_described(hit, robot, workspace)}; bring the robot nearer"
-            " to its next configuration with hil jog"
+            " to its next configuration with hil drives jog"
         )
 
 

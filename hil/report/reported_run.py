@@ -165,7 +165,7 @@ def _friction_alone(run: Run) -> bool:
 
 
 def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
-    """Evaluate the friction of a run as `hil friction fit` did it last; None where there is none.
+    """Evaluate the friction of a run as `hil friction` did it last; None where there is none.
 
     The model of gravity, if it is still there, and the bound of asymmetry are the same.
 

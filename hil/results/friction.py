@@ -64,7 +64,7 @@ def evaluate(
     chosen = recorded_as(Friction, recordings)
     if not chosen:
         raise NotEnoughData(
-            f"{run.path}: holds no friction measurements; plan some with: hil friction plan"
+            f"{run.path}: holds no friction measurements; plan some with: hil plan --kind friction"
             f" {robot.name} -o friction.yaml"
         )
     found, left_out = points(robot, chosen, _gravity_model(robot, model_folder))

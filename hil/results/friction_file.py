@@ -145,7 +145,7 @@ def load_friction(run: Run) -> FrictionFile:
     """
     path = run.path / NAME
     if not path.exists():
-        raise FileError(f"{path}: not there yet; make it with: hil friction fit {run.path}")
+        raise FileError(f"{path}: not there yet; make it with: hil friction {run.path}")
     return load_yaml(path, FrictionFile)
 
 
@@ -184,7 +184,7 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
         )
     if not tested:
         raise AsymmetricFriction(
-            f"{source}: symmetry of no axis was tested; give hil friction fit an identified model"
+            f"{source}: symmetry of no axis was tested; give hil friction an identified model"
             " with --model"
         )
     untested = [str(k) for k in range(1, robot.n_joints + 1) if k not in tested]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 from scipy import special
@@ -10,25 +9,17 @@ from scipy import special
 from hil.estimation.intervals import SIGNIFICANT
 from hil.results.rounding import probability, rounded, signed, significant, unit
 from hil.results.tables.table import Column, Marked, Table, figures, table
-from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.results.changes import Change
     from hil.results.history import History, KnownRun
     from hil.results.quantities import Reading
     from hil.results.tables.table import Row
 
 
-def write_history(path: Path, found: History) -> None:
-    """Write a history as JSON, whole or not at all."""
-    write_file(path, json.dumps(content(found), indent=2, allow_nan=False).encode() + b"\n")
-
-
-def content(found: History) -> dict[str, Any]:
-    """What the file holds."""
+def as_data(found: History) -> dict[str, Any]:
+    """Return a history as JSON holds it, for monitoring systems."""
     newest = found.of(found.runs[-1])
     return {
         "format": 1,
@@ -175,7 +166,7 @@ def changes(found: History) -> Table:
             *(Column(head, folds=True) for head in ("run", "since", "quantity")),
             *figures("change", "± 95 %"),
             "unit",
-            *figures("%", "p"),
+            *figures("change, %", "p"),
             Column("may come from", folds=True),
         ),
         map(_change, found.marked),

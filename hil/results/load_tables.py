@@ -163,14 +163,14 @@ def _change(each: ParameterChange) -> Row:
 
 def torque_constants(load: LoadFile) -> Table:
     """Torque constants by the load's mass; no rows where the mass was not stated."""
+    unit_of = "" if load.imported else ", N m/A"
     stated = "" if load.mass is None else f"The mass was stated as {load.mass:g} kg."
     return table(
-        "Gains by the load's mass"
-        if load.imported
-        else "Torque constants by the load's mass, N m/A",
+        f"{'Gains' if load.imported else 'Torque constants'} by the mass of the load",
         (
             "axis",
-            *figures("assumed", "corrected", "std. error", "off by, %", "std. error, %"),
+            *figures(*(f"{head}{unit_of}" for head in ("assumed", "corrected", "std. error"))),
+            *figures("off by, %", "std. error, %"),
         ),
         map(_gain, load.gains),
         f"{stated} {OF_MAPS}" if load.imported else stated,

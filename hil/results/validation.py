@@ -424,7 +424,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
 
 def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
     """Scores of all axes that the recording moves."""
-    heads = ["torque", "residual", "%", "mean, %", "inside, %", "gain"]
+    heads = ["torque", "residual", "residual, %", "mean, %", "inside, %", "gain"]
     explained, fitted = "", any(each.refitted is not None for each in found.axes)
     if fitted:
         heads += ["friction fitted, %", "inside, %"]

@@ -1,5 +1,9 @@
 """The console on which all commands print, and a line that states what is being computed.
 
+Plain strings without a style are messages, which ``--quiet`` leaves out; tables, texts of results
+and warnings are not. With ``--json`` standard output holds one JSON object of the tables and of
+what a command gives besides (`give`), and everything else goes to standard error.
+
 Text from files is shown with control characters written out: names of columns and files come from
 somebody else, and an escape sequence in one would move the cursor, recolour or rename the
 operator's terminal.
@@ -8,7 +12,7 @@ operator's terminal.
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
@@ -25,7 +29,121 @@ def printable(text: str) -> str:
     return text.translate(_WRITTEN_OUT)
 
 
-out = Console()
+class Output(Console):
+    """Standard output as the options ``--quiet`` and ``--json`` have it.
+
+    Attributes
+    ----------
+    messages : bool
+        Whether messages are shown.
+    verbose : bool
+        Whether tracebacks of refusals are shown.
+    given : dict or None
+        What JSON will hold; None without ``--json``.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.begin()
+
+    def begin(self) -> None:
+        """Show everything, as at the start of a command."""
+        self.messages, self.verbose, self.given, self.stderr = True, False, None, False
+
+    def begin_json(self) -> None:
+        """Keep results for one JSON object; what else is printed goes to standard error."""
+        self.given, self.stderr = {"tables": []}, True
+
+    given: dict[str, Any] | None
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        """Print what is wanted; tables are kept instead where JSON is."""
+        if not self.messages and not how.get("style") and all(type(o) is str for o in objects):
+            return
+        if self.given is not None:
+            tables, objects = _parted(objects)
+            self.given["tables"] += [_as_data(table) for table in tables]
+            if tables and not objects:
+                return
+        super().print(*objects, **how)
+
+
+out = Output()
+
+
+def give(**results: Any) -> None:
+    """State results of a command that no table holds, where JSON is wanted."""
+    if out.given is not None:
+        out.given |= results
+
+
+def give_each(key: str, value: Any) -> None:
+    """State one of several results, which JSON holds as a list, where it is wanted."""
+    if out.given is not None and value:
+        out.given.setdefault(key, []).append(value)
+
+
+def _parted(objects: tuple[Any, ...]) -> tuple[list[Any], tuple[Any, ...]]:
+    """Tables among what is printed, and the rest."""
+    tables = [
+        table
+        for each in objects
+        for table in ([each] if hasattr(each, "columns") else getattr(each, "tables", ()))
+    ]
+    rest = tuple(
+        each for each in objects if not hasattr(each, "columns") and not hasattr(each, "tables")
+    )
+    remarks = [remark for each in objects for remark in getattr(each, "remarks", ())]
+    return tables, (*rest, *remarks)
+
+
+def _as_data(table: Any) -> dict[str, Any]:
+    """Title and rows of a table, of ours or of rich's: cells by head, numbers as such."""
+    if hasattr(table := getattr(table, "source", table), "parts"):
+        heads = [column.head for column in table.columns]
+        rows = [(part.name, row) for part in table.parts for row in part.rows]
+        notes = {"notes": list(table.notes)} if table.notes else {}
+    else:
+        heads = [_plain(column.header) for column in table.columns]
+        cells = [[_plain(cell) for cell in column.cells] for column in table.columns]
+        rows, notes = [("", row) for row in zip(*cells, strict=True)], {}
+    keys = [head or ("name" if k == 0 else f"column {k + 1}") for k, head in enumerate(heads)]
+    return {
+        "title": _plain(table.title or ""),
+        "rows": [
+            {**({"group": part} if part else {}), **_cells(keys, row)}
+            for part, row in rows
+            if any(row)
+        ],
+        **notes,
+    }
+
+
+def _cells(keys: list[str], row: tuple[str, ...]) -> dict[str, Any]:
+    return {key: _number(cell) for key, cell in zip(keys, row, strict=True)}
+
+
+def _number(cell: str) -> str | float | None:
+    """A cell as a number where it is one; None where it is empty."""
+    text = cell.strip().replace("\N{MINUS SIGN}", "-")
+    if not text:
+        return None
+    try:
+        return int(text) if text.lstrip("-").isdecimal() else _finite(float(text), cell)
+    except ValueError:
+        return str(cell)
+
+
+def _finite(value: float, cell: str) -> float | str:
+    """JSON knows neither infinity nor what is no number."""
+    return value if abs(value) < float("inf") else str(cell)
+
+
+def _plain(text: Any) -> str:
+    """Text without markup."""
+    from rich.text import Text  # noqa: PLC0415 - help and completion show no tables
+
+    return text.plain if isinstance(text, Text) else Text.from_markup(str(text)).plain
 
 
 def say(text: str, style: str | None = None, console: Console = out) -> None:
@@ -49,7 +167,7 @@ def working(what: str) -> Iterator[Callable[[str], None]]:
         progress.TimeElapsedColumn(),
         console=out,
         transient=True,
-        disable=not out.is_terminal,
+        disable=not out.is_terminal or not out.messages,
         refresh_per_second=4,
     ) as line:
         task = line.add_task(printable(what), total=None)

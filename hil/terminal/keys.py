@@ -25,6 +25,8 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from rich.text import Text
+
 try:
     import termios
     import tty
@@ -224,7 +226,7 @@ class TerminalOperator:
 
     def show(self, text: str) -> None:
         """Show a line."""
-        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+        self._console.print(Text(text), highlight=False, soft_wrap=True)
 
     def pressed(self) -> str:
         """Return the keys pressed since the last call, without waiting."""

@@ -44,7 +44,8 @@ def shown(console: Console) -> Iterator[Callable[[Event], None]]:
         yield print_line
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]}"))
-    with Progress(*columns, console=console, transient=True) as progress:
+    silent = not getattr(console, "messages", True)
+    with Progress(*columns, console=console, transient=True, disable=silent) as progress:
         task = progress.add_task("starting", total=None, left="")
 
         def move_bar(event: Event) -> None:

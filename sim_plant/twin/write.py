@@ -58,5 +58,5 @@ def write_twin(robot: Path, folder: Path) -> str:
     return (
         f"{plant} and {drives}: {described.name} with {len(described.joints)} axes\n"
         f"hil run plan.yaml -o runs/twin --channel {plant} --drives {drives}\n"
-        f"hil compare runs/twin --truth {plant}"
+        f"hil validate runs/twin --truth {plant}"
     )

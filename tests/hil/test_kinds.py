@@ -80,10 +80,13 @@ OTHERWISE = {
     ("friction", "export/formats.py"): "a format of exported models",
     ("friction", "export/data_files.py"): "a key of model.json",
     ("gravity", "export/data_files.py"): "a parameter of a node",
-    ("friction", "cli/__init__.py"): "a family of commands",
-    ("trajectory", "cli/__init__.py"): "a family of commands",
-    ("trajectory", "cli/trajectory.py"): "the same",
-    ("friction", "cli/friction.py"): "the same",
+    ("friction", "cli/__init__.py"): "a command",
+    ("friction", "cli/examples.py"): "the same",
+    ("friction", "cli/completion.py"): "a format of exported models",
+    ("friction", "cli/planning.py"): "a kind of plan",
+    ("friction", "tasks/plans.py"): "the same",
+    ("trajectory", "cli/planning.py"): "the same",
+    ("trajectory", "tasks/plans.py"): "the same",
     ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
     **{
         ("gravity", f"estimation/excluded/{name}.py"): "the acceleration of gravity"
@@ -93,9 +96,9 @@ OTHERWISE = {
     ("gravity", "ground_truth/true_parameters.py"): "a key of a plant's file",
     ("friction", "export/urdf_file.py"): "an attribute of a URDF",
     ("inertia", "export/urdf_file.py"): "an element of a URDF",
-    ("gravity", "cli/planning.py"): "the option for its count",
-    ("inertia", "cli/planning.py"): "the option for its count",
-    ("coupling", "cli/planning.py"): "the option for its count",
+    ("gravity", "tasks/plans.py"): "the option for its count",
+    ("inertia", "tasks/plans.py"): "the option for its count",
+    ("coupling", "tasks/plans.py"): "the option for its count",
 }
 """Where a kind's name means something else."""
 REGISTRIES: dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]] = {

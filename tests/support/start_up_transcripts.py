@@ -98,7 +98,7 @@ def run(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
 
 
 def checked(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
-    """hil check: the operator does not agree to power"""
+    """hil drives check: the operator does not agree to power"""
     del name
     with suppress(StoppedByOperator):
         for _ in check(CanopenBus(bus), drives, SmallMoves(), Scripted(agreed=False)):
@@ -106,7 +106,7 @@ def checked(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
 
 
 def scanned(bus: can.BusABC, name: str, drives: DrivesFile) -> None:
-    """hil scan: of the drives' node numbers"""
+    """hil drives scan: of the drives' node numbers"""
     del name
     scan_bus(bus, only=tuple(axis.node for axis in drives.axes))
 

@@ -29,7 +29,7 @@ class Habit:
     """A drive's objects; what its draft states, what is right to state, and what is refused.
 
     `drafted` holds None for what is left to be stated, `wrong` the statement and words of the
-    refusal, `trusted` keys that hil check warns about.
+    refusal, `trusted` keys that hil drives check warns about.
     """
 
     objects: Objects

@@ -107,7 +107,7 @@ def test_model_report_and_comparison_can_be_made_again_and_again(folder, capsys)
     for _ in range(2):
         cli("identify", folder)
         cli("report", folder)
-    cli("compare", folder, "--truth", "manutec-r15")
+    cli("validate", folder, "--truth", "manutec-r15")
     assert "p14" in capsys.readouterr().out
     model = yaml.safe_load((folder / "model.yaml").read_text())
     assert [p["name"] for p in model["parameters"]] == [f"p{k}" for k in range(1, 15)]

@@ -46,6 +46,6 @@ def test_they_are_made_again_by_their_script(record: Any, tmp_path: Path) -> Non
 def test_their_plant_is_the_twin_of_the_robot_that_was_planned_for(
     record: Any, tmp_path: Path
 ) -> None:
-    command = [sys.executable, "-m", "sim_plant", "new", str(record.ROBOT), "-o", str(tmp_path)]
+    command = [sys.executable, "-m", "sim_plant", "twin", str(record.ROBOT), "-o", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True)  # noqa: S603 - our own program
     assert (tmp_path / "plant.yaml").read_text() == (EXAMPLE / "plant.yaml").read_text()

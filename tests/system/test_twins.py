@@ -89,7 +89,7 @@ def test_the_commands_go_through_to_the_report(
 ) -> None:
     cli("identify", campaign / "run")
     cli("report", campaign / "run")
-    cli("compare", campaign / "run", "--truth", campaign / "twin" / "plant.yaml")
+    cli("validate", campaign / "run", "--truth", campaign / "twin" / "plant.yaml")
     shown = capsys.readouterr().out
     assert "estimate against truth" in shown
     if "scara" in shown:

@@ -95,8 +95,8 @@ CAUSES = {
     # homing by eye or against a stop
     "zero": Cause(
         "its zero is off by", "degrees", "mm", 0.5,
-        "correct its zero in the drives file (hil home), its offset in the map, or theta in the"
-        " robot file",
+        "correct its zero in the drives file (hil drives home), its offset in the map, or theta"
+        " in the robot file",
     ),
     "torque constant": Cause(
         "its torques, over those stated, are greater by", "%", "%", PERCENT,
@@ -185,8 +185,8 @@ CAUSES = {
     ),
     "weak excitation": Cause(
         "", "", "", 0.0,
-        "measurements that move more joints through more of their ranges (hil plan, hil trajectory"
-        " plan)",
+        "measurements that move more joints through more of their ranges (hil plan, with --kind"
+        " trajectory too)",
     ),
     "measurements that disagree": Cause(
         "", "", "", 0.0,

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 BOUND = 0.02
 """Largest acceptable asymmetry, as share of the friction level: a convention, for which
-``hil friction fit --asymmetry`` states another one."""
+``hil friction --asymmetry`` states another one."""
 
 
 class Symmetry(FileModel):

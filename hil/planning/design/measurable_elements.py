@@ -145,7 +145,7 @@ def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
                 f"axis {j + 1} can creep for {left:.2g} s in {creep['stroke']:.3g} {unit}, must be"
                 f" at least {tried.cruise.duration:.2g} s while axis {i + 1} goes back and forth:"
                 " strokes cannot show their coupling; widen its range, or plan a trajectory (hil"
-                " trajectory plan)"
+                " plan --kind trajectory)"
             )
         strokes = {j: creep["stroke"], i: partner.stroke}
         return Element(j, i, strokes, _inertia_row(robot, j, i, columns), measure)

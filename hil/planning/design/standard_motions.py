@@ -155,8 +155,8 @@ def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
         raise ValueError(
             f"axis {axis + 1} reaches {velocity:.2g} {unit}/s in its range for {what} {unit}; it"
             f" must be at least {least:.2g} {unit}/s, {SLOWEST:.2g} of its velocity limit: widen"
-            " the range, lower velocity_limit in the robot file, or plan a trajectory (hil"
-            " trajectory plan)"
+            " the range, lower velocity_limit in the robot file, or plan a trajectory (hil plan"
+            " --kind trajectory)"
         )
 
 

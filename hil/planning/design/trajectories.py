@@ -321,8 +321,8 @@ def _null(rows: Array) -> Array:
 def design_validation(robot: Robot) -> Plan:
     """Plan half a minute of a motion to judge a model by: all axes at once.
 
-    No best motion is needed, only another one than that of `hil trajectory plan`, whose motion
-    models are made from: so the search is short and has a seed of its own.
+    No best motion is needed, only another one than that of `hil plan --kind trajectory`, whose
+    motion models are made from: so the search is short and has a seed of its own.
     """
     effort = Search(random=100, refined=1, steps=10)
     found = design_trajectory(robot, cycles=3, seed=22, search=effort, name="validation")

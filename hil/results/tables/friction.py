@@ -30,7 +30,7 @@ def models(result: FrictionResult) -> Table:
         (
             "axis",
             "model",
-            *figures(f"rms, {result.robot.torque_units}", "held out"),
+            *figures(*(f"{head}, {result.robot.torque_units}" for head in ("rms", "held out"))),
             "chosen",
             Column("parameters with std. errors", folds=True),
         ),
@@ -66,17 +66,18 @@ def campaign_friction(model: IdentifiedRobot) -> Table:
     """Law of each axis and its friction at two speeds; empty where none was found."""
     law = None if model.friction else model.friction_law
     laws = enumerate(law.axes if law else ())
+    speed, torque = f"{model.robot.position_units}/s", model.robot.torque_units
     return table(
         "Friction over the campaign",
         (
             "axis",
             Column("law", folds=True),
-            *figures("speeds", "at slowest", "at fastest", "wander, %"),
+            *figures(f"speeds, {speed}", *(f"at {at}, {torque}" for at in ("slowest", "fastest"))),
+            *figures("wander, %"),
         ),
         (_law(model, axis, own) for axis, own in laws if own is not None),
-        f"Friction forward at no load [{model.robot.torque_units}] with the standard error that"
-        " counts in predicted torques, at the slowest and the fastest of the speeds"
-        f" [{model.robot.position_units} per s]; how far its level was from the law in any one"
+        "Friction forward at no load with the standard error that counts in predicted torques, at"
+        " the slowest and the fastest of the speeds; how far its level was from the law in any one"
         " measurement.",
     )
 
@@ -105,7 +106,7 @@ def symmetry(tests: Mapping[int, Symmetry]) -> Table:
         "Is friction the same in both directions?",
         (
             "axis",
-            *figures("n", "asymmetry, %", "std. error", "p (none)", "p (bound)"),
+            *figures("n", "asymmetry, %", "std. error, %", "p (none)", "p (bound)"),
             Column("verdict", folds=True),
         ),
         (
@@ -133,7 +134,7 @@ def drift(drifts: Iterable[Drift]) -> Table:
     parts = (Part(tuple(_drift(each))) for each in found)
     return table(
         "Friction's variance in time",
-        ("axis", "time constant", *figures("value, s", "std. error", "effect")),
+        ("axis", "time constant", *figures("value, s", "std. error, s", "effect")),
         (part for part in parts if part.rows),
         "Time constants, estimated from the friction level over time: of warming up (effect:"
         " the change of the level by warming up as far as the axis did), of the lubricant's"

@@ -46,7 +46,7 @@ def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> 
         _title(model),
         (
             NAME,
-            *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "%"),
+            *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "error, %"),
             *(("of torque",) if prediction else ()),
             "unit",
             Column("expression", folds=True, symbols=True),
@@ -159,7 +159,7 @@ def predicted(prediction: Prediction, robot: Robot) -> Table:
     unit = robot.torque_units
     return table(
         "Predicted torques",
-        ("axis", *figures(f"rms, {unit}", f"std. error, {unit}", "%")),
+        ("axis", *figures(f"rms, {unit}", f"std. error, {unit}", "error, %")),
         (
             (str(axis), significant(torque, 3), significant(error, 2), percent(error, torque))
             for axis, (torque, error) in enumerate(each, start=1)

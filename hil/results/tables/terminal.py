@@ -25,7 +25,13 @@ BETWEEN = 3
 """Characters between two columns."""
 
 
-def rich_table(table: Table, width: int) -> RichTable:
+class DrawnTable(RichTable):
+    """What rich prints of a table, which it knows."""
+
+    source: Table
+
+
+def rich_table(table: Table, width: int) -> DrawnTable:
     """Return what rich prints of a table; names of parts stand in its last column.
 
     Parameters
@@ -39,7 +45,8 @@ def rich_table(table: Table, width: int) -> RichTable:
     folding[:1] = [folding[0] or not any(folding)]
     narrow = sum(_widths(table, folding, broken=False)) > width
     widths = _widths(table, folding, narrow)
-    made = RichTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=narrow)
+    made = DrawnTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=narrow)
+    made.source = table
     for column, folds, least in zip(table.columns, folding, widths, strict=True):
         head = Text(_broken(column.head) if narrow else column.head)
         made.add_column(
@@ -93,7 +100,9 @@ def _widths(table: Table, folding: list[bool], broken: bool, least: int = 12) ->
 
 
 def _broken(head: str) -> str:
-    return head.replace(" ", "\n")
+    """Words of a head below each other, its unit in one line."""
+    name, comma, unit = head.rpartition(", ")
+    return f"{name.replace(' ', chr(10))},\n{unit}" if comma else head.replace(" ", "\n")
 
 
 def _style(cell: str) -> str:

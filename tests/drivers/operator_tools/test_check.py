@@ -1,4 +1,4 @@
-"""`hil check`: what it finds on the virtual plant, sound and spoilt in one way at a time."""
+"""`hil drives check`: what it finds on the virtual plant, sound and spoilt in one way at a time."""
 
 from __future__ import annotations
 

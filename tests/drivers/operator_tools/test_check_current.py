@@ -53,7 +53,7 @@ def plant(**options: str) -> Iterator[AlteredBus]:
 def verdicts(
     drives_file: DrivesFile, check_: str, gravity: Gravity | None = None, **options: str
 ) -> list[Verdict]:
-    """One check's verdict for each axis, of a whole `hil check`."""
+    """One check's verdict for each axis, of a whole `hil drives check`."""
     with plant(**options) as bus:
         found = list(check(CanopenBus(bus), drives_file, MOVES, Scripted(), gravity=gravity))
         assert bus.left_off

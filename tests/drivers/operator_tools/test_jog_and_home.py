@@ -1,4 +1,4 @@
-"""`hil jog` and `hil home`: one axis, slowly, with the operator's consent, and off afterwards."""
+"""Jogging and homing: one axis, slowly, with the operator's consent, and off afterwards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hil monitor`: what listening alone shows, and that it never sends."""
+"""`hil drives monitor`: what listening alone shows, and that it never sends."""
 
 from __future__ import annotations
 

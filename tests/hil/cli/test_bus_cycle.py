@@ -8,8 +8,8 @@ import pytest
 from personalities import drives_for
 
 from drivers.canopen.bus_load import frame_bits
-from hil.cli.robot_drives import bus_cycle
 from hil.planning.trajectory import Trajectory
+from hil.tasks.robot_drives import bus_cycle
 
 if TYPE_CHECKING:
     from hil.planning.plan import Plan

@@ -82,8 +82,8 @@ def test_every_option_that_is_written_to_is_looked_at_first(name: str) -> None:
 
 def test_the_options_are_found() -> None:
     found = {each.id for each in writing()}
-    assert len([each for each in found if each.endswith("--output")]) >= 14
-    assert found >= {"history --html", "history --json", "report --figures", "run --frame-log"}
+    assert len([each for each in found if each.endswith("--output")]) >= 12
+    assert found >= {"history --html", "report --figures", "run --frame-log"}
 
 
 @pytest.mark.parametrize(("name", "option", "callback"), writing())
@@ -133,7 +133,7 @@ def test_a_folder_is_made_with_those_about_it_and_a_file_s_folder_is_not(
     ("command", "result"),
     [
         ("identify", "model.yaml"), ("report", "report.html"), ("diagnose", "diagnosis.yaml"),
-        ("friction fit", "friction.yaml"), ("payload", "load.yaml"), ("view", "view.html"),
+        ("friction", "friction.yaml"), ("payload", "load.yaml"), ("view", "view.html"),
         ("validate", "validation.yaml"),
     ],
 )  # fmt: skip
@@ -181,7 +181,7 @@ def test_names_are_looked_at_before_anything_is_estimated(
         (("--method", "improvd"), "did you mean improved"),
         (("--without", "g999"), "no measurement of the plan has this id"),
         (("--mass", "9:1:2"), "bounds of link 9: manutec-r15 has links 1 to 6"),
-        (("--mass", "2:1"), "must be LINK:LEAST:MOST"),
+        (("--mass", "2:1"), "must be LINK:MIN:MAX"),
         (("--with", tmp_path / "other"), "is no run folder"),
     ):
         status, _, err = hil("identify", run, *wrong)

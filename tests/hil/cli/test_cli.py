@@ -380,7 +380,7 @@ def test_bus_options_become_numbers_and_switches() -> None:
     ("command", "defaults"),
     [
         (("plan",), {f"--{kind}": count for kind, count in COUNTS.items()}),
-        (("trajectory", "plan"), {"--period": PERIOD, "--harmonics": HARMONICS}),
+        (("plan",), {"--period": PERIOD, "--harmonics": HARMONICS}),
     ],
 )
 def test_help_states_the_defaults_that_are_taken(

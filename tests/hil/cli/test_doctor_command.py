@@ -80,5 +80,5 @@ def test_the_exit_status_is_1_only_where_a_point_fails(
 
 def test_the_points_of_this_computer_are_written_as_json(hil: Hil) -> None:
     _, out, _ = hil("doctor", "--json")
-    points = json.loads(out)
+    points = json.loads(out)["points"]
     assert {"Python", "disk", "memory", "clock"} <= {each["point"] for each in points}

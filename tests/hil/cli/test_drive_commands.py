@@ -45,16 +45,18 @@ def test_an_identified_run_of_the_robot_shows_which_way_its_joints_turn(
     run = write_run(tmp_path / "run", manutec)
     identify(run).save(run.path / "model.yaml")
     model = ("--model", tmp_path / "run")
-    status, out, _ = hil("check", "manutec-r15", *model, "--angle", 2, "--yes")
+    status, out, _ = hil("drives", "check", "manutec-r15", *model, "--angle", 2, "--yes")
     assert status == 0
     assert re.search(r"ok +direction of the joint +confirmed, gravity", out)
-    status, _, err = hil("check", "manutec-r15", "--axis", 2, *model, "--yes")
+    status, _, err = hil("drives", "check", "manutec-r15", "--axis", 2, *model, "--yes")
     assert status == 2
     assert "of its robot together" in " ".join(re.sub("│", " ", err).split())
 
 
 def test_a_sound_axis_passes_and_every_line_has_its_grade(hil: Hil) -> None:
-    status, out, _ = hil("check", "manutec-r15", "--axis", "joint 3", "--angle", 2, "--yes")
+    status, out, _ = hil(
+        "drives", "check", "manutec-r15", "--axis", "joint 3", "--angle", 2, "--yes"
+    )
     assert status == 0
     assert "joint 3 (node 3)" in out
     assert "0 refused" in out
@@ -65,14 +67,14 @@ def test_a_check_that_refuses_ends_with_a_status_that_is_not_zero(
     hil: Hil, file_with: Callable[[str, str], Path]
 ) -> None:
     path = file_with("gear_ratio: 105", "gear_ratio: 100")
-    status, out, _ = hil("check", path, "--axis", 1, "--yes")
+    status, out, _ = hil("drives", "check", path, "--axis", 1, "--yes")
     assert status == 1
     assert "refused  gear (6091)" in out
     assert "-> correct gear_ratio" in out
 
 
 def test_without_an_answer_nothing_is_powered_on(hil: Hil) -> None:
-    status, out, err = hil("check", "manutec-r15", "--axis", 1)
+    status, out, err = hil("drives", "check", "manutec-r15", "--axis", 1)
     assert status == 1
     assert "Power on, and move one after the other" in out
     assert "nothing was powered on" in err
@@ -80,32 +82,32 @@ def test_without_an_answer_nothing_is_powered_on(hil: Hil) -> None:
 
 def test_an_answer_may_come_down_a_pipe(hil: Hil, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("y\n"))
-    status, out, _ = hil("jog", "manutec-r15", "joint 6", "--by", -1)
+    status, out, _ = hil("drives", "jog", "manutec-r15", "joint 6", "--by", -1)
     assert status == 0
     assert "joint 6: from 0° to -" in out
 
 
 def test_an_axis_that_does_not_exist_is_refused_with_those_that_do(hil: Hil) -> None:
-    status, _, err = hil("jog", "manutec-r15", 7, "--by", 1)
+    status, _, err = hil("drives", "jog", "manutec-r15", 7, "--by", 1)
     assert status == 2
     assert "joint 6" in err
 
 
 def test_homing_needs_to_be_stated(hil: Hil, file_with: Callable[[str, str], Path]) -> None:
     stated = next(line for line in DRIVES.read_text().splitlines() if "homing:" in line)
-    status, _, err = hil("home", file_with(f"{stated}\n", ""), 1, "--yes")
+    status, _, err = hil("drives", "home", file_with(f"{stated}\n", ""), 1, "--yes")
     assert status == 1
     assert "joint 1: homing is missing; state method" in err
 
 
 def test_an_axis_homes_by_the_method_that_is_asked_for(hil: Hil) -> None:
-    status, out, _ = hil("home", "manutec-r15", 5, "--method", 37, "--yes")
+    status, out, _ = hil("drives", "home", "manutec-r15", 5, "--method", 37, "--yes")
     assert status == 0
     assert "joint 5: homed by method 37, stands at 115°; off" in out
 
 
 def test_the_monitor_ends_when_its_time_is_over(hil: Hil) -> None:
-    status, out, _ = hil("monitor", "manutec-r15", "--for", 0.2)
+    status, out, _ = hil("drives", "monitor", "manutec-r15", "--for", 0.2)
     assert status == 0
     assert "no SYNC" in out
     assert "joint 6" in out
@@ -114,10 +116,10 @@ def test_the_monitor_ends_when_its_time_is_over(hil: Hil) -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        ("check", "--axis", 6, "--angle", 1, "--yes"),
-        ("jog", 6, "--by", 1, "--yes"),
-        ("home", 6, "--yes"),
-        ("monitor", "--for", 0.1),
+        ("drives", "check", "--axis", 6, "--angle", 1, "--yes"),
+        ("drives", "jog", 6, "--by", 1, "--yes"),
+        ("drives", "home", 6, "--yes"),
+        ("drives", "monitor", "--for", 0.1),
     ],
 )
 def test_a_drives_file_by_another_name_finds_the_plant_of_its_robot(
@@ -126,7 +128,7 @@ def test_a_drives_file_by_another_name_finds_the_plant_of_its_robot(
     path = tmp_path / "cell 7" / "my-drives.yaml"
     path.parent.mkdir()
     path.write_text(DRIVES.read_text().replace("gear_ratio: 105", "gear_ratio: 106", 1))
-    status, out, err = hil(command[0], path, *command[1:])
+    status, out, err = hil(*command[:2], path, *command[2:])
     assert (status, err) == (0, "")
     assert "joint 6" in out
 
@@ -136,7 +138,7 @@ def test_a_drives_file_of_no_plant_needs_a_channel_and_says_so_in_one_line(
 ) -> None:
     path = file_with("vendor: 0x4D2", "vendor: 0x2A")
     path = path.rename(path.with_name("cell7.yaml"))
-    status, _, err = hil("check", path, "--yes")
+    status, _, err = hil("drives", "check", path, "--yes")
     assert status == 1
     assert err == (
         f"{path}: these are the drives of no plant that comes along; name one with --channel"
@@ -148,21 +150,21 @@ def test_a_plant_may_be_named_for_any_drives_file(
     hil: Hil, file_with: Callable[[str, str], Path]
 ) -> None:
     path = file_with("vendor: 0x4D2", "vendor: 0x2A")
-    status, out, _ = hil("check", path, "--axis", 1, "--channel", "manutec-r15", "--yes")
+    status, out, _ = hil("drives", "check", path, "--axis", 1, "--channel", "manutec-r15", "--yes")
     assert status == 1
     assert "refused" in out
     assert "identity" in out
 
 
 def test_a_channel_that_is_a_file_of_another_kind_is_refused_in_a_few_lines(hil: Hil) -> None:
-    status, _, err = hil("monitor", "manutec-r15", "--channel", DRIVES)
+    status, _, err = hil("drives", "monitor", "manutec-r15", "--channel", DRIVES)
     assert status == 1
     assert len(err.splitlines()) <= 7
     assert "more" in err
 
 
 def test_a_name_of_nothing_is_refused_with_the_robots_that_come_along(hil: Hil) -> None:
-    status, _, err = hil("check", "manutec")
+    status, _, err = hil("drives", "check", "manutec")
     assert status == 1
     assert err == (
         "manutec: is neither a robot that comes along (manutec-r15) nor a drives file; name one of"
@@ -171,7 +173,7 @@ def test_a_name_of_nothing_is_refused_with_the_robots_that_come_along(hil: Hil) 
 
 
 def test_a_bus_that_is_not_the_plant_needs_a_channel(hil: Hil) -> None:
-    status, _, err = hil("monitor", "manutec-r15", "--interface", "socketcan")
+    status, _, err = hil("drives", "monitor", "manutec-r15", "--interface", "socketcan")
     assert status == 2
     assert "needs a channel" in err
 

@@ -166,7 +166,7 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
 
         for command in (
             ("run", plan_file, "-o", tmp_path / "other"),
-            ("jog", DRIVES, 6, "--by", 1),
+            ("drives", "jog", DRIVES, 6, "--by", 1),
         ):
             status, _, err = hil(*command, *where)
             assert status == 1
@@ -205,7 +205,7 @@ def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
 
     monkeypatch.setattr(drive_settings.SettingsKeeper, "close", close)
     with plant_process(PLACE, "--clock", "wall"):
-        status, out, err = hil("jog", slow, 6, "--by", 1, *where, "--yes")
+        status, out, err = hil("drives", "jog", slow, 6, "--by", 1, *where, "--yes")
     assert (status, err) == (0, "")
     assert "off" in out
     assert seen == [True]
@@ -313,9 +313,9 @@ def test_beside_a_session_on_its_bus_every_command_to_drives_is_refused(
     killed_run(tmp_path / "killed")
     arguments = {
         "run": ("run", plan_file, "-o", tmp_path / "run"),
-        "check": ("check", DRIVES),
-        "jog": ("jog", DRIVES, 6, "--by", 1),
-        "home": ("home", DRIVES, 5),
+        "check": ("drives", "check", DRIVES),
+        "jog": ("drives", "jog", DRIVES, 6, "--by", 1),
+        "home": ("drives", "home", DRIVES, 5),
         "restore": ("drives", "restore", tmp_path / "killed" / NAME),
     }[command]
     with BusState(*BUS).locked():
@@ -388,7 +388,7 @@ def test_on_the_virtual_plant_commands_without_a_folder_keep_nothing(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert hil("jog", "manutec-r15", 6, "--by", 1, "--yes")[0] == 0
+    assert hil("drives", "jog", "manutec-r15", 6, "--by", 1, "--yes")[0] == 0
     assert list(tmp_path.iterdir()) == []
 
 

@@ -199,7 +199,9 @@ def test_a_run_that_a_script_started_in_the_background_ends_with_the_axes_switch
 
 @pytest.mark.usefixtures("plant")
 def test_a_closed_terminal_ends_a_check_with_the_axes_switched_off_by_us() -> None:
-    terminal = Terminal(*HIL, "check", "manutec-r15", "--jitter-time", "0", "--yes", *ON_PLANT)
+    terminal = Terminal(
+        *HIL, "drives", "check", "manutec-r15", "--jitter-time", "0", "--yes", *ON_PLANT
+    )
     terminal.await_text(b"TPDOs at each SYNC")
     status = terminal.close()
     assert OPERATION_ENABLED not in states()

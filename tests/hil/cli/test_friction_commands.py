@@ -1,4 +1,4 @@
-"""`hil friction` over CANopen frames on the virtual plant: plan, run, fit, gate, report."""
+"""`hil friction` over CANopen frames on the virtual plant: plan, run, laws, gate, report."""
 
 import re
 
@@ -41,13 +41,16 @@ def planned(robot):
 def folder(planned, tmp_path_factory):
     place = tmp_path_factory.mktemp("friction")
     (place / "plan.yaml").write_text(dump_plan(planned))
-    assert cli("friction", "run", place / "plan.yaml", "-o", place / "run") == 0
-    assert cli("friction", "fit", place / "run") == 0
+    assert cli("run", place / "plan.yaml", "-o", place / "run") == 0
+    assert cli("friction", place / "run") == 0
     return place / "run"
 
 
 def test_a_sweep_is_planned_for_the_axes_asked_for(tmp_path, robot):
-    assert cli("friction", "plan", "manutec-r15", "-o", tmp_path / "p.yaml", "--axis", 2) == 0
+    assert (
+        cli("plan", "manutec-r15", "--kind", "friction", "-o", tmp_path / "p.yaml", "--axis", 2)
+        == 0
+    )
     plan = yaml.safe_load((tmp_path / "p.yaml").read_text())
     assert {m["axis"] for m in plan["measurements"]} == {2}
     assert {m["kind"] for m in plan["measurements"]} == {"friction"}
@@ -56,7 +59,7 @@ def test_a_sweep_is_planned_for_the_axes_asked_for(tmp_path, robot):
 
 @pytest.mark.parametrize("experiment", ["stops", "operation"])
 def test_variance_in_time_is_planned_for_one_axis(tmp_path, capsys, experiment):
-    plan = ["friction", "plan", "manutec-r15", "-o", tmp_path / "p.yaml"]
+    plan = ["plan", "manutec-r15", "--kind", "friction", "-o", tmp_path / "p.yaml"]
     assert cli(*plan, "--experiment", experiment) == 2
     assert "takes one axis" in capsys.readouterr().err
     assert cli(*plan, "--experiment", experiment, "--axis", 2) == 0
@@ -64,7 +67,10 @@ def test_variance_in_time_is_planned_for_one_axis(tmp_path, capsys, experiment):
 
 
 def test_an_axis_that_is_none_is_told(tmp_path, capsys):
-    assert cli("friction", "plan", "manutec-r15", "-o", tmp_path / "p.yaml", "--axis", 7) == 2
+    assert (
+        cli("plan", "manutec-r15", "--kind", "friction", "-o", tmp_path / "p.yaml", "--axis", 7)
+        == 2
+    )
     assert "7 must be in 1 ... 6" in capsys.readouterr().err
 
 
@@ -130,7 +136,7 @@ def test_the_gate_lets_symmetric_friction_pass_and_tells_what_it_cannot_judge(
 def test_the_gate_refuses_an_asymmetry_beyond_the_bound_before_anything_moves(
     folder, tmp_path, capsys
 ):
-    assert cli("friction", "fit", folder, "--asymmetry", 0.0001) == 0
+    assert cli("friction", folder, "--asymmetry", 0.0001) == 0
     capsys.readouterr()
     gated = ["run", folder / "plan.yaml", "-o", tmp_path / "gated", "--symmetric", folder]
     assert cli(*gated) == 1
@@ -142,4 +148,4 @@ def test_a_gate_without_a_fit_names_the_command(folder, tmp_path, capsys):
     (folder / "friction.yaml").unlink()
     gated = ["run", folder / "plan.yaml", "-o", tmp_path / "gated", "--symmetric", folder]
     assert cli(*gated) == 1
-    assert "make it with: hil friction fit" in capsys.readouterr().err
+    assert "make it with: hil friction" in capsys.readouterr().err

@@ -54,10 +54,10 @@ def test_a_change_ends_with_status_4_where_that_is_asked_for(hil: Hil, runs: lis
     assert "nothing changed significantly" in out
 
 
-def test_the_json_file_states_runs_values_and_changes(hil: Hil, runs: list[Path]) -> None:
-    path = runs[0] / "history.json"
-    assert hil("history", *runs, "--json", path)[0] == 0
-    found = json.loads(path.read_text())
+def test_json_states_runs_values_and_changes(hil: Hil, runs: list[Path]) -> None:
+    status, out, _ = hil("history", *runs, "--json")
+    assert status == 0
+    found = json.loads(out)["history"]
     assert found["newest_changed"] is True
     assert [run["changed"] for run in found["runs"]] == [False, False, True]
     assert {each["quantity"] for each in found["changes"]} == {"p2"}
@@ -77,17 +77,17 @@ def test_the_page_holds_everything_itself(hil: Hil, runs: list[Path]) -> None:
 
 
 def test_another_reference_may_be_chosen(hil: Hil, runs: list[Path]) -> None:
-    path = runs[0] / "history.json"
-    assert hil("history", *runs[:2], "--reference", runs[2], "--json", path)[0] == 0
-    found = json.loads(path.read_text())
+    status, out, _ = hil("history", *runs[:2], "--reference", runs[2], "--json")
+    assert status == 0
+    found = json.loads(out)["history"]
     assert found["reference"] == str(runs[2])
     assert {each["against"] for each in found["changes"]} >= {str(runs[2])}
 
 
 def test_a_damaged_model_is_refused_before_anything_is_written(hil: Hil, runs: list[Path]) -> None:
-    file, path = runs[1] / "model.yaml", runs[0] / "history.json"
+    file, path = runs[1] / "model.yaml", runs[0] / "history.html"
     file.write_text(file.read_text()[:500])
-    status, _, error = hil("history", *runs, "--json", path)
+    status, _, error = hil("history", *runs, "--html", path)
     assert status == 1
     assert f"{file}" in error
     assert "hil identify" in error

@@ -1,4 +1,4 @@
-"""`hil scan` and `hil drives new`, as an operator at a strange bus calls them."""
+"""`hil drives scan` and `hil drives new`, as an operator at a strange bus calls them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def eds(tmp_path: Path) -> Path:
 
 
 def test_a_scan_shows_every_drive_of_the_plant(hil: Hil, ideal_channel: str) -> None:
-    status, out, err = hil("scan", "--channel", ideal_channel)
+    status, out, err = hil("drives", "scan", "--channel", ideal_channel)
     assert (status, err) == (0, "")
     assert "6 nodes" in out
     assert "1234h, 402h, 7h" in out
@@ -33,7 +33,9 @@ def test_a_scan_shows_every_drive_of_the_plant(hil: Hil, ideal_channel: str) -> 
 
 
 def test_a_scan_of_an_empty_bus_says_what_to_check(hil: Hil) -> None:
-    status, _, err = hil("scan", "--interface", "virtual", "--channel", "empty", "--nodes", "5")
+    status, _, err = hil(
+        "drives", "scan", "--interface", "virtual", "--channel", "empty", "--nodes", "5"
+    )
     assert status == 1
     assert "nothing was heard of node 5; check the drives' power, the bit rate" in err
 
@@ -41,9 +43,9 @@ def test_a_scan_of_an_empty_bus_says_what_to_check(hil: Hil) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("scan", "--interface", "socketcan"), "needs a channel too"),
-        (("scan", "--nodes", "0-3"), "must be numbers of 1 to 127"),
-        (("scan", "--nodes", "six"), "must be numbers of 1 to 127"),
+        (("drives", "scan", "--interface", "socketcan"), "needs a channel too"),
+        (("drives", "scan", "--nodes", "0-3"), "must be numbers of 1 to 127"),
+        (("drives", "scan", "--nodes", "six"), "must be numbers of 1 to 127"),
         (("drives", "new", "-o", "x.yaml"), "give data sheets with --eds, or a bus"),
     ],
 )

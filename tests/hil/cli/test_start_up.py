@@ -86,6 +86,12 @@ def test_options_complete_with_the_module_of_their_command_alone() -> None:
     assert loaded & {f"hil.cli.{module}" for module in MODULES.values()} == {"hil.cli.results"}
 
 
+def test_the_shell_completes_values() -> None:
+    assert "manutec-r15" in completed("hil robot show man")[0]
+    assert completed("hil export runs --to mc")[0] == ["mcap"]
+    assert completed("hil identify --method ins")[0] == ["instrumental\\", "variables"]
+
+
 def test_the_shell_is_given_a_script_that_asks_hil() -> None:
     printed, _ = program(_HIL_COMPLETE="source_bash")
     assert "_HIL_COMPLETE=complete_bash" in printed

@@ -12,7 +12,6 @@ from drivers.drive_bus import LimitExceeded
 from drivers.drives_file import load_drives
 from hil import cli
 from hil.cli.plan_view import describe_problems
-from hil.cli.robot_drives import narrowed_drives
 from hil.measuring.sequencer import measure
 from hil.model.capsules import capsules, reaches, segments
 from hil.model.robot import ROBOTS, Robot
@@ -22,6 +21,7 @@ from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, WarmUp, dump_plan, load_plan
 from hil.planning.workspace import Box, Workspace
 from hil.planning.workspace_check import load_workspace, remarks
+from hil.tasks.robot_drives import narrowed_drives
 
 FLOOR = Box(name="floor", low=(-3, -3, -1.5), high=(3, 3, -0.8), ignore_links=(1,))
 POST = Box(name="post", low=(0.7, 0.3, -0.8), high=(0.9, 0.5, 1.0))
@@ -287,7 +287,7 @@ def test_an_arm_that_stands_in_a_box_is_not_moved(
     with ideal_bus:
         list(measure(reaching(small_plan, AT_POST), manutec, ideal_bus))
         moves = len(ideal_bus.moves)
-        with pytest.raises(LimitExceeded, match=r"the arm stands in post or .* hil jog"):
+        with pytest.raises(LimitExceeded, match=r"the arm stands in post or .* hil drives jog"):
             list(measure(guarded(reaching(small_plan, UP), POST), manutec, ideal_bus))
         assert len(ideal_bus.moves) == moves
 

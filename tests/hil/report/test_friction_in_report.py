@@ -1,4 +1,4 @@
-"""A report states friction as `hil friction fit` last did: by the same model, with its bound."""
+"""A report states friction as `hil friction` last did: by the same model, with its bound."""
 
 import numpy as np
 import pytest

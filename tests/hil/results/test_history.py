@@ -18,7 +18,7 @@ from hil.friction.law import TermValue, level_at
 from hil.model.robot import Robot, load_robot
 from hil.results.changes import Change, adjusted, change
 from hil.results.history import history_of, read_history
-from hil.results.history_file import content
+from hil.results.history_file import as_data
 from hil.results.quantities import Quantity, Reading
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ def test_an_exchanged_drive_is_named_in_place_of_all_that_it_changed() -> None:
     assert exchanged.explained == len(found.marked) > 1
     (sentence,) = found.sentences(found.runs[1])
     assert "torque constant or drive of axis 5 exchanged or rescaled" in sentence
-    assert content(found)["rescaled_torques"][0]["axis"] == 5
+    assert as_data(found)["rescaled_torques"][0]["axis"] == 5
 
 
 def test_a_parameter_beside_friction_that_do_not_change_alike_are_no_exchanged_drive() -> None:

@@ -14,11 +14,11 @@ from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
-from hil.cli.robot_drives import load_robots_drives
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import load_robot
+from hil.tasks.robot_drives import load_robots_drives
 from sim_plant import build
 from sim_plant.__main__ import app
 from sim_plant.physics.reflected_inertia import configurations, gravity_torques, mass_matrix
@@ -73,7 +73,7 @@ def changed(folder: Path, name: str, *changes: tuple[str, str]) -> Path:
 )  # fmt: skip
 def test_a_mistyped_key_is_refused(tmp_path: Path, key: str, place: str) -> None:
     mistyped = changed(tmp_path, "pan-tilt", (f"{key}:", f"{key}s:"))
-    done = CliRunner().invoke(app, ["new", str(mistyped), "-o", str(tmp_path / "twin")])
+    done = CliRunner().invoke(app, ["twin", str(mistyped), "-o", str(tmp_path / "twin")])
     assert done.exit_code == 1
     assert f"{place}: unknown key" in done.output
     assert not (tmp_path / "twin").exists()
@@ -211,7 +211,7 @@ def test_a_urdf_is_refused_with_the_command_that_makes_a_robot_file(tmp_path: Pa
 
 def test_nothing_is_written_over(tmp_path: Path) -> None:
     runner = CliRunner()
-    arguments = ["new", str(ROBOTS / "pan-tilt.yaml"), "-o", str(tmp_path / "twin")]
+    arguments = ["twin", str(ROBOTS / "pan-tilt.yaml"), "-o", str(tmp_path / "twin")]
     assert runner.invoke(app, arguments).exit_code == 0
     again = runner.invoke(app, arguments)
     assert again.exit_code == 1

@@ -1,0 +1,141 @@
+"""What all commands have alike: examples, ``--quiet``, ``--verbose``, ``--json``, exit statuses."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache, partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hil.cli.examples import EXAMPLES
+from hil.terminal.console import out
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+STATUSES = {
+    0: "done",
+    1: "not done, or a check found a fault; the message on standard error states it",
+    2: "wrong usage: an unknown option, or options that do not go together",
+    3: "done, and the judgement is failed (identify, validate, accept), or alarms (watch)",
+    4: "done, and something changed (history --fail-on-change)",
+    130: "stopped by Ctrl-C, a signal or the stop key; the axes are off",
+}
+"""Exit statuses of all commands."""
+HELP = {
+    "quiet": "Show results and warnings only.",
+    "verbose": "Show log records and tracebacks; twice: those of the bus, too.",
+    "json": "Write results as one JSON object; messages go to standard error.",
+}
+
+
+def set_output(*, quiet: bool = False, verbose: int = 0, json: bool = False) -> None:
+    """Have less or more shown, or results as JSON; what was set before stays."""
+    if quiet:
+        out.messages = False
+    if json:
+        out.begin_json()
+    if verbose:
+        import logging
+
+        level = logging.INFO if verbose == 1 else logging.DEBUG
+        logging.basicConfig(level=level, format="%(levelname)s %(name)s: %(message)s", force=True)
+        out.verbose = True
+
+
+def epilog(path: str, *, exit_statuses: bool = False) -> str:
+    """Examples of a command, or of a group of them, below its help."""
+    lines = [f"  {line}" for line in examples_of(path)]
+    text = ["[bold]Examples[/bold]", *(line.replace("[", "\\[") for line in lines)]
+    if exit_statuses:
+        text += ["", "[bold]Exit status[/bold]"]
+        text += [f"{status:>5}  {meaning}" for status, meaning in STATUSES.items()]
+    return "\n".join(text)
+
+
+def examples_of(path: str) -> Sequence[str]:
+    """Two examples of a command; of a group, the first of its first two commands."""
+    if path in EXAMPLES:
+        return EXAMPLES[path]
+    inner = [lines[0] for name, lines in EXAMPLES.items() if name.startswith(f"{path} ")]
+    return inner[:2]
+
+
+def equipped(command: Any, path: str) -> Any:
+    """Give a command, and those within it, their examples and the options that all have."""
+    command.epilog = epilog(path)
+    paragraphs = (command.help or "").split("\n\n")  # of which rich keeps the ends of lines
+    command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
+    for name, member in getattr(command, "commands", {}).items():
+        equipped(member, f"{path} {name}")
+    if hasattr(command, "commands"):
+        return command
+    command.params += _common_options()
+    _write_json_after(command, path)
+    return command
+
+
+_Own = partial(typer.Option, expose_value=False, is_eager=True, rich_help_panel="Output")
+
+
+@cache
+def _common_options() -> list[Any]:
+    """Options of every command, as typer makes them of a command that has no others."""
+    made = typer.Typer(add_completion=False)
+
+    @made.command()
+    def _(
+        quiet: Annotated[bool, _Own("-q", "--quiet", help=HELP["quiet"], callback=_quiet)] = False,
+        verbose: Annotated[
+            int,
+            _Own(
+                "-v",
+                "--verbose",
+                count=True,
+                metavar="",
+                show_default=False,
+                help=HELP["verbose"],
+                callback=_verbose,
+            ),
+        ] = 0,
+        json: Annotated[bool, _Own("--json", help=HELP["json"], callback=_json)] = False,
+    ) -> None: ...
+
+    return [each for each in typer.main.get_command(made).params if each.name != "help"]
+
+
+def _quiet(value: bool) -> None:
+    set_output(quiet=value)
+
+
+def _verbose(value: int) -> None:
+    set_output(verbose=value)
+
+
+def _json(value: bool) -> None:
+    set_output(json=value)
+
+
+def _write_json_after(command: Any, path: str) -> None:
+    """Have a command write what it has given once it has ended, whatever it found."""
+    invoke = command.invoke
+
+    def invoked(context: Any) -> Any:
+        try:
+            done = invoke(context)
+        except (typer.Exit, SystemExit):
+            _write_json(path)
+            raise
+        _write_json(path)
+        return done
+
+    command.invoke = invoked
+
+
+def _write_json(path: str) -> None:
+    if out.given is not None:
+        import json
+
+        found = {"command": path, **{key: value for key, value in out.given.items() if value}}
+        sys.stdout.write(json.dumps(found, indent=2, ensure_ascii=False) + "\n")

@@ -1,0 +1,311 @@
+"""Plans of every kind: strokes for base parameters, friction, an exciting trajectory, a load.
+
+Each kind is a function with its own options; `designed` finds it by name and refuses options of
+another kind, or that do not go together, each with its reason.
+"""
+
+from __future__ import annotations
+
+import re
+from inspect import signature
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hil.errors import InvalidValue
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from hil.model.robot import Robot
+    from hil.planning.design.trajectories import ExcitationCriterion
+    from hil.planning.plan import Plan
+    from hil.planning.prediction.precision import Precision
+    from hil.planning.workspace import Workspace
+    from hil.results.tables.table import Table
+    from hil.runs.run import Run
+
+    Now = Callable[[str], None]
+
+MINUTES = 10.0
+"""Duration of a plan with --refine where none is stated [min]."""
+
+
+class Unsuited(InvalidValue):
+    """Options that do not go together.
+
+    Attributes
+    ----------
+    text : str
+        The reason, with the options as a command line has them.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(re.sub(r"--([a-z-]+)", lambda found: found[1].replace("-", "_"), text))
+        self.text = text
+
+
+class Designed(NamedTuple):
+    """A plan, its robot, what is to be known of it; precision without and with a refinement."""
+
+    plan: Plan
+    robot: Robot
+    shown: tuple[Table | str, ...] = ()
+    refinement: tuple[Precision, Precision] | None = None
+
+
+def designed(kind: str, now: Now = lambda _: None, **options: Any) -> Designed:
+    """Design a plan of a kind.
+
+    Parameters
+    ----------
+    kind : {"strokes", "friction", "trajectory", "load"}
+    now : callable
+        Takes what is being computed.
+    **options
+        Those of the kind; options left out, or None, have their defaults.
+
+    Raises
+    ------
+    Unsuited
+        Options of another kind, or that do not go together.
+    InvalidValue
+        Values with which there is no plan.
+    """
+    options = {name: value for name, value in options.items() if value not in (None, False, [])}
+    for name in options:
+        kinds = [each for each, design in KINDS.items() if name in signature(design).parameters]
+        if kind not in kinds:
+            option, taking = f"--{name.replace('_', '-')}", " and ".join(kinds)
+            why = _REASONS.get((kind, name), f"it is for {taking or 'no kind of plan'}")
+            raise Unsuited(f"{option} does not go with kind {kind}: {why}; leave it out")
+    return KINDS[kind](now=now, **options)
+
+
+def _refuse(*cases: tuple[object, str]) -> None:
+    """Refuse the first case that holds, with its reason."""
+    for holds, why in cases:
+        if holds:
+            raise Unsuited(why)
+
+
+def _strokes(
+    now: Now,
+    robot: Robot | None = None,
+    gravity: int | None = None,
+    inertia: int | None = None,
+    coupling: int | None = None,
+    minutes: float | None = None,
+    with_trajectories: bool = False,
+    distinguish: str | None = None,
+    refine: Sequence[Path] = (),
+    noise_from: Path | None = None,
+    warm_up: float = 0.0,
+    workspace: Workspace | None = None,
+) -> Designed:
+    """Strokes by counts or by minutes, from g(q) and M(q)."""
+    asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
+    counts = {kind: number for kind, number in asked.items() if number is not None}
+    _refuse(
+        ((robot is None) == (not refine), "give a robot, or a run with --refine: one of the two"),
+        (
+            counts and (minutes is not None or refine),
+            "--gravity, --inertia and --coupling are for a plan by counts; leave them out with"
+            " --minutes and --refine, which choose them",
+        ),
+        (
+            refine and (warm_up or workspace is not None or noise_from is not None),
+            "--refine takes workspace and noise from the run; leave --warm-up, --workspace and"
+            " --noise-from out",
+        ),
+        (
+            with_trajectories and refine,
+            "--with-trajectories does not go with --refine, which chooses among strokes",
+        ),
+        (
+            with_trajectories and minutes is None,
+            "--with-trajectories needs --minutes, within which all kinds are weighed against each"
+            " other; for trajectories alone there is kind trajectory",
+        ),
+        (
+            distinguish is not None and (refine or minutes is not None),
+            "--distinguish adds to a plan by counts, as much as causes need; leave --minutes and"
+            " --refine out",
+        ),
+        (
+            noise_from is not None and minutes is None and distinguish is None,
+            "--noise-from is for --minutes and --distinguish; a plan by counts uses no noise",
+        ),
+    )
+    if robot is None:
+        return _refined(now, refine, minutes or MINUTES)
+    if distinguish is not None:
+        return _distinguishing(now, robot, counts, distinguish, noise_from, warm_up, workspace)
+    if minutes is None:
+        from hil.planning.design.by_counts import design
+
+        now("choosing measurements")
+        return Designed(design(robot, counts, warm_up, workspace), robot)
+    from hil.planning.design.by_minutes import design_within
+    from hil.tasks.robot_drives import expected_of
+
+    now(f"choosing the most informative measurements of {minutes:g} minutes")
+    noise = expected_of(robot, noise_from).noise
+    plan = design_within(
+        robot, minutes, noise, warm_up, workspace, with_trajectories=with_trajectories
+    )
+    return Designed(plan, robot)
+
+
+def _distinguishing(
+    now: Now,
+    robot: Robot,
+    counts: dict[str, int],
+    causes: str,
+    noise_from: Path | None,
+    warm_up: float,
+    workspace: Workspace | None,
+) -> Designed:
+    from hil.estimation.excluded.distinguishing import causes_named, distinguish
+    from hil.planning.design.by_counts import design
+    from hil.results.tables import excluded
+    from hil.tasks.robot_drives import expected_of
+
+    named = causes_named(robot, causes)
+    now("choosing measurements")
+    plan = design(robot, counts, warm_up, workspace)
+    now("choosing measurements that distinguish causes")
+    expected = expected_of(robot, noise_from)
+    reached = distinguish(plan, robot, expected.noise, expected.p, named)
+    table = excluded.distinguished(reached, expected.source)
+    return Designed(reached.plan, robot, (table, *excluded.distinguishing(reached)))
+
+
+def _refined(now: Now, runs: Sequence[Path], minutes: float) -> Designed:
+    """Measurements of what the runs have shown least precisely."""
+    from hil.planning.design.by_minutes import refine
+    from hil.planning.prediction.precision import information, precision
+    from hil.tasks.robot_drives import experience_of
+
+    now("finding what the runs have shown")
+    folders, (noise, known, _) = experience_of(runs)
+    first, robot = folders[0], folders[0].robot
+    taken = {measurement.id for folder in folders for measurement in folder.motions}
+    now(f"choosing the most informative measurements of {minutes:g} minutes")
+    plan = refine(robot, minutes, noise, known, first.planned, taken)
+    more = information(robot, plan.measurements, plan.sample_period, noise)
+    before, then = (precision(robot, each, noise.source) for each in (known, known + more))
+    return Designed(plan, robot, refinement=(before, then))
+
+
+def _friction(
+    now: Now,
+    robot: Robot | None = None,
+    experiment: str = "sweep",
+    axis: Sequence[int] = (),
+    workspace: Workspace | None = None,
+) -> Designed:
+    """Speeds of axes, from 1: all once, or an experiment on friction's variance in time."""
+    from hil.planning.design import friction
+
+    robot = _required(robot)
+    beyond = [number for number in axis if not 1 <= number <= robot.n_joints]
+    _refuse(
+        (beyond, f"--axis {', '.join(map(str, beyond))} must be in 1 ... {robot.n_joints}"),
+        (experiment != "sweep" and len(axis) != 1, f"{experiment} takes one axis: --axis"),
+    )
+    now("choosing speeds")
+    if experiment == "sweep":
+        axes = [number - 1 for number in axis]
+        return Designed(friction.sweep(robot, axes, workspace=workspace), robot)
+    design = friction.stops if experiment == "stops" else friction.operation
+    return Designed(design(robot, axis[0] - 1, workspace=workspace), robot)
+
+
+def _trajectory(
+    now: Now,
+    robot: Robot | None = None,
+    minutes: float = 5.0,
+    period: float | None = None,
+    criterion: ExcitationCriterion = "det",
+    harmonics: int | None = None,
+    seed: int = 0,
+    warm_up: float = 0.0,
+    drives: Path | None = None,
+) -> Designed:
+    """One periodic trajectory within the limits, as often as there is time for."""
+    from hil.planning.design import trajectories
+    from hil.planning.plan import Plan, PlannedRobot, WarmUp
+    from hil.tasks.robot_drives import following_of, known_drives
+
+    robot = _required(robot)
+    period, harmonics = period or trajectories.PERIOD, harmonics or trajectories.HARMONICS
+    cycles = max(1, round(60 * minutes / period))
+    following = following_of(known_drives(robot, drives))
+    now(f"optimising a trajectory of {robot.n_joints} axes and {harmonics} harmonics")
+    found = trajectories.design_trajectory(
+        robot, period, cycles, criterion, seed,
+        harmonics=harmonics, speed=following.speed if following else None,
+    )  # fmt: skip
+    plan = Plan(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        warm_up=WarmUp(duration=warm_up) if warm_up else None,
+        measurements=(found,),
+    )
+    condition = trajectories.condition(robot, found)
+    return Designed(
+        plan, robot, (f"{cycles} periods of {period:g} s, condition number {condition:.3g}",)
+    )
+
+
+def _load(
+    now: Now,
+    model: Run | None = None,
+    minutes: float = 3.0,
+    at_most: float | None = None,
+    pose: tuple[tuple[int, float], ...] = (),
+    refine: Sequence[Path] = (),
+) -> Designed:
+    """Slow strokes that show a load beside a run without it; with `refine` faster ones after."""
+    from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
+    from hil.results.load import BareRun, estimate_load
+    from hil.runs.run import Run
+
+    if model is None:
+        raise Unsuited("kind load needs the run without the load: --model")
+    _refuse(
+        (len(refine) > 1, "kind load takes one run with --refine, that of its slow strokes"),
+        (refine and at_most is not None, "--at-most is for slow strokes; --refine knows the load"),
+    )
+    now("reading what the run without the load knows")
+    bare = BareRun(model)
+    known = bare.known
+    if refine:
+        now("estimating the load, and choosing faster measurements by it")
+        slow = Run.open(refine[0])
+        found = estimate_load(bare, [slow])
+        return Designed(fast_plan(known, minutes, slow.planned, found, pose), model.robot)
+    now("choosing slow measurements")
+    plan = slow_plan(known, minutes, at_most, pose)
+    held = (
+        f"all axes hold up to {holds(known, plan):.3g} kg in these poses, its centre up to"
+        f" {REACH:g} m from the last frame"
+    )
+    return Designed(plan, model.robot, (held,))
+
+
+def _required(robot: Robot | None) -> Robot:
+    if robot is None:
+        raise Unsuited("give a robot")
+    return robot
+
+
+KINDS: dict[str, Callable[..., Designed]] = {
+    "strokes": _strokes, "friction": _friction, "trajectory": _trajectory, "load": _load,
+}  # fmt: skip
+_REASONS = {
+    ("load", "robot"): "the robot is that of the run without the load (--model)",
+    ("load", "workspace"): "the workspace is that of the run without the load",
+    ("trajectory", "workspace"): "trajectories keep to joint limits only",
+    ("friction", "minutes"): "its speeds and their durations follow from the experiment",
+}
+"""Why a kind does not take an option of others, where there is more to say than whose it is."""
