@@ -133,7 +133,7 @@ DrivesChannel = Annotated[
 BusOptions = Annotated[
     list[str] | None,
     typer.Option(
-        "--bus-option", help="Further option of the interface as key=value; may be repeated."
+        "--bus-option", help="Additional option of the interface as key=value; may be repeated."
     ),
 ]
 BitRate = partial(typer.Option, min=10_000, max=1_000_000)

@@ -50,7 +50,8 @@ def track(
     plan_file: PlanFile,
     model_path: ModelPath,
     output: Annotated[
-        Path, output_option(folder_to_write, "Folder of the three runs and their result.")
+        Path,
+        output_option(folder_to_write, "Folder to write the three runs and their result into."),
     ],
     *,
     where: RobotsBus,
@@ -135,7 +136,9 @@ def _show(output: Path, model: str, delay: float) -> None:
 def watch(
     plan_file: PlanFile,
     model_path: ModelPath,
-    output: Annotated[Path, output_option(new_folder, "Folder of the run and its alarms.")],
+    output: Annotated[
+        Path, output_option(new_folder, "Folder to write the run and its alarms into.")
+    ],
     *,
     where: RobotsBus,
     repeat: Annotated[

@@ -34,7 +34,11 @@ def import_(
     output: Annotated[Path, output_option(new_folder, "Run folder to write, or map with --draft.")],
     maps: Annotated[
         list[Path] | None,
-        typer.Argument(help="Maps: files that state what each column holds.", autocompletion=files),
+        typer.Argument(
+            metavar="MAP",
+            help="Maps: files that state what each column holds.",
+            autocompletion=files,
+        ),
     ] = None,
     draft: Annotated[
         Path | None,

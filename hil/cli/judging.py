@@ -264,7 +264,9 @@ def _accept(
 
 @commands.command()
 def history(
-    folders: Annotated[list[Path], typer.Argument(help="Identified runs.", autocompletion=runs)],
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="RUN", help="Identified runs.", autocompletion=runs)
+    ],
     reference: Annotated[
         Path | None,
         typer.Option(

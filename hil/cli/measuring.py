@@ -57,7 +57,7 @@ class Pacing(StrEnum):
 @expand_records
 def run(
     plan_file: PlanFile,
-    output: Annotated[Path, output_option(folder_to_write, "Run folder.")],
+    output: Annotated[Path, output_option(folder_to_write, "Run folder to write.")],
     *,
     where: RobotsBus,
     resume: Annotated[

@@ -43,8 +43,12 @@ commands.add_typer(payload, name="payload")
 
 @payload.command(TWO_RUNS)
 def two_runs(
-    without: Annotated[Path, typer.Argument(help="Run without the load.", autocompletion=runs)],
-    loaded: Annotated[Path, typer.Argument(help="Run with the load.", autocompletion=runs)],
+    without: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Run without the load.", autocompletion=runs)
+    ],
+    loaded: Annotated[
+        Path, typer.Argument(metavar="LOADED", help="Run with the load.", autocompletion=runs)
+    ],
     mass: Annotated[
         float | None,
         typer.Option(
@@ -93,7 +97,9 @@ def two_runs(
 @expand_records
 def measure(
     model: ModelPath,
-    output: Annotated[Path, output_option(folder_to_write, "Folder of the measurement.")],
+    output: Annotated[
+        Path, output_option(folder_to_write, "Folder to write the measurement into.")
+    ],
     minutes: Annotated[
         float,
         typer.Option(min=LEAST_MINUTES, max=3, help="Duration of motion, travel included \\[min]."),

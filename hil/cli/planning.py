@@ -37,7 +37,7 @@ def dry_run_(
     robot_file: RobotOption = None,
     bitrate: Annotated[
         int | None,
-        BitRate(help="Bit rate of the bus \\[bit/s]; by default that of the drives file."),
+        BitRate(help="Bit rate of the bus \\[bit/s]; that of the drives file by default."),
     ] = None,
     workspace: WorkspaceOption = None,
     noise_from: NoiseFrom = None,
@@ -149,8 +149,8 @@ def plan(
         typer.Option(
             min=0.1,
             max=LONGEST / 60,
-            help="Duration of motion \\[min]: of strokes chosen by information; of all periods of"
-            " a trajectory, 5 by default; of a load's two stages, 3 by default.",
+            help="Duration of motion \\[min]; strokes are chosen by number unless it is given, 5 is"
+            " the default of a trajectory, 3 that of a load.",
         ),
     ] = None,
     warm_up: Annotated[
@@ -197,7 +197,7 @@ def plan(
     noise_from: Annotated[
         Path | None,
         _strokes(
-            help="Run that shows this robot's noise; without it the robot file states the noise.",
+            help="Run from which noise is estimated; by default the robot file states it.",
             autocompletion=runs,
         ),
     ] = None,
@@ -247,7 +247,7 @@ def plan(
     ] = None,
     model: Annotated[
         Path | None,
-        _load(help="Run without the load, or the model in its folder.", autocompletion=runs),
+        _load(help="Identified run without the load.", autocompletion=runs),
     ] = None,
     at_most: Annotated[
         float | None, _load(min=1e-3, help="Maximum payload mass, which poses must hold \\[kg].")

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 def restore(
     file: Annotated[
-        Path, typer.Argument(help="File of found settings, such as RUN/found-settings.yaml.")
+        Path,
+        typer.Argument(
+            metavar="FILE", help="File of found settings, such as RUN/found-settings.yaml."
+        ),
     ],
     interface: Annotated[
         str | None,

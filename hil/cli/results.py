@@ -38,7 +38,7 @@ Method = Annotated[
 Others = Annotated[
     list[Path] | None,
     typer.Option(
-        "--with", help="Further run to identify jointly; may be repeated.", autocompletion=runs
+        "--with", help="Additional run to identify jointly; may be repeated.", autocompletion=runs
     ),
 ]
 
@@ -60,8 +60,8 @@ def identify(
         str | None,
         typer.Option(
             metavar="cad=SHARE",
-            help="Relative uncertainty (1 sigma) of the inertials of --urdf, a prior for what the"
-            " motion does not excite, such as cad=0.3.",
+            help="Relative uncertainty (1 sigma) of the inertials of --urdf, such as cad=0.3; a"
+            " prior for parameters that the motion does not excite.",
         ),
     ] = None,
     urdf: Annotated[

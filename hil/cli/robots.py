@@ -114,7 +114,7 @@ def _from_table(
 @commands.command()
 def twin(
     robot: Annotated[
-        Path, typer.Argument(help="Robot file, whose axes the plant has.", autocompletion=files)
+        Path, typer.Argument(metavar="ROBOT", help="Robot file.", autocompletion=files)
     ],
     output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
 ) -> None:
