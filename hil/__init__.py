@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hil import errors
+    from hil.imports.arrays import run_from_arrays as run_from_arrays
     from hil.imports.importing import import_recordings
     from hil.model.base_parameters import base_parameters
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
@@ -67,6 +68,7 @@ _LATER = {
     "motor_torque": "hil.model.motors",
     "regression": "hil.results.problem",
     "regressor": "hil.model.dynamics",
+    "run_from_arrays": "hil.imports.arrays",
 }
 
 

@@ -87,6 +87,24 @@ def import_one(
     scratch = job.folder / f"{job.stem}.samples"
     samples = read_samples(the_map, robot, scratch, progress)
     scratch.unlink()  # what is mapped stays until it is no longer used
+    timing, numbered, found = understood(the_map, robot, samples)
+    recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
+    measured = measured_motions(the_map, samples, numbered, job.stem)
+    motions = tuple(_written(each, job.folder, job.robot) for each in measured)
+    timing.stretches = []  # which are as long as the recording
+    return Statement(the_map, timing, samples.wraps, recorded, motions, found)
+
+
+def understood(
+    the_map: MapFile, robot: Robot, samples: Samples
+) -> tuple[Timing, list[Numbered], tuple[Suspicion, ...]]:
+    """Times, motions and doubts of a map's samples.
+
+    Raises
+    ------
+    FileError
+        The recording cannot be used, or contradicts itself.
+    """
     timing = _timing(the_map, samples)
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
     _refuse(the_map, spikes)
@@ -95,11 +113,7 @@ def import_one(
     alone = the_map.content.kind
     found = suspicions(excerpts, robot, None if alone is None else alone - 1, the_map.unknown_gains)
     _refuse(the_map, found)
-    recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
-    measured = measured_motions(the_map, samples, numbered, job.stem)
-    motions = tuple(_written(each, job.folder, job.robot) for each in measured)
-    timing.stretches = []  # which are as long as the recording
-    return Statement(the_map, timing, samples.wraps, recorded, motions, (*spikes, *found))
+    return timing, numbered, (*spikes, *found)
 
 
 def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:

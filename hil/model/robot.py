@@ -120,6 +120,22 @@ class Robot(RobotArrays):
             raise InvalidValue("\n".join(wrong))
         return robot
 
+    def save(self, path: str | Path) -> None:
+        """Write the robot file.
+
+        Raises
+        ------
+        FileError
+            It cannot be written, or is there already.
+        """
+        path = Path(path)
+        if path.exists():
+            raise FileError(f"{path}: is there already; choose another name")
+        try:
+            path.write_text(self.text, encoding="utf-8")
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+
     def with_limits(self, limits: Mapping[str, Sequence[float]]) -> Robot:
         """Return the same robot with values for limits that its file leaves unknown.
 

@@ -12,7 +12,7 @@ import numpy as np
 from checked_files.yaml_file import FileModel
 from hil.errors import NoLoad, NotEnoughData, NotIdentifiable
 from hil.runs.journal import was_simulated
-from hil.runs.run import Run, digest_of_file
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -107,7 +107,7 @@ class RunStamp(FileModel):
 def _recordings(folder: Run) -> str:
     digest = hashlib.sha256()
     for measurement in folder.plan.measurements:
-        if found := digest_of_file(folder.recording_path(measurement)):
+        if found := folder.digest_of(measurement):
             digest.update(bytes.fromhex(found))
     return digest.hexdigest()
 
@@ -119,7 +119,7 @@ def digests(folder: Run, length: int = 16) -> tuple[str, ...]:
     """
     ids = set(folder.ids)
     taken = (motion for motion in folder.motions if motion.id in ids)
-    kept = [digest_of_file(folder.recording_path(motion)) for motion in taken]
+    kept = [folder.digest_of(motion) for motion in taken]
     return tuple(digest[:length] for digest in kept if digest)
 
 

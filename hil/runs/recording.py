@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from array import array
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -124,6 +124,11 @@ class Recording:
     def period(self) -> float:
         """Mean time between samples [s]."""
         return float(self.time[-1] - self.time[0]) / max(1, self.n_samples - 1)
+
+    def with_noise(self, torque: Array, position: Array, rng: np.random.Generator) -> Recording:
+        """Return the recording with white noise of these standard deviations, shape (n_joints,)."""
+        drawn = rng.standard_normal((2, *self.q.shape))
+        return replace(self, q=self.q + position * drawn[0], tau=self.tau + torque * drawn[1])
 
     @property
     def units(self) -> dict[str, str]:

@@ -181,6 +181,12 @@ def _with_groups(measurement: RecordedMotion, recording: Recording) -> Recording
     return replace(recording, stroke=np.full_like(recording.stroke, IDLE), group=recording.stroke)
 
 
+def checksum_of(recording: Recording) -> str:
+    """Digest of a recording's arrays alone, in hexadecimal."""
+    every = {field.name: getattr(recording, field.name) for field in fields(Recording)}
+    return _checksum({name: array for name, array in every.items() if array is not None}, {})
+
+
 def _checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:
     digest = hashlib.blake2b()
     for name, array in sorted(arrays.items()):

@@ -8,25 +8,36 @@ from __future__ import annotations
 
 import hashlib
 from copy import copy
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
+
+import numpy as np
 
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import NotEnoughData, UnknownName
 from hil.model.robot import Robot, load_robot
-from hil.planning.plan import Plan, RecordedMotions, load_plan
-from hil.runs.atomic_file import file_errors
-from hil.runs.journal import Journal, read_journal
-from hil.runs.recording_file import Measured, read_measured, replace_or_leave_out
+from hil.planning.plan import Plan, RecordedMotions, dump_plan, load_plan
+from hil.runs.atomic_file import file_errors, own_folder, whole_folder, write_file
+from hil.runs.journal import Journal, read_journal, write_journal
+from hil.runs.recording_file import (
+    Measured,
+    checksum_of,
+    read_measured,
+    replace_or_leave_out,
+    write_measured,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     import pandas as pd
+    from numpy.typing import ArrayLike
 
     from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
 
 MOTIONS = "motions.yaml"
 """In place of a plan where recordings were imported."""
@@ -81,6 +92,54 @@ class Run:
             raise _changed(file)
         return cls(path, plan, robot, journal)
 
+    @staticmethod
+    def from_arrays(
+        robot: Robot,
+        t: ArrayLike | Sequence[ArrayLike],
+        q: ArrayLike | Sequence[ArrayLike],
+        tau: ArrayLike | Sequence[ArrayLike],
+        qd: ArrayLike | Sequence[ArrayLike] | None = None,
+        *,
+        alone: int | None = None,
+        cut_off: float | None = None,
+        accept: Sequence[str] = (),
+    ) -> Run:
+        """Make a run of recorded arrays, in memory; `save` writes it into a folder.
+
+        Time stamps, gaps and doubtful signals are treated as those of imported files
+        (`hil.import_recordings`), which are read in units of their own.
+
+        Parameters
+        ----------
+        robot : Robot
+        t : array_like, shape (n_samples,)
+            Time stamps [s]; or a list of these, one a recording, and of the others likewise.
+        q, tau : array_like, shape (n_samples, n_joints)
+            Positions [rad or m] and torques [N m or N], joint side; NaN where one is missing.
+        qd : array_like, shape (n_samples, n_joints), optional
+            Velocities, where they were recorded [rad/s or m/s].
+        alone : int, optional
+            Axis, from 1, that moves back and forth by itself in all recordings.
+        cut_off : float, optional
+            Frequency up to which torques count, found from the recordings by default [Hz].
+        accept : sequence of str
+            Checks whose objection is to be accepted, such as ``friction``.
+
+        Raises
+        ------
+        InvalidArray
+            Another shape, no stretch long enough, or signals that contradict themselves.
+
+        Examples
+        --------
+        >>> run = hil.Run.from_arrays(robot, t, q, tau)  # doctest: +SKIP
+        >>> hil.identify(run).params  # doctest: +SKIP
+        """
+        # arrays are made runs of as files are, by a layer above this one
+        from hil import run_from_arrays  # noqa: PLC0415
+
+        return run_from_arrays(robot, t, q, tau, qd, alone=alone, cut_off=cut_off, accept=accept)
+
     def __repr__(self) -> str:
         return (
             f"<{type(self).__name__} {self.path}: {self.robot.name}, {len(self)} of"
@@ -130,6 +189,73 @@ class Run:
         other = copy(self)
         other.set_aside = self.set_aside | left
         return other
+
+    def only(self, ids: Iterable[str] = (), *, kind: str | None = None) -> Self:
+        """Return the run with some measurements alone, by id or by kind, such as ``gravity``.
+
+        Raises
+        ------
+        UnknownName
+            No measurement of the plan has such an id or kind.
+        """
+        wanted = set(ids) | {m.id for m in self.motions if kind is not None and m.kind == kind}
+        if kind is not None and not wanted:
+            kinds = sorted({m.kind for m in self.motions})
+            raise UnknownName(f"{self.path}: no measurement of kind {kind}; {', '.join(kinds)} are")
+        known = {m.id for m in self.motions}
+        return self.without([*sorted(wanted - known), *(i for i in known if i not in wanted)])
+
+    def mapped(self, change: Callable[[Measured], Recording]) -> MemoryRun:
+        """Return a run in memory whose recordings are those that `change` returns.
+
+        Parameters
+        ----------
+        change : callable
+            Takes a measurement as it lies in this run, and returns its recording changed.
+        """
+        measured = {each.measurement.id: replace(each, recording=change(each)) for each in self}
+        return MemoryRun(self.path, self.plan, self.robot, self.journal, measured)
+
+    def with_noise(
+        self, torque: ArrayLike = 0.0, position: ArrayLike = 0.0, *, seed: int = 0
+    ) -> MemoryRun:
+        """Return the run with white noise added, in memory: a replicate of a Monte-Carlo study.
+
+        Parameters
+        ----------
+        torque, position : scalar, or array_like of shape (n_joints,)
+            Standard deviations [N m or N, rad or m].
+        seed : int
+            The same seed gives the same noise.
+        """
+        rng, sizes = np.random.default_rng(seed), (np.asarray(torque), np.asarray(position))
+        return self.mapped(lambda each: each.recording.with_noise(*sizes, rng))
+
+    def save(self, path: Path | str) -> Run:
+        """Write the run into a new folder, and return it as `open` does.
+
+        Raises
+        ------
+        FileError
+            There is something at `path`, or it cannot be written.
+        """
+        path = Path(path)
+        if path.exists():
+            raise FileError(f"{path}: is there already; choose another folder")
+        journal = self.journal.model_copy(update={"drives_digest": None})
+        with whole_folder(path) as folder:
+            own_folder(folder / "recordings")
+            for each in self:
+                write_measured(
+                    folder / "recordings" / f"{each.measurement.id}.h5", each, self.robot
+                )
+            write_file(folder / "robot.yaml", self.robot.text.encode())
+            if isinstance(self.plan, RecordedMotions):
+                write_file(folder / MOTIONS, self.plan.text().encode())
+            else:
+                write_file(folder / "plan.yaml", dump_plan(self.plan).encode())
+            write_journal(folder / "run.json", journal)
+        return Run.open(path)
 
     def __len__(self) -> int:
         """Return the number of measurements that have a recording."""
@@ -190,6 +316,10 @@ class Run:
             raise NotEnoughData(f"{self.path}: no recordings; measure them with --resume")
         return pd.concat(tables, names=["measurement", "sample"])
 
+    def digest_of(self, measurement: RecordedMotion) -> str | None:
+        """SHA-256 of a recording, in hexadecimal; None where there is none."""
+        return digest_of_file(self.recording_path(measurement))
+
     def recording_path(self, measurement: RecordedMotion) -> Path:
         """Where the recording of `measurement` lies, once it is there."""
         return self.path / "recordings" / f"{measurement.id}.h5"
@@ -232,6 +362,44 @@ class Run:
         left_out = f"left out on request: {', '.join(sorted(self.set_aside))}"
         parts = (unmeasured, missing), (left_out, self.set_aside)
         return "; ".join(part for part, holds in parts if holds)
+
+
+class MemoryRun(Run):
+    """A run whose recordings are in memory; its path names it in messages, and is no folder.
+
+    Attributes
+    ----------
+    measured : dict
+        Measurements by their ids.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        plan: Plan | RecordedMotions,
+        robot: Robot,
+        journal: Journal,
+        measured: dict[str, Measured],
+    ) -> None:
+        super().__init__(path, plan, robot, journal)
+        self.measured = measured
+
+    def _has(self, measurement: RecordedMotion) -> bool:
+        return measurement.id in self.measured and measurement.id not in self.set_aside
+
+    def read(self, measurement: RecordedMotion) -> Measured:
+        """Return the recording of `measurement`."""
+        return self.measured[measurement.id]
+
+    def digest_of(self, measurement: RecordedMotion) -> str | None:
+        """SHA-256 of a recording's arrays, in hexadecimal; None where there is none."""
+        found = self.measured.get(measurement.id)
+        return None if found is None else checksum_of(found.recording)
+
+    @property
+    def missing(self) -> tuple[RecordedMotion, ...]:
+        """Motions without a recording, in the plan's order."""
+        return tuple(m for m in self.motions if m.id not in self.measured)
 
 
 def digest_of_file(path: Path) -> str | None:

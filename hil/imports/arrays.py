@@ -1,0 +1,146 @@
+"""Arrays that somebody recorded, as a run in memory: imported like the columns of a file."""
+
+from __future__ import annotations
+
+import hashlib
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.errors import InvalidArray
+from hil.imports.map_file import MapFile, RecordingMap
+from hil.imports.one_map import measured_motions, understood
+from hil.imports.samples import Samples
+from hil.imports.statement import Statement
+from hil.planning.free_motion import FreeMotion
+from hil.planning.plan import PlannedRobot, RecordedMotions
+from hil.runs.journal import Journal, Session, now
+from hil.runs.run import MemoryRun
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from hil.arrays import Array
+    from hil.model.robot import Robot
+    from hil.runs.recording_file import Measured
+
+_numbers = count(1)
+
+
+def run_from_arrays(
+    robot: Robot,
+    t: ArrayLike | Sequence[ArrayLike],
+    q: ArrayLike | Sequence[ArrayLike],
+    tau: ArrayLike | Sequence[ArrayLike],
+    qd: ArrayLike | Sequence[ArrayLike] | None = None,
+    *,
+    alone: int | None = None,
+    cut_off: float | None = None,
+    accept: Sequence[str] = (),
+) -> MemoryRun:
+    """Make a run of arrays, in memory; see `hil.Run.from_arrays`."""
+    recordings = _recordings(robot, t, q, tau, qd)
+    the_map = _map(robot, qd is not None, alone, cut_off, accept)
+    measured: dict[str, Measured] = {}
+    notes: list[str] = []
+    for number, samples in enumerate(recordings, start=1):
+        stem = f"r{number}"
+        try:
+            timing, numbered, found = understood(the_map, robot, samples)
+        except FileError as error:
+            raise InvalidArray(f"recording {number}: {_reason(error, the_map)}") from error
+        made = list(measured_motions(the_map, samples, numbered, stem))
+        motions = tuple(each.measurement for each in made if _is_free(each))
+        moves = (qd is not None,) * robot.n_joints
+        notes += Statement(the_map, timing, samples.wraps, moves, motions, found).lines()
+        measured |= {each.measurement.id: each for each in made}
+    plan = RecordedMotions(
+        robot=PlannedRobot(name=robot.name, digest=robot.digest),
+        map_digest=hashlib.sha256(the_map.content.model_dump_json().encode()).hexdigest(),
+        measurements=tuple(each.measurement for each in measured.values() if _is_free(each)),
+    )
+    session = Session(
+        started=now(), ended=now(), reason="arrays", bus="arrays", simulated=False,
+        notes=tuple(notes),
+    )  # fmt: skip
+    journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest).with_session(session)
+    return MemoryRun(Path(f"arrays-{next(_numbers)}"), plan, robot, journal, measured)
+
+
+def _is_free(measured: Measured) -> bool:
+    return isinstance(measured.measurement, FreeMotion)
+
+
+def _reason(error: FileError, the_map: MapFile) -> str:
+    """What is wrong, without the place in a map that there is not."""
+    return str(error).removeprefix(f"{the_map.path}:1: ")
+
+
+def _map(
+    robot: Robot, with_qd: bool, alone: int | None, cut_off: float | None, accept: Sequence[str]
+) -> MapFile:
+    """The map that a file with these columns would have."""
+    joints = []
+    for axis in range(robot.n_joints):
+        q, tau = robot.position_unit(axis), robot.torque_unit(axis)
+        joint: dict[str, object] = {
+            "position": {"column": f"q{axis + 1}", "unit": q},
+            "torque": {"column": f"tau{axis + 1}", "unit": tau},
+        }
+        if with_qd:
+            joint["velocity"] = {"column": f"qd{axis + 1}", "unit": f"{q}/s"}
+        joints.append(joint)
+    content: dict[str, object] = {
+        "robot": robot.name, "files": ["arrays"], "joints": joints, "cut_off": cut_off,
+        "accept": tuple(accept), "time": {"column": "t"},
+    }  # fmt: skip
+    if alone is not None:
+        content["kind"] = {"back_and_forth": alone}
+    return MapFile(Path("arrays"), "", RecordingMap.model_validate(content))
+
+
+def _recordings(
+    robot: Robot,
+    t: ArrayLike | Sequence[ArrayLike],
+    q: ArrayLike | Sequence[ArrayLike],
+    tau: ArrayLike | Sequence[ArrayLike],
+    qd: ArrayLike | Sequence[ArrayLike] | None,
+) -> list[Samples]:
+    several = isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0
+    groups = ([t], [q], [tau], [qd]) if not several else (t, q, tau, qd or [None] * len(t))
+    if len({len(each) for each in groups}) > 1:  # type: ignore[arg-type]
+        raise InvalidArray("t, q, tau and qd must be lists of as many recordings")
+    return [_samples(robot, *each) for each in zip(*groups, strict=True)]  # type: ignore[arg-type]
+
+
+def _samples(
+    robot: Robot, t: ArrayLike, q: ArrayLike, tau: ArrayLike, qd: ArrayLike | None
+) -> Samples:
+    time, n = np.array(t, dtype=float), robot.n_joints
+    if time.ndim != 1 or len(time) == 0:
+        raise InvalidArray(f"t has shape {time.shape}; it must be (n_samples,)")
+    columns = [_columns(name, each, len(time), n) for name, each in (("q", q), ("tau", tau))]
+    velocity = np.full((len(time), n), np.nan)
+    columns.append(velocity if qd is None else _columns("qd", qd, len(time), n))
+    values = np.hstack(columns)
+    needed = values[:, : 2 * n] if qd is None else values
+    complete = np.isfinite(time) & np.isfinite(needed).all(axis=1)
+    steps = np.abs(np.diff(values[:, :n], axis=0))
+    return Samples(time, values, complete, (0,), False, int(np.count_nonzero(steps > np.pi)))
+
+
+def _columns(name: str, values: ArrayLike, n_samples: int, n_joints: int) -> Array:
+    found = np.array(values, dtype=float)
+    if found.ndim == 1 and n_joints == 1:
+        found = found[:, None]
+    if found.shape != (n_samples, n_joints):
+        raise InvalidArray(
+            f"{name} has shape {found.shape}; it must be ({n_samples}, {n_joints}): a row a time"
+            " stamp, a column a joint"
+        )
+    return found
