@@ -15,6 +15,7 @@ from hil.live.listener import Listener
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from drivers.drive_bus import AxisInfo, Sample
     from hil.model.robot import Robot
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 SERVER = "hil.live.page_server"
 STOP = {"X-Hil-Stop": "1"}
+PUSH = {"X-Hil-Push": "1"}
 
 
 @dataclass
@@ -51,22 +53,25 @@ class Served:
     def publish(self, kind: str, **values: object) -> None:
         self.listener.write(lines.encoded(kind, **values))
 
-    def begin(self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...]) -> None:
-        """Tell what every run begins with."""
-        self.publish("start", **lines.start(robot, plan, None, simulated=True))
+    def begin(
+        self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...], *, pushed: bool = False
+    ) -> None:
+        """Publish what every run begins with; one that is `pushed` is watched."""
+        kind = {"simulated": True, "hand": pushed, "watched": pushed}
+        self.publish("start", **lines.start(robot, plan, None, **kind))
         self.publish("armed", **lines.armed(axes))
 
     def sample(self, sample: Sample) -> None:
         self.publish("sample", **lines.sample(sample))
 
     def ask(
-        self, method: str, path: str, headers: dict[str, str] | None = None
+        self, method: str, path: str, headers: dict[str, str] | None = None, body: str = ""
     ) -> tuple[int, http.client.HTTPMessage, str]:
         """Ask by the loopback; return status, headers and text."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
         try:
             given = {"Host": f"127.0.0.1:{self.port}", **(headers or {})}
-            connection.request(method, path, headers=given)
+            connection.request(method, path, body or None, given)
             answer = connection.getresponse()
             return answer.status, answer.headers, answer.read().decode()
         finally:
@@ -74,9 +79,9 @@ class Served:
 
 
 @contextmanager
-def served(address: str = "127.0.0.1", port: int = 0) -> Iterator[Served]:
+def served(address: str = "127.0.0.1", port: int = 0, *options: str) -> Iterator[Served]:
     """Serve a page on a free port."""
-    listener = Listener("the live page", SERVER, address, str(port))
+    listener = Listener("the live page", SERVER, address, str(port), *options)
     found = Served(listener)
     text = listener.start(lambda: found.stops.append(1))
     match = re.search(r"http://\S+", text)
@@ -86,6 +91,15 @@ def served(address: str = "127.0.0.1", port: int = 0) -> Iterator[Served]:
         yield found
     finally:
         listener.close()
+
+
+@contextmanager
+def hand(path: Path) -> Iterator[socket.socket]:
+    """Be a plant that takes pushes."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as taken:
+        taken.bind(str(path))
+        taken.settimeout(30)
+        yield taken
 
 
 def watching(port: int, path: str = "/events") -> socket.socket:

@@ -60,7 +60,7 @@ export class LivePage {
     if (!this.robot) this._open(line);
     this.text = text;
     [this.past, this.watched, this.rate, this.event] = [[], line.watched, undefined, undefined];
-    this.charts.forget();
+    this.charts.forget(line.watched);
     this.hand?.enable(line.hand);
     this.headline = '';
     this.measurements = line.measurements;

@@ -4,7 +4,6 @@ import { make, shown } from './elements.js';
 
 const KEPT = 4000; // instants of an axis
 const WINDOW = 10; // what is shown of torques that pass by [s]
-const RECORDING = 1; // a line that spans more is of a recording as a whole [s]
 
 /** The charts of all axes and the time that they share; `seek(t)` is called with an instant, or with nothing for now. */
 export class TorqueCharts {
@@ -19,30 +18,28 @@ export class TorqueCharts {
     this.bar = make('div', { class: 'row time' }, this.slider, this.live);
     host.after(this.bar);
     new ResizeObserver(() => this.redraw()).observe(host);
-    this.forget();
+    this.forget(false);
   }
 
-  /** Begin anew, with another run. */
-  forget() {
+  /** Begin anew, with a run whose torques pass by, or with one whose recordings come as a whole. */
+  forget(passing) {
     for (const axis of this.axes) for (const name of ['t', 'measured', 'predicted', 'band']) axis[name] = [];
-    [this.alarms, this.passing, this.cursor, this.begin, this.end] = [[], false, undefined, 0, 0];
+    [this.alarms, this.passing, this.cursor, this.begin, this.end] = [[], passing, undefined, 0, 0];
     this._hide(true);
   }
 
   take({ axes, t, measured, predicted, band }) {
     if (!t.length) return;
     this._hide(false);
-    const recording = t.at(-1) - t[0] > RECORDING;
-    this.passing ||= !recording;
     axes.forEach((number, column) => {
       const axis = this.axes[number];
-      if (recording) for (const name of ['t', 'measured', 'predicted', 'band']) axis[name] = [];
+      if (!this.passing) for (const name of ['t', 'measured', 'predicted', 'band']) axis[name] = [];
       axis.t.push(...t);
       for (const [name, rows] of Object.entries({ measured, predicted, band })) axis[name].push(...rows.map((row) => row[column]));
       const surplus = axis.t.length - KEPT;
       if (surplus > 0) for (const name of ['t', 'measured', 'predicted', 'band']) axis[name].splice(0, surplus);
     });
-    if (recording) this.fresh = new Set([...(this.due ? this.fresh ?? this.axes.keys() : []), ...axes]);
+    if (!this.passing) this.fresh = new Set([...(this.due ? this.fresh ?? this.axes.keys() : []), ...axes]);
     this._draw();
   }
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from browser import colour_scheme, opened_browser, require_browser, resize
-from live_page import Served, served
+from live_page import Served, hand, served
+from selenium.webdriver import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
@@ -125,6 +128,167 @@ def test_friction_so_far_stands_beside_its_axis(browser: Chrome, page: Served) -
     page.publish("level", **level, level=53.2, count=2, least=51.2, most=53.2)
     wanted = "53.2 N m at 0.40 rad/s (2 so far: 51.2 to 53.2)"
     until(browser, lambda: cells(browser)[1][3] == wanted)
+
+
+PARAMETERS = [
+    {"name": "p1", "group": "diagonal", "expression": "Izz1 + m3", "unit": "kg m2"},
+    {"name": "p2", "group": "gravity", "expression": "sx2", "unit": "kg m"},
+]
+
+
+def estimate(*halves: float | None) -> dict[str, Any]:
+    known = [
+        {"value": None if half is None else 32.0184, "half": half, "share": half and half / 100}
+        for half in halves
+    ]
+    rows = [each | more for each, more in zip(PARAMETERS, known, strict=True)]
+    return {"recordings": 12, "parameters": rows}
+
+
+def torques(begin: float, number: int = 50) -> dict[str, Any]:
+    """Torques of all axes over so many fortieths of a second."""
+    t = begin + 0.04 * np.arange(number)
+    measured = 100 * np.sin(t)[:, np.newaxis] * np.ones(6)
+    return lines.torque(range(6), t, measured, measured + 2.0, np.full((number, 6), 5.0))
+
+
+@pytest.fixture
+def watched(
+    browser: Chrome, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus, tmp_path: Path
+) -> Iterator[tuple[Served, Any]]:
+    """A run that is watched and can be pushed, with the plant that takes the pushes."""
+    path = str(tmp_path / "hand")
+    with hand(tmp_path / "hand") as plant, served("127.0.0.1", 0, "--hand", path) as found:
+        found.begin(manutec, small_plan, ideal_bus.axes, pushed=True)
+        for k in range(50):
+            q = (0.5 + 0.01 * k, *Q[1:])
+            found.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
+        found.publish("headline", text="Push the arm: drag a link")
+        browser.get(found.url)
+        until(browser, lambda: text(browser, "headline").startswith("Push the arm"))
+        yield found, plant
+
+
+def test_intervals_shrink_as_recordings_come(browser: Chrome, page: Served) -> None:
+    assert text(browser, "headline") == "Measuring: 1 of 3"
+    page.publish("estimate", **estimate(0.5, None))
+    until(browser, lambda: "32.02 kg m²" in text(browser, "intervals"))
+    assert "12 recordings" in text(browser, "intervals")
+    assert "open" in text(browser, "intervals")
+    wide = browser.execute_script("return document.querySelector('.interval').style.width")
+    page.publish("estimate", **estimate(0.0052, 0.1))
+    until(browser, lambda: "0.0052" in text(browser, "intervals"))
+    assert "32.0184 kg m²" in text(browser, "intervals")
+    assert "open" not in text(browser, "intervals")
+    narrow = browser.execute_script("return document.querySelector('.interval').style.width")
+    assert float(narrow.rstrip("%")) < float(wide.rstrip("%"))
+
+
+def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served) -> None:
+    assert not browser.find_element(By.ID, "torques").is_displayed()
+    t = 3.0 + 0.1 * np.arange(40)
+    one = np.sin(t)[:, np.newaxis]
+    page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, np.full((40, 1), np.inf)))
+    until(browser, lambda: "measured" in label(browser, 1))
+    assert label(browser, 1).startswith("axis 2, N m: torque over time; measured")
+    assert "none yet" in label(browser, 0)
+    assert complaints(browser) == []
+
+
+def label(browser: Chrome, axis: int) -> str:
+    name = browser.execute_script(
+        "return document.querySelectorAll('#torques > figure > canvas')[arguments[0]].ariaLabel",
+        axis,
+    )
+    return str(name)
+
+
+def test_one_cursor_goes_through_curves_and_robot(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    page, _ = watched
+    for k in range(10):
+        page.publish("torque", **torques(4.0 + 2.0 * k))
+    for k in range(500):
+        q = (0.5 + 0.001 * k, *Q[1:])
+        page.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
+    until(browser, lambda: "measured" in label(browser, 0))
+    until(browser, lambda: browser.execute_script("return window.live.charts.end > 23.9"))
+    set_to = "const s = document.querySelector('.time input'); s.value = arguments[0];"
+    browser.execute_script(f"{set_to} s.dispatchEvent(new Event('input'));", 0.5)
+    t = browser.execute_script("return window.live.charts.cursor")
+    assert 18.0 < t < 20.0
+    shown = browser.execute_script("return window.live.scene.q[0]")
+    assert shown == pytest.approx(0.5 + 0.001 * (t - 4.0) / 0.04, abs=0.002)
+    page.sample(Sample(24.1, Q, TAU, (0,) * 6, False))
+    browser.find_element(By.CSS_SELECTOR, ".time button").click()
+    page.sample(Sample(24.2, (2.0, *Q[1:]), TAU, (0,) * 6, False))
+    until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 2.0)
+    assert complaints(browser) == []
+
+
+def test_a_link_that_is_dragged_pushes_the_plant_and_is_let_go(
+    browser: Chrome, watched: tuple[Served, Any], manutec: Robot
+) -> None:
+    page, plant = watched
+    place = browser.execute_script(
+        "const {scene} = window.live, {x, y} = scene.project(2);"
+        "const {left, top} = scene.renderer.domElement.getBoundingClientRect();"
+        "return [Math.round(x + left), Math.round(y + top)];"
+    )
+    drag = ActionChains(browser, duration=20)
+    drag.w3c_actions.pointer_action.move_to_location(*place)
+    drag.click_and_hold().move_by_offset(50, -60).perform()
+    said = json.loads(plant.recv(4096))
+    share = np.abs(said["torque"]) / manutec.torque_limit
+    assert 0.0 < share.max() <= 0.2 + 1e-9
+    assert share[0] > 0
+    assert said["torque"][3:] == [0, 0, 0] or share[3:].any()
+    until(browser, lambda: "pulling with" in text(browser, "hand"))
+    ActionChains(browser).release().perform()
+    while any(json.loads(plant.recv(4096))["torque"]):
+        continue
+    page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
+    page.publish("headline", text="Push found: axis 2, 31.2 N m")
+    until(browser, lambda: text(browser, "headline") == "Push found: axis 2, 31.2 N m")
+    assert "axis 2: -31.2 N m from outside" in text(browser, "notices")
+    page.publish("end", how="finished", text="")
+    until(browser, lambda: not browser.find_element(By.ID, "hand").text)
+    assert complaints(browser) == []
+
+
+def test_an_axis_is_pushed_without_a_mouse_too(
+    browser: Chrome, watched: tuple[Served, Any], manutec: Robot
+) -> None:
+    _, plant = watched
+    browser.find_element(By.CSS_SELECTOR, "[aria-label='Push axis 4']").send_keys("\n")
+    torque = json.loads(plant.recv(4096))["torque"]
+    assert torque == pytest.approx([0, 0, 0, 0.2 * manutec.torque_limit[3], 0, 0])
+    until(browser, lambda: "pushed axis 4 with 42 N m" in text(browser, "hand"))
+
+
+def test_where_nothing_can_be_pushed_there_is_no_hand(browser: Chrome, page: Served) -> None:
+    del page
+    assert text(browser, "hand") == ""
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_everybody_can_use_a_page_that_is_watched_and_pushed(
+    browser: Chrome, watched: tuple[Served, Any], width: int, scheme: str
+) -> None:
+    page, _ = watched
+    resize(browser, width, 900)
+    colour_scheme(browser, scheme)
+    page.publish("estimate", **estimate(0.0052, None))
+    page.publish("torque", **torques(4.0))
+    page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
+    until(browser, lambda: "kg m²" in text(browser, "intervals"))
+    until(browser, lambda: "measured" in label(browser, 5))
+    browser.execute_script(AXE)
+    assert browser.execute_async_script(FAULTS) == []
+    assert browser.execute_script(ENDS) <= width
+    assert complaints(browser) == []
 
 
 def test_a_sample_that_is_missing_is_said_to_be(browser: Chrome, page: Served) -> None:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
 import time
 from itertools import takewhile
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from live_page import SERVER, STOP, Served, events, served, watching
+from live_page import PUSH, SERVER, STOP, Served, events, hand, served, watching
 
 from drivers.drive_bus import Sample
-from hil.live import streams
+from hil.live import page_server, streams
 from hil.live.listener import Listener, ListenerFailed
 from hil.live.page_requests import FILES
 from hil.live.page_server import CONNECTIONS_MAX
@@ -21,6 +23,7 @@ from hil.live.streams import CLIENTS_MAX, Streams
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from conftest import IdealBus
 
@@ -104,6 +107,59 @@ def test_nothing_but_a_stop_can_be_asked_for(page: Served) -> None:
     for path in ("/", "/move", "/events"):
         assert page.ask("POST", path, STOP)[0] == 404
     assert page.ask("PUT", "/stop", STOP)[0] == 501
+
+
+PUSHED = '{"torque": [0, 30, 0, 0, 0, 0], "lasts": 0.3}'
+
+
+def test_a_push_goes_to_the_plant_and_nowhere_else(tmp_path: Path) -> None:
+    path = tmp_path / "hand"
+    with hand(path) as plant, served("127.0.0.1", 0, "--hand", str(path)) as page:
+        given = {**PUSH, "Origin": f"http://127.0.0.1:{page.port}"}
+        assert page.ask("POST", "/push", given, PUSHED)[0] == 202
+        assert plant.recv(4096).decode() == PUSHED
+        assert page.ask("POST", "/push", None, PUSHED)[0] == 403  # as a form of another site would
+        foreign = {**PUSH, "Origin": "http://evil.example"}
+        assert page.ask("POST", "/push", foreign, PUSHED)[0] == 403
+        for wrong in ("", "{", "[]", '{"torque": 3, "lasts": 1}', '{"torque": ["x"], "lasts": 1}'):
+            assert page.ask("POST", "/push", PUSH, wrong)[0] == 400
+        plant.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            plant.recv(4096)
+        plant.close()
+        status, _, text = page.ask("POST", "/push", PUSH, PUSHED)
+        assert (status, text) == (503, "the arm cannot be pushed now\n")
+        page.publish("end", how="finished", text="")
+        until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 409)
+        assert page.stops == []
+
+
+def test_where_there_is_no_hand_nothing_can_be_pushed(page: Served) -> None:
+    assert page.ask("POST", "/push", PUSH, PUSHED)[0] == 404
+
+
+def test_a_stop_is_asked_for_once_the_last_page_is_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(page_server, "CLOSED", 1.5)
+    passed_on, closed = Streams(), []
+    inlet, outlet = os.pipe()
+    stdin = os.fdopen(inlet)
+    monkeypatch.setattr("sys.stdin", stdin)
+    thread = Thread(target=page_server._pass_on, args=(passed_on, lambda: closed.append(1)))
+    thread.start()
+    time.sleep(2.0)
+    assert closed == []  # nobody has looked yet
+    ours, theirs = socket.socketpair()
+    passed_on.add(ours, b"")
+    time.sleep(2.5)
+    assert closed == []
+    theirs.close()
+    until(lambda: closed == [1])
+    os.close(outlet)
+    thread.join()
+    stdin.close()
+    ours.close()
 
 
 def test_on_another_address_a_secret_is_demanded() -> None:
