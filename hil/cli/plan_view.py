@@ -68,13 +68,15 @@ def _present_parameters(robot: Robot) -> Table:
 def _base_parameters(robot: Robot, base: BaseParameters) -> Table:
     lengths = ", ".join(f"{name} = {value:g} m" for name, value in robot.file.lengths.items())
     table = Table("", title=f"{len(base)} base parameters", caption=lengths or None)
+    table.add_column("what it is", overflow="fold")
     table.add_column("expression", overflow="fold")
     table.add_column("unit", no_wrap=True)
     for group, members in base.groups.items():
         table.add_section()
-        table.add_row("", f"[bold]{_GROUP_TITLES[group]}[/bold]", "")
+        table.add_row("", "", f"[bold]{_GROUP_TITLES[group]}[/bold]", "")
         for k in members:
-            table.add_row(base.names[k], base.expressions[k], unit(base.units[k]))
+            cells = base.names[k], base.meanings[k], base.expressions[k], unit(base.units[k])
+            table.add_row(*cells)
     return table
 
 

@@ -25,6 +25,7 @@ import numpy as np
 from hil.model.added_parameters import added_unit, merge_added
 from hil.model.dependencies import Dependencies, find_dependencies, influences
 from hil.model.frames import ROUNDED_OFF, parameter_map
+from hil.model.parameter_meanings import meanings
 from hil.model.polynomial import Combination, Polynomial, add, combine, scale, text
 from hil.model.robot_arrays import read_only
 from hil.model.transfer import transfers
@@ -51,6 +52,8 @@ class BaseParameters:
     ----------
     names : tuple of str, length n_base
         ``p1`` and so on.
+    meanings : tuple of str
+        What each is, in words (`hil.model.parameter_meanings`).
     expressions : tuple of str
         Each as a sum of standard parameters, in the lengths' names.
     units : tuple of str
@@ -69,6 +72,7 @@ class BaseParameters:
     """
 
     names: tuple[str, ...]
+    meanings: tuple[str, ...]
     expressions: tuple[str, ...]
     units: tuple[str, ...]
     heads: tuple[str, ...]
@@ -79,6 +83,12 @@ class BaseParameters:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """Meaning and name, for who knows no numbers: ``gravity of axis 2 (p5)``."""
+        pairs = zip(self.meanings, self.names, strict=True)
+        return tuple(f"{meaning} ({name})" for meaning, name in pairs)
 
 
 @lru_cache(maxsize=32)
@@ -112,15 +122,17 @@ def base_parameters(robot: Robot) -> BaseParameters:
     rows: list[Combination] = [dict(sparse[k]) for k in kept] + [{} for _ in own]
     for i, k in zip(*np.nonzero(weights), strict=True):
         rows[i][first + int(k)] = Polynomial.constant(float(weights[i, k]))
+    heads_of, groups = tuple(standard[head] for head in every), dependencies.groups()
     return BaseParameters(
+        meanings=meanings(robot, heads_of, matrix, groups),
         names=tuple(f"p{k}" for k in range(1, len(every) + 1)),
         expressions=tuple(text(row, head, standard) for row, head in zip(rows, every, strict=True)),
         units=tuple(
             added_unit(robot, name) if name in robot.added_parameters else _UNITS[name[0]]
-            for name in (standard[head] for head in every)
+            for name in heads_of
         ),
-        heads=tuple(standard[head] for head in every),
-        groups=dependencies.groups(),
+        heads=heads_of,
+        groups=groups,
         dependencies=dependencies,
         matrix=read_only(matrix),
         placement=read_only(placement),

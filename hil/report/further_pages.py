@@ -203,7 +203,7 @@ def over_time(found: History, places: Sequence[int]) -> Chart:
         tuple(
             Panel(
                 tuple(_readings(found, place, at)),
-                title=found.quantities[place].name,
+                title=found.quantities[place].title,
                 x_label=label,
                 y_label=unit(found.quantities[place].unit),
                 height=105.0,

@@ -18,6 +18,7 @@ from scipy import stats
 
 from checked_files.yaml_file import FileModel
 from hil.errors import Mismatch
+from hil.model.base_parameters import base_parameters
 from hil.results.judgement import WORDS, Judgement, Reservation, Word, failed, good
 from hil.results.quantities import Quantity, quantities, reading
 from hil.results.rounding import signed, unit
@@ -193,7 +194,9 @@ def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
         left = float(model.residual[axis - 1]) if known else None
         yield _check(f"torque left by the fit, axis {axis}", unit, left, most)
     for each in limits.quantities:
-        yield _check(each.name, each.unit, _value(model, each), each.most, each.least)
+        titles = dict(zip(model.names, base_parameters(model.robot).titles, strict=True))
+        name = titles.get(each.name, each.name)
+        yield _check(name, each.unit, _value(model, each), each.most, each.least)
 
 
 def _value(model: Model, limits: QuantityLimits) -> float | None:

@@ -235,7 +235,7 @@ def _groups(campaign: CampaignResult) -> Iterator[Reservation]:
     base, estimate = base_parameters(campaign.robot), campaign.estimate
     for kind, row in ELEMENT_KINDS.items():
         members = [k for k in base.groups[row.group] if not base.dependencies.hidden[k]]
-        names = ", ".join(base.names[k] for k in members)
+        names = ", ".join(base.titles[k] for k in members)
         rows = sum(value.kind == kind for value in estimate.local)
         if not rows or not members:  # trajectories identify the group
             continue
@@ -251,7 +251,7 @@ def _groups(campaign: CampaignResult) -> Iterator[Reservation]:
 def _parameters(campaign: CampaignResult) -> Iterator[Reservation]:
     base, estimate = base_parameters(campaign.robot), campaign.estimate
     effect = np.nan_to_num(campaign.prediction.relative_effect)
-    for k, name in enumerate(base.names):
+    for k, name in enumerate(base.titles):
         joint = int(np.argmax(effect[:, k]))
         if effect[joint, k] > NOTABLE:
             yield doubtful(

@@ -123,7 +123,7 @@ class Change(NamedTuple):
         half = rounded(self.half_width, self.half_width)
         share = f" ({signed(significant(100 * self.relative, 2))} %)" if self.relative else ""
         return (
-            f"{self.run}: {self.quantity.name} changed by {size} ± {half}"
+            f"{self.run}: {self.quantity.title} changed by {size} ± {half}"
             f" {self.quantity.unit}{share} since {self.against}, p {_stated(self.adjusted)}; it may"
             f" come from: {self.meaning}"
         )

@@ -114,7 +114,7 @@ def _run(found: History, run: KnownRun) -> Row:
     marked = [each for each in tests if each.marked]
     count = Marked(len(marked)) if marked else "0"
     exchanged = [each.axis for each in found.rescaled if each.run == run.label]
-    named = marked[0].quantity.name if marked else ""
+    named = marked[0].quantity.title if marked else ""
     if exchanged:
         named = f"torque constant or drive of axis {exchanged[0]}"
     own = "reference" if run.label == found.reference else named
@@ -139,7 +139,7 @@ def condition(found: History) -> Table:
         ),
         (
             (
-                Marked(quantity.name) if quantity in marked else quantity.name,
+                Marked(quantity.title) if quantity in marked else quantity.title,
                 *_cells(old),
                 *_cells(new),
                 unit(quantity.unit),
@@ -179,6 +179,6 @@ def _change(each: Change) -> Row:
     share = "" if each.relative is None else signed(significant(100 * each.relative, 2))
     size, half = (rounded(x, each.half_width) for x in (each.size, each.half_width))
     return (
-        each.run, each.against, each.quantity.name, size, half, unit(each.quantity.unit), share,
+        each.run, each.against, each.quantity.title, size, half, unit(each.quantity.unit), share,
         probability(each.adjusted), each.meaning,
     )  # fmt: skip

@@ -48,6 +48,8 @@ class Quantity(NamedTuple):
         From 1, of friction and offset.
     speed : float or None
         Of a level of friction [rad/s or m/s].
+    meaning : str
+        Of a parameter, what it is; else empty, as the name says it.
     """
 
     name: str
@@ -56,6 +58,12 @@ class Quantity(NamedTuple):
     about: str = ""
     axis: int | None = None
     speed: float | None = None
+    meaning: str = ""
+
+    @property
+    def title(self) -> str:
+        """What it is, with the name of a parameter: ``gravity of axis 2 (p5)``."""
+        return f"{self.meaning} ({self.name})" if self.meaning else self.name
 
 
 class Reading(NamedTuple):
@@ -121,7 +129,8 @@ def _parameters(model: IdentifiedRobot) -> Iterator[Quantity]:
     gravity = base.groups["gravity"]
     for k, name in enumerate(base.names):
         kind: Kind = "gravity parameter" if k in gravity else "inertia parameter"
-        yield Quantity(name, kind, base.units[k], base.expressions[k])
+        about = base.expressions[k]
+        yield Quantity(name, kind, base.units[k], about, meaning=base.meanings[k])
 
 
 def _parameter(model: IdentifiedRobot, k: int) -> Reading | None:

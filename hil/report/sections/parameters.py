@@ -116,8 +116,9 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
                 items,
                 x_label="effect on the torque of the axis where it is largest [%]",
                 y_range=(0.3, len(order) + 0.7),
-                rows={float(row): base.names[k] for row, k in zip(rows, order, strict=True)},
-                width=700.0,
+                rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
+                width=780.0,
+                left=260.0,
                 height=max(21.0 * len(order), 120.0),
             ),
         )

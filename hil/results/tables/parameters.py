@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 DISAGREEMENT = 3.0
 """Standard errors between two methods from which on their difference is marked."""
 NAME = Column("", symbols=True)
+MEANING = Column("what it is", folds=True)
 NOT_IDENTIFIED = "not identified"
 IN_FULL = "95 % interval", "d.o.f."
 EXPLANATION = (
@@ -46,6 +47,7 @@ def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> 
         _title(model),
         (
             NAME,
+            MEANING,
             *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "error, %"),
             *(("of torque",) if prediction else ()),
             "unit",
@@ -79,7 +81,8 @@ def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) ->
     base = base_parameters(model.robot)
     if not model.identified[k]:
         empty = [""] * (5 if prediction else 3)
-        return (base.names[k], NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
+        named = base.names[k], base.meanings[k]
+        return (*named, NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
     value, error = float(model.values[k]), float(model.standard_errors[k])
     low, high = (float(end) for end in model.interval()[k])
     strokes = model.back_and_forth
@@ -87,6 +90,7 @@ def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) ->
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
         f"{base.names[k]} + …" if total else f"{base.names[k]}{_of_prior(model, base.names[k])}",
+        base.meanings[k],
         *uncertain(value, error),
         *(ends if prediction else (rounded((high - low) / 2, error),)),
         percent(error, value),
@@ -112,7 +116,7 @@ def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:
     heads = model.method, "std. error", check.method, "std. error", "difference", "in std. errors"
     return table(
         f"{model.robot.name}: {model.method} and {check.method} method",
-        (NAME, "unit", *figures(*heads)),
+        (NAME, MEANING, "unit", *figures(*heads)),
         (
             Part(tuple(_method(model, check, k) for k in members))
             for members in base_parameters(model.robot).groups.values()
@@ -128,6 +132,7 @@ def _method(model: IdentifiedRobot, check: IdentifiedRobot, k: int) -> Row:
     shown = signed(f"{ratio:.1f}")
     return (
         model.names[k],
+        base_parameters(model.robot).meanings[k],
         unit(model.units[k]),
         *uncertain(float(model.values[k]), errors[0]),
         *uncertain(float(check.values[k]), errors[1]),

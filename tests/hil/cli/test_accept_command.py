@@ -56,7 +56,7 @@ def test_a_run_passes_the_limits_that_were_drafted_from_it(
     assert "drive no. 3" in page
     suite = ET.parse(output / "acceptance.xml").getroot()  # noqa: S314 - written by us
     assert suite.get("failures") == "0"
-    assert "p5" in {case.get("name") for case in suite}
+    assert "gravity of axis 2 (p5)" in {case.get("name") for case in suite}
 
 
 def test_a_value_outside_its_limits_fails_with_exit_status_3(

@@ -43,7 +43,7 @@ def test_a_change_is_stated_with_size_p_value_and_what_it_may_come_from(
 ) -> None:
     status, out, _ = hil("history", *runs)
     assert status == 0
-    assert "march-3: p2 changed by 0.502 ± 0.029 kg m" in out
+    assert "(p2) changed by 0.502 ± 0.029 kg m" in out
     assert "it may come from: a load, counterweight" in out
 
 
@@ -70,7 +70,7 @@ def test_the_page_holds_everything_itself(hil: Hil, runs: list[Path]) -> None:
     path = runs[0] / "history.html"
     assert hil("history", *runs, "--html", path)[0] == 0
     page = path.read_text()
-    assert "p2 changed by" in page
+    assert "(p2) changed by" in page
     assert page.count("<figure") == 4
     assert "http:" not in page
     assert "https:" not in page

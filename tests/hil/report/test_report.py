@@ -34,6 +34,7 @@ from hil.runs.pooling import recorded
 from hil.runs.recording import Finding
 from hil.runs.run import Run
 
+TITLE_OF_P11 = "inertia of link 5, x less y (p11)"
 PLOTS = {
     *ELEMENT_KINDS,
     *(f"{name}-angles" for name, kind in ELEMENT_KINDS.items() if not kind.pair),
@@ -241,7 +242,7 @@ class TestAdvice:
         covariance = best.covariance.copy()
         covariance[10] = covariance[:, 10] = 0.0
         covariance[10, 10] = 0.1**2
-        item = self.advised(folder, replace(best, covariance=covariance))["p11"]
+        item = self.advised(folder, replace(best, covariance=covariance))[TITLE_OF_P11]
         assert "% of the torque of joint" in item.reason
         assert re.search(r"more inertia measurements of axis [45], such as i\d\d", item.remedy)
         assert item.word == "doubtful"

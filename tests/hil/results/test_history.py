@@ -94,7 +94,7 @@ def test_a_changed_parameter_is_named_first() -> None:
     ])  # fmt: skip
     assert {each.quantity.name for each in found.marked} == {"p3"}
     assert [each.against for each in found.marked].count("march") == 1
-    assert "p3 changed by" in found.marked[0].sentence
+    assert "(p3) changed by" in found.marked[0].sentence
     assert {each.run for each in found.marked} == {"may"}
 
 
