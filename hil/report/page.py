@@ -25,6 +25,8 @@ from hil.results.rounding import clock
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
+from hil.view.packed import deflated
+from hil.view.page import view_script
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -89,20 +91,27 @@ def _templates() -> Environment:
 def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object]:
     templates = _templates()
     texts = [(section, _text(templates, section)) for section in sections]
-    script = (TEMPLATES[0] / "report.js").read_text(encoding="utf-8")
-    behind = frozenset[str]().union(*(plot.chart.ids for plot in _plots(sections)))
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    charts = [plot.chart for plot in _plots(sections)]
+    behind = frozenset[str]().union(*(chart.ids for chart in charts))
+    played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
+    script, bundle = (TEMPLATES[0] / "report.js").read_text(encoding="utf-8"), view_script()
     return {
         **_top(whole),
         "lead": next((text for section, text in texts if section.leads), ""),
         "sections": [each for each in texts if not each[0].leads],
         "downloads": downloads(whole.model) if whole.is_identified else (),
         "script": Markup(script),  # noqa: S704 - our own
-        "script_source": f"'sha256-{digest}'",
-        "recordings": carried(whole.campaign, whole.robot, behind),
+        "script_source": f"{_hash(script)} {_hash(bundle)}",
+        "carried": carried(whole, behind, played),
+        "bundle": deflated(bundle) if played else "",
         "run": whole.source,
         "picture": arm(whole.robot, _pose(whole)),
     }
+
+
+def _hash(script: str) -> str:
+    """Source of a script by its content, as a policy names it."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
 
 
 def _pose(run: ReportedRun) -> Array:

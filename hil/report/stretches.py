@@ -13,11 +13,12 @@ import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
 from hil.friction.equation import SLOW
+from hil.least_squares.solving import inverse
 from hil.least_squares.uncertainty import TWICE
 from hil.results.recorded_torque import in_si, predict_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from hil.arrays import Array
     from hil.planning.measurement import RecordedMotion
@@ -46,6 +47,8 @@ class Stretch(NamedTuple):
         hardly moves.
     own_friction : bool
         Whether the prediction has the friction that the model states, or one fitted here.
+    information : ndarray, shape (n_base, n_base)
+        Of the base parameters.
     """
 
     recording: str
@@ -56,6 +59,7 @@ class Stretch(NamedTuple):
     predicted: Array
     half: Array
     own_friction: bool
+    information: Array
 
     @property
     def residual(self) -> Array:
@@ -106,7 +110,31 @@ def _stretch(model: Model, found: PredictedTorque, time: Array) -> Stretch:
         np.where(moves, predicted, np.nan),
         TWICE * found.standard_error,
         own,
+        np.zeros((0, 0)) if found.information is None else found.information,
     )
+
+
+def carriers(
+    found: Mapping[tuple[str, int], Stretch], names: Sequence[str], most: int = 10
+) -> dict[str, list[tuple[str, float]]]:
+    """Recordings that carry each base parameter, with their shares, the greatest first.
+
+    With the covariance C = N^-1 of the information N = sum N_r the shares (C N_r C)_kk / C_kk of
+    recordings r in the certainty of parameter k add up to one.
+    """
+    shares: dict[str, Array] = defaultdict(lambda: np.zeros((len(names), len(names))))
+    for (recording, _), each in found.items():
+        shares[recording] += each.information
+    if not shares:
+        return {}
+    covariance = inverse(np.sum(list(shares.values()), axis=0))
+    whole = np.maximum(np.diag(covariance), np.finfo(float).tiny)
+    parts = np.array([np.diag(covariance @ N @ covariance) / whole for N in shares.values()])
+    recordings = list(shares)
+    return {
+        name: [(recordings[r], float(parts[r, k])) for r in np.argsort(-parts[:, k])[:most]]
+        for k, name in enumerate(names)
+    }
 
 
 def most_demanding(found: Mapping[tuple[str, int], Stretch]) -> list[Stretch]:

@@ -19,6 +19,7 @@ from hil.estimation.free_motion.motion import Processing, filtered_motion
 from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
+from hil.least_squares.solving import orthonormal, projected_out
 from hil.least_squares.window import APART
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
@@ -64,6 +65,9 @@ class PredictedTorque:
     refitted, refitted_error : ndarray, or None
         The torque of the bodies with friction fitted in the recording, and its standard error
         [N m or N]; None where nothing was fitted.
+    information : ndarray, or None
+        Of the base parameters in what was measured of each axis, a level and a slope of friction
+        fitted beside them, shape (n_joints, n_base, n_base), or (n_base, n_base) of one axis.
     own_friction : bool
         Whether `predicted` has the friction that the model states; it is `refitted` otherwise,
         where the model states none of this axis.
@@ -80,6 +84,7 @@ class PredictedTorque:
     stated: Array
     refitted: Array | None = None
     refitted_error: Array | None = None
+    information: Array | None = None
     own_friction: bool = True
 
     @property
@@ -91,7 +96,9 @@ class PredictedTorque:
     def of_axis(self, axis: int) -> PredictedTorque:
         """Return what all axes have of one of them, where nothing was fitted."""
         names = ("qd", "measured", "predicted", "standard_error", "parameter_error", "stated")
-        return replace(self, axes=(axis,), **{name: getattr(self, name)[:, axis] for name in names})
+        own = {name: getattr(self, name)[:, axis] for name in names}
+        shown = None if self.information is None else self.information[axis]
+        return replace(self, axes=(axis,), information=shown, **own)
 
     @property
     def residual(self) -> Array:
@@ -230,7 +237,19 @@ def predict_whole(model: Model, recording: Recording, name: str = "") -> Predict
         standard_error=np.hypot(error, np.nan_to_num(model.residual)),
         parameter_error=error,
         stated=predicted,
+        information=_information(model, motion.used(A), motion.used(motion.qd)),
     )
+
+
+def _information(model: Model, A: Array, qd: Array) -> Array:
+    """See `PredictedTorque`; samples count as independent, with the scatter that the fit left."""
+    noise = np.where(model.residual > 0, model.residual, 1.0)
+    found = []
+    for axis, v in enumerate(qd.T):
+        friction, _ = orthonormal(np.column_stack([np.ones(len(v)), np.sign(v), v]))
+        left = projected_out(friction, A[:, axis]) / noise[axis]
+        found.append(left.T @ left)
+    return np.array(found)
 
 
 def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:

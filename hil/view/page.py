@@ -97,5 +97,10 @@ def refuse_other_file(path: Path) -> None:
     )
 
 
+def view_script() -> str:
+    """Return the bundle that both pages and the report draw robots with."""
+    return str(_asset("view.js"))
+
+
 def _asset(name: str) -> Markup:
     return Markup((ASSETS / name).read_text(encoding="utf-8"))  # noqa: S704 - our own

@@ -32,8 +32,16 @@ const found = ({ id, nodes }) => [id, nodes.slice(0, 3).map(({ html }) => html.s
 axe.run().then(({ violations }) => done(violations.filter(grave).map(found)));
 """
 POINT = '#plot-inertia [data-m="i05"]'
-LARGEST = 1_000_000
-"""Of a page of 39 recordings [bytes]."""
+LARGEST = 1_250_000
+"""Of a page of 39 recordings, a fifth of it what draws the robot [bytes]."""
+LETTERS = """
+return Math.min(...[...document.querySelectorAll('.chart svg text, .chart svg tspan')]
+  .filter((each) => each.getClientRects().length && each.textContent.trim())
+  .map((each) => {
+    const { viewBox, clientWidth } = each.closest('svg');
+    return parseFloat(getComputedStyle(each).fontSize) * clientWidth / viewBox.baseVal.width;
+  }));
+"""
 
 
 @pytest.fixture(scope="module")
@@ -112,13 +120,53 @@ def test_a_click_on_a_point_opens_the_recording_behind_it(
     curves = dialog.find_elements(By.TAG_NAME, "svg")
     assert [each.get_attribute("aria-label") for each in curves] == [
         "torque [N m]",
+        "residual [N m]",
         "position [deg]",
     ]
-    drawn = dialog.find_elements(By.CSS_SELECTOR, "path.measured")
+    drawn = dialog.find_elements(By.CSS_SELECTOR, ".measured path")
     assert all((each.get_attribute("d") or "").count("L") > 50 for each in drawn)
     dialog.find_element(By.TAG_NAME, "button").click()
     assert not dialog.is_displayed()
     assert [each for each in browser.get_log("browser") if each["level"] == "SEVERE"] == []
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+def test_letters_of_charts_are_of_12_pixels_at_least_on_phones_too(
+    browser: Chrome, page: Path, width: int
+) -> None:
+    show(browser, page, width)
+    assert browser.execute_script(LETTERS) >= 12.0
+
+
+def test_a_click_on_a_parameter_shows_the_recordings_that_carry_it(
+    browser: Chrome, page: Path
+) -> None:
+    show(browser, page)
+    name = (By.CSS_SELECTOR, '[title^="product of inertia xz of link 2 (p3)"]')
+    button = WebDriverWait(browser, 20).until(lambda opened: opened.find_element(*name))
+    browser.execute_script("arguments[0].click()", button)
+    dialog = opened(browser)
+    assert dialog.find_element(By.TAG_NAME, "h2").text == "product of inertia xz of link 2 (p3)"
+    first = dialog.find_element(By.CSS_SELECTOR, ".carriers button")
+    wanted = first.text
+    first.click()
+    WebDriverWait(browser, 20).until(
+        lambda _: dialog.find_element(By.TAG_NAME, "h2").text.startswith(f"{wanted}: coupling")
+    )
+
+
+def test_one_instant_moves_the_robot_and_the_cursor_of_its_recording(
+    browser: Chrome, page: Path
+) -> None:
+    show(browser, page)
+    WebDriverWait(browser, 60).until(lambda _: browser.execute_script("return Boolean(window.report)"))
+    panel = "#plot-torque svg[data-r]"
+    name = browser.find_element(By.CSS_SELECTOR, panel).get_attribute("data-r")
+    pose = "report.seek(arguments[0], arguments[1]); return Array.from(report.view.q)"
+    before, after = (browser.execute_script(pose, name, t) for t in (0.0, 1.0))
+    assert before != after
+    cursor = browser.find_element(By.CSS_SELECTOR, f"{panel} .cursor")
+    assert (cursor.get_attribute("d") or "").startswith("M")
 
 
 def test_the_arrow_keys_go_from_point_to_point_and_enter_opens(browser: Chrome, page: Path) -> None:
@@ -140,7 +188,8 @@ def test_without_scripts_the_page_shows_its_figures_and_offers_no_points(
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
     try:
         show(browser, page)
-        assert browser.find_element(By.CSS_SELECTOR, "#plot-intervals svg").is_displayed()
+        assert browser.find_element(By.CSS_SELECTOR, "#plot-torque svg").is_displayed()
+        assert browser.find_element(By.CSS_SELECTOR, ".robot svg").is_displayed()
         assert not browser.find_element(By.CLASS_NAME, "hint").is_displayed()
     finally:
         browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
