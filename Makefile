@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 # some hundred processes of the tests load this package: compiled once, not by each of them
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help demo test tests test-long pythons coverage vcan docs lint bench paper view-bundle release clean
+.PHONY: help demo test tests test-long pythons coverage vcan docs lint bench figures paper view-bundle release clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -26,7 +26,8 @@ help:
 	@echo 'make vcan     the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
 	@echo 'make docs     the documentation as a site, into build/docs'
 	@echo 'make lint     the checks alone: ruff, mypy, import-linter'
-	@echo 'make bench    the benchmarks'
+	@echo 'make bench    the benchmarks, and which figures have changed since they were kept'
+	@echo 'make figures  figures of README and docs from benchmarks/results'
 	@echo 'make paper    docs/explanation/paper.md: the paper line by line; takes hours'
 	@echo 'make view-bundle   the scripts of the pages of hil view and --live, from web/; takes npm'
 	@echo 'make release VERSION=0.2.0   changelog, citation, tag, wheel and site of a release'
@@ -79,6 +80,9 @@ lint: $(DEV)
 
 bench: $(DEV)
 	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file"; done
+
+figures: $(DEV)
+	$(BIN)/python benchmarks/figures.py
 
 # recordings stay in runs/paper, so that a second call measures what is missing
 paper: $(DEV)

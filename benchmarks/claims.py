@@ -40,6 +40,7 @@ import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 from drift_study.scenarios import SCENARIOS, Scenario, write_plant
 from drift_study.summary import GROUPS
+from figures import Figure, keep
 from rivals.cramer_rao import cramer_rao
 
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
@@ -62,6 +63,13 @@ if TYPE_CHECKING:
 
     from hil.ground_truth.comparison import Comparison
 
+DEPENDS = (
+    "hil/estimation",
+    "hil/least_squares",
+    "hil/friction",
+    "hil/planning",
+    "sim_plant/physics",
+)
 FIRST_SEED = 101
 MASS, DISTANCE = 10.86, 0.14
 """Of the load [kg], [m]."""
@@ -230,6 +238,7 @@ def print_errors(name: str, runs: Sequence[Path]) -> None:
     """Print the errors of one case, and how often its cause was named."""
     with ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
         judged, named = zip(*pool.map(assess, runs), strict=True)
+    kept: dict[str, Figure] = {}
     for method in judged[0]:
         found = [each[method] for each in judged]
         errors = {g: rms([100 * c.group_error[g] for c in found]) for g in GROUPS}
@@ -241,15 +250,22 @@ def print_errors(name: str, runs: Sequence[Path]) -> None:
         )
         inside = 100 * np.mean([c.inside for c in found])
         print(f"{name}, {method}, {len(runs)} seeds: {figures} %; {inside:.1f} % in 95 % intervals")
+        kept |= {f"{method}-{what}": Figure(error, "%") for what, error in errors.items()}
+        kept[f"{method}-inside"] = Figure(inside, "%", 3)
     cause = CASES[name].cause
     first = sum((causes[0] if causes else None) == cause for causes in named)
     print(f"{name}: {cause or 'nothing'} named first in {first} of {len(runs)}")
+    kept["seeds"], kept["named-first"] = Figure(len(runs)), Figure(first)
     if name == "default":
-        print_efficiency(runs[0], [each["improved"] for each in judged])
+        ratio = print_efficiency(runs[0], [each["improved"] for each in judged])
+        kept["over-cramer-rao"] = Figure(ratio, digits=3)
+    command = f"python benchmarks/claims.py {name}"
+    seeds = [int(run.name.removeprefix("seed-")) for run in runs]
+    keep(f"claims-{name}", kept, depends=DEPENDS, command=command, seeds=seeds)
 
 
-def print_efficiency(run: Path, found: Sequence[Comparison]) -> None:
-    """Print the scatter of the improved method over the Cramer-Rao bound."""
+def print_efficiency(run: Path, found: Sequence[Comparison]) -> float:
+    """Print the scatter of the improved method over the Cramer-Rao bound; return its median."""
     folder = Run.open(run)
     variance = noise(run.with_suffix(".yaml"))
     scatter = np.sqrt(np.mean([c.error**2 for c in found], axis=0))
@@ -261,6 +277,7 @@ def print_efficiency(run: Path, found: Sequence[Comparison]) -> None:
             f" {np.median(ratio):.2f} (1.2), worst {ratio.max():.2f} (1.8), each"
             f" {np.array2string(ratio, precision=2)}"
         )
+    return float(np.median(ratio))
 
 
 def noise(plant: Path) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from figures import Figure, keep
 from regressor import pinocchio_arm
 from rich.console import Console
 from rich.table import Table
@@ -165,20 +166,30 @@ def main() -> None:
     """Time everything and print a table for each robot."""
     with tempfile.TemporaryDirectory() as folder:
         in_cpp = pinocchio_in_cpp(Path(folder))
+    kept: dict[str, Figure] = {}
     for where in ROBOTS:
         robot = Robot.from_file(where) if "/" in where else Robot.load(where)
         table = Table("", "operations", "us a call", title=robot.name)
         counted = {
-            each.name: str(count(each.results))
+            each.name: count(each.results)
             for each in functions(stated_model(robot, friction=FRICTION))
         }
         with tempfile.TemporaryDirectory() as folder:
             for name, us in timed_c(robot, Path(folder)).items():
-                table.add_row(f"exported {name}", counted[name], f"{us:.3f}")
+                table.add_row(f"exported {name}", str(counted[name]), f"{us:.3f}")
+                kept[f"{robot.name}-{name}"] = Figure(us, "us")
         table.add_row("recursion on whole links", str(of_whole_links(robot)), "")
         table.add_row("Pinocchio's rnea from Python", "", f"{pinocchio_from_python(robot):.3f}")
         table.add_row("Pinocchio's rnea in C++", "", f"{in_cpp:.3f}" if in_cpp else "no Eigen")
         Console().print(table)
+        whole = of_whole_links(robot)
+        for name, total in (("own", counted["rigid_bodies"]), ("whole-links", whole)):
+            arithmetic = total.multiplications + total.additions
+            kept[f"{robot.name}-operations-{name}"] = Figure(arithmetic, digits=3)
+    keep(
+        "exported-code", kept, depends=("hil/export", "hil/model"),
+        command="python benchmarks/exported_code.py",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from figures import Figure, keep
 
 from checked_files.yaml_file import load_yaml
 from hil.cli import main
@@ -81,3 +82,15 @@ if __name__ == "__main__":
         )
     medians = np.median(table[:, :, 1] / table[:, :, 2], axis=1)
     print("factor, median over axes:", *(f"{each:.1f}" for each in medians))
+    first = table[:, 0].mean(axis=0)
+    keep(
+        "feed-forward",
+        {
+            "least-factor": Figure(medians.min()),
+            "largest-factor": Figure(medians.max(), digits=3),
+            **{f"axis-1-{name}": Figure(x, "mrad") for name, x in zip(PASSES, first, strict=True)},
+        },
+        depends=("hil/estimation", "drivers/cia402/feed_forward.py", "sim_plant/physics"),
+        command="python benchmarks/feed_forward.py",
+        seeds=[int(seed) for seed in sys.argv[1:] or SEEDS],
+    )

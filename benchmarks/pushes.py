@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import yaml
 from feed_forward import called, plan
+from figures import Figure, keep
 
 import hil
 from hil.model.robot import load_robot
@@ -193,3 +194,13 @@ if __name__ == "__main__":
     if quiet:
         number, hours = sum(len(w.alarms) for w in quiet), sum(w.watched for w in quiet) / 3600
         print(f"without a push: {number} alarms in {hours:.2f} hours")
+        kept = {"false-alarms": Figure(number), "hours": Figure(hours, "hours")}
+        for share, within in SHARES.items():
+            rows = [p for p in everything if np.isclose(p.share, share)]
+            for what, chosen in (("all", rows), ("moving", [p for p in rows if not p.turning])):
+                seen_in_time = 100 * np.mean([p.delay <= within + 1e-6 for p in chosen])
+                kept[f"{100 * share:.0f}-percent-{what}"] = Figure(seen_in_time, "%")
+        keep(
+            "pushes", kept, depends=("hil/watching", "hil/estimation"),
+            command="python benchmarks/pushes.py", seeds=asked.seeds,
+        )  # fmt: skip

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parent / "site"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from figures import expanded
 from notebooks import write_pages
 
 project = "Robot identification over CANopen"
@@ -80,7 +82,13 @@ def _examples(found: re.Match[str]) -> str:
     return "\n".join(["**Examples**:", "", "```console", *lines, "```", ""])
 
 
+def write_figures(_: Sphinx, __: str, source: list[str]) -> None:
+    """Let a page print figures as they were measured last."""
+    source[0] = expanded(source[0])
+
+
 def setup(app: Sphinx) -> None:
     """Have the generated pages written before any is read."""
+    app.connect("source-read", write_figures)
     app.connect("builder-inited", write_commands)
     app.connect("builder-inited", lambda _: write_pages(NOTEBOOKS))

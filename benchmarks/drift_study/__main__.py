@@ -73,6 +73,9 @@ def drift(
             help="Duration of every campaign in place of the designed plan's \\[min].",
         ),
     ] = None,
+    results: Annotated[
+        bool, typer.Option("--results", help="Keep the figures for documents, as drift.json.")
+    ] = False,
     workers: Annotated[
         int | None,
         typer.Option(min=1, help="Number of campaigns at once; by default one a processor."),
@@ -125,6 +128,8 @@ def drift(
             rows = summary.summarise(campaigns.judged(cells))
             if rows:
                 summary.write(output, rows)
+                if results:
+                    summary.keep_figures(rows, numbers)
         if rows:
             view.render(rows, out)
             out.print(f"table and picture in {output}", highlight=False, soft_wrap=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from benchmarks import figures
 from benchmarks.plotting import image, plotting
 from hil.model.dependencies import GROUPS
 from hil.report.charts.chart import GRID, INK, MEASURED, MODEL, MUTED
@@ -98,6 +100,19 @@ def write(folder: Path, rows: Sequence[MethodScore]) -> None:
     for kind in ("svg", "png"):
         with plotting():
             write_file(folder / f"{PICTURE}.{kind}", image(picture(rows), kind))
+
+
+def keep_figures(rows: Sequence[MethodScore], seeds: Sequence[int]) -> None:
+    """Keep errors of torques and shares of intervals that hold, by scenario and method."""
+    kept: dict[str, figures.Figure] = {}
+    for row in rows:
+        name = re.sub(r"\W+", "-", f"{row.scenario} {row.method}")
+        kept[name] = figures.Figure(100 * row.torque_error, "%")
+        kept[f"{name}-inside"] = figures.Figure(100 * row.coverage, "%")
+    figures.keep(
+        "drift", kept, depends=("hil/estimation", "hil/least_squares", "benchmarks/rivals"),
+        command="python -m benchmarks.drift_study", seeds=seeds,
+    )  # fmt: skip
 
 
 def picture(rows: Sequence[MethodScore]) -> Figure:

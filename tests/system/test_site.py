@@ -21,6 +21,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("site")
     shutil.copytree(ROOT / "docs", made / "docs")
     shutil.copy(ROOT / "pyproject.toml", made)
+    shutil.copytree(ROOT / "benchmarks", made / "benchmarks")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", made / "docs", made]
     built = subprocess.run(  # noqa: S603 - our own
         command, capture_output=True, text=True, cwd=ROOT, check=False

@@ -1,0 +1,191 @@
+"""Figures as data: what a benchmark finds is a file, and documents print it by name.
+
+A benchmark ends with `keep`, which writes ``benchmarks/results/NAME.json``: its figures with units,
+the commit and machine that they were measured at, its seeds, and the code that they depend on. A
+document has::
+
+    <!-- figure: pushes.tenth_seen -->95 %<!-- end -->
+    <!-- number: pushes.tenth_seen -->95<!-- end -->
+
+with unit or, as in a column of a table, without. What stands between is written by ``make figures``
+(``python benchmarks/figures.py``, in README.md and docs/) and by the making of the site;
+`tests/documents/test_figures.py` fails where it is anything else, and where figures are older than
+`MOST_COMMITS` of the code that they depend on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import subprocess
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+DOCUMENTS = ("README.md", "docs/**/*.md")
+MOST_COMMITS = 400
+"""Commits of the code that a figure depends on since it was measured, at most: a week of the
+busiest time of this repository, and a year of quiet ones. Golden results
+(`benchmarks/golden.py`) show sooner where an estimate has moved."""
+MARKED = re.compile(r"(<!-- (figure|number): ([\w-]+)\.([\w-]+) -->)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure.
+
+    Attributes
+    ----------
+    value : float
+    unit : str
+        As it is printed; empty for a count.
+    digits : int
+        That are significant: as many as another run, or another seed, would give again.
+    scatter : float, optional
+        Standard deviation over seeds or turns, in the same unit.
+    """
+
+    value: float
+    unit: str = ""
+    digits: int = 2
+    scatter: float | None = None
+
+    @property
+    def number(self) -> str:
+        """It without its unit."""
+        rounded = float(f"{self.value:.{self.digits - 1}e}")
+        places = self.digits - 1 - int(f"{rounded:e}".split("e")[1])
+        return f"{rounded:.{max(places, 0)}f}"
+
+    @property
+    def text(self) -> str:
+        """It as it is printed."""
+        return f"{self.number} {self.unit}".strip()
+
+
+class Kept(NamedTuple):
+    """What a benchmark has kept; attributes as of `keep`, and where and when it was measured."""
+
+    commit: str
+    measured: str
+    command: str
+    depends: list[str]
+    figures: dict[str, Figure]
+
+
+def keep(
+    name: str,
+    figures: Mapping[str, Figure],
+    *,
+    depends: Sequence[str],
+    command: str,
+    seeds: Sequence[int] = (),
+) -> None:
+    """Write the figures of a benchmark, and print what has changed since they were last written.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, and by which documents take them.
+    figures : mapping of str to Figure
+    depends : sequence of str
+        Files and folders of the code that they are figures of.
+    command : str
+        Which gives them again.
+    seeds : sequence of int
+    """
+    path = RESULTS / f"{name}.json"
+    before = read(name).figures if path.exists() else {}
+    for key, figure in figures.items():
+        if key in before and abs(figure.value - before[key].value) > (before[key].scatter or 0.0):
+            print(f"{name}.{key}: {before[key].text} -> {figure.text}")
+    content = {
+        "commit": _git("describe", "--always", "--dirty", "--abbrev=8", "--exclude=*"),
+        "measured": datetime.now(UTC).date().isoformat(),
+        "machine": f"{os.cpu_count()} cores, {platform.machine()}",
+        "command": command,
+        "seeds": list(seeds),
+        "depends": list(depends),
+        "figures": {
+            key: {k: v for k, v in asdict(figure).items() if v is not None}
+            for key, figure in figures.items()
+        },
+    }
+    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def read(name: str) -> Kept:
+    """Return what a benchmark has kept.
+
+    Raises
+    ------
+    KeyError
+        It has kept nothing.
+    """
+    path = RESULTS / f"{name}.json"
+    if not path.exists():
+        raise KeyError(f"{name}: there is no {path.relative_to(ROOT)}")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    figures = {key: Figure(**given) for key, given in content["figures"].items()}
+    return Kept(*(content[name] for name in Kept._fields[:-1]), figures)
+
+
+def expanded(text: str) -> str:
+    """Return a document with its figures as the results have them.
+
+    Raises
+    ------
+    KeyError
+        A figure that no benchmark has kept.
+    """
+
+    def write(found: re.Match[str]) -> str:
+        begin, kind, name, key, _, end = found.groups()
+        figures = read(name).figures
+        if key not in figures:
+            raise KeyError(f"{name}.{key}: there is no such figure in benchmarks/results")
+        return begin + (figures[key].text if kind == "figure" else figures[key].number) + end
+
+    return MARKED.sub(write, text)
+
+
+def documents() -> list[Path]:
+    """Return all documents that may print figures."""
+    return sorted(path for pattern in DOCUMENTS for path in ROOT.glob(pattern))
+
+
+def commits_since(name: str) -> int:
+    """Return how many commits have changed what the figures of a benchmark depend on since then.
+
+    Where the commit is not known here, for it was rewritten on its way, those after its day count.
+    """
+    kept = read(name)
+    commit = kept.commit.removesuffix("-dirty")
+    try:
+        since = (f"{_git('rev-parse', '--verify', '--quiet', commit + '^{commit}')}..HEAD",)
+    except subprocess.CalledProcessError:
+        since = (f"--since={kept.measured}T23:59:59Z", "HEAD")
+    return int(_git("rev-list", "--count", *since, "--", *kept.depends))
+
+
+def _git(*arguments: str) -> str:
+    command = ["/usr/bin/env", "git", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+if __name__ == "__main__":
+    for document in documents():
+        before = document.read_text(encoding="utf-8")
+        after = expanded(before)
+        if after != before:
+            document.write_text(after, encoding="utf-8")
+            print(document.relative_to(ROOT))

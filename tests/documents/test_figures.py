@@ -1,0 +1,82 @@
+"""Figures of the documents are those that benchmarks have kept, and not older than is stated."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from typing import TYPE_CHECKING
+
+import figures
+import pytest
+from figures import MARKED, MOST_COMMITS, ROOT, Figure, expanded, keep, read
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+DOCUMENTS = figures.documents()
+USED = sorted({found[2] for path in DOCUMENTS for found in MARKED.findall(path.read_text())})
+FENCED = re.compile(r"(?ms)^```.*?^```")
+MEASURED = re.compile(r"\d[\d.]* (?:%|us|ms|mrad|kg|times)(?!\w)")
+STATED = (
+    "0.4 to 0.8 %", "5 % of the load", "80 % of the velocity limits", "within 20 ms", "95.1 kg",
+    "published 95", "three times", "four times", "95 % intervals",
+)  # fmt: skip
+"""What README states with a unit and nobody here has measured: conditions and published values."""
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_a_document_prints_what_was_measured(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    assert expanded(text) == text, "make figures writes it"
+
+
+def test_readme_prints_no_figure_that_is_not_marked() -> None:
+    text = MARKED.sub("", FENCED.sub("", (ROOT / "README.md").read_text(encoding="utf-8")))
+    for stated in STATED:
+        text = text.replace(stated, "")
+    assert MEASURED.findall(text) == [], "mark it (benchmarks/figures.py), or list it as STATED"
+
+
+def test_a_contradiction_and_an_unknown_name_are_found() -> None:
+    marked = "<!-- figure: pushes.10-percent-all -->95 %<!-- end -->"
+    assert expanded(marked) == marked
+    assert expanded(marked.replace("95", "99")) == marked
+    with pytest.raises(KeyError, match=r"pushes\.unknown: there is no such figure"):
+        expanded("<!-- number: pushes.unknown -->95<!-- end -->")
+    with pytest.raises(KeyError, match=r"nobody: there is no benchmarks.results.nobody\.json"):
+        expanded("<!-- number: nobody.figure -->95<!-- end -->")
+
+
+@pytest.mark.parametrize("name", USED)
+def test_the_code_of_a_figure_has_not_changed_too_often_since(name: str) -> None:
+    if subprocess.run(["git", "rev-parse"], cwd=ROOT, check=False).returncode:  # noqa: S607
+        pytest.skip("without git nobody knows what has changed")
+    depends = [ROOT / place for place in read(name).depends]
+    assert [place for place in depends if not place.exists()] == []
+    assert figures.commits_since(name) <= MOST_COMMITS, f"repeat {read(name).command}"
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (0.0764, 2, "0.076"), (0.8, 2, "0.80"), (98.57, 3, "98.6"), (889.7, 3, "890"),
+        (15234.0, 2, "15000"), (0.0, 1, "0"), (9.97, 2, "10"), (3.8, 2, "3.8"),
+    ],
+)  # fmt: skip
+def test_figures_have_their_significant_digits(value: float, digits: int, text: str) -> None:
+    assert Figure(value, "%", digits).number == text
+    assert Figure(value, "%", digits).text == f"{text} %"
+
+
+def test_what_is_kept_states_where_it_was_measured_and_what_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(figures, "RESULTS", tmp_path)
+    how = {"depends": ["hil/export"], "command": "python benchmarks/x.py", "seeds": [1, 2]}
+    keep("x", {"a": Figure(1.0, "s", scatter=0.1), "b": Figure(2.0)}, **how)
+    assert read("x").figures == {"a": Figure(1.0, "s", scatter=0.1), "b": Figure(2.0)}
+    assert re.fullmatch(r"[0-9a-f]{7,}(-dirty)?", read("x").commit)
+    assert figures.commits_since("x") == 0
+    capsys.readouterr()
+    keep("x", {"a": Figure(1.05, "s"), "b": Figure(3.0)}, **how)
+    assert capsys.readouterr().out == "x.b: 2.0 -> 3.0\n"
