@@ -88,7 +88,10 @@ if __name__ == "__main__":
         {
             "least-factor": Figure(medians.min()),
             "largest-factor": Figure(medians.max(), digits=3),
-            **{f"axis-1-{name}": Figure(x, "mrad") for name, x in zip(PASSES, first, strict=True)},
+            **{
+                f"axis-1-{name}": Figure(x, "mrad", 3)
+                for name, x in zip(PASSES, first, strict=True)
+            },
         },
         depends=("hil/estimation", "drivers/cia402/feed_forward.py", "sim_plant/physics"),
         command="python benchmarks/feed_forward.py",
