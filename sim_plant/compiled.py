@@ -18,8 +18,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from numba import njit
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+try:
+    from numba import njit
+    from numba.core.caching import CompileResultCacheImpl, FunctionCache
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        "the virtual plant needs Numba, which is not installed: pip install numba; recordings are"
+        " imported, identified, validated and reported without it",
+        name=error.name,
+    ) from error
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -54,6 +54,7 @@ LONG = (
     "hil/cli/test_interruption.py",
     "hil/cli/test_mixture.py",
     "hil/cli/test_tutorials.py",
+    "hil/cli/test_without_numba.py",
     "sim_plant/faults",
     "system",
 )  # fmt: skip

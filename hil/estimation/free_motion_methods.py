@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -29,8 +30,10 @@ from hil.estimation.free_motion.survey import configurations
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
 from hil.least_squares.balance import balanced
-from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 from hil.model.base_parameters import base_parameters
+
+with suppress(ModuleNotFoundError):  # there may be no Numba
+    from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

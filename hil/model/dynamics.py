@@ -213,10 +213,18 @@ def _recursion(rows: int) -> ModuleType:
     """Recursion that takes less time for `rows` more of them."""
     _Uncompiled.rows += rows + 1000  # a call by itself takes as long as so many rows
     if _Uncompiled.rows > _UNCOMPILED or "hil.model.recursion" in sys.modules:
-        from hil.model import recursion  # noqa: PLC0415 - loads what is compiled
-
-        return recursion
+        return _compiled()
     return recursion_by_arrays
+
+
+@lru_cache(maxsize=1)
+def _compiled() -> ModuleType:
+    """Load what is compiled; the same by arrays where Numba is not there for this Python."""
+    try:
+        from hil.model import recursion  # noqa: PLC0415 - takes a second
+    except ModuleNotFoundError:
+        return recursion_by_arrays
+    return recursion
 
 
 def _rows(robot: Robot, joints: Sequence[int] | None) -> Integers:

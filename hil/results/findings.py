@@ -19,7 +19,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from importlib import import_module
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -210,7 +210,8 @@ def _program() -> str:
         for path in sorted((place / package).rglob("*.py")):
             digest.update(path.read_bytes())
     for library in LIBRARIES:
-        digest.update(f"{library} {version(library)}\n".encode())
+        with suppress(PackageNotFoundError):  # there may be no numba
+            digest.update(f"{library} {version(library)}\n".encode())
     return digest.hexdigest()
 
 
