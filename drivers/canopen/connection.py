@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     import can
 
     from drivers.can_bus.kernel_sync import KernelSync
-    from drivers.canopen.sync_clock import SyncClock
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.remote_dictionary import RemoteDictionary
+    from drivers.sync_clock import SyncClock
 
 START_AGAIN = 0.1
 """Time after which a drive that does not answer SYNC is commanded to start again [s]."""

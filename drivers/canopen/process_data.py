@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from drivers.canopen.communication import CanopenCommunication
     from drivers.canopen.network import PumpedNetwork
     from drivers.canopen.pdo_mapping import Pdo
-    from drivers.canopen.sync_clock import SyncClock
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
+    from drivers.sync_clock import SyncClock
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000

@@ -17,7 +17,7 @@ import numpy as np
 from drivers.can_bus.capabilities import Capabilities, capabilities_of
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
 from drivers.canopen.pdo_mapping import answers
-from drivers.canopen.sync_clock import PAUSE, WINDOW
+from drivers.sync_clock import PAUSE, WINDOW
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

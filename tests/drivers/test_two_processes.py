@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from two_processes import BUSES, DRIVES, open_bus, plant_process, slow_drives, wake
 
-from drivers.canopen import sync_clock
+from drivers import sync_clock
 from drivers.canopen.drive_bus import CanopenDriveBus
-from drivers.canopen.sync_clock import PAUSE, TOO_LATE
 from drivers.drive_bus import Move, NodeSilent, SampleFlag
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
+from drivers.sync_clock import PAUSE, TOO_LATE
 
 if TYPE_CHECKING:
     from two_processes import Place

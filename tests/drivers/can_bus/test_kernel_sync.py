@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.can_bus.kernel_sync import SILENCE, KernelSync
-from drivers.canopen.sync_clock import PAUSE, KernelClock, kernel_sync
+from drivers.canopen.sync_clock import KernelClock, kernel_sync
 from drivers.drive_bus import BusUnavailable
+from drivers.sync_clock import PAUSE
 
 PERIOD = 0.01
 START = 1000.0

@@ -9,15 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen.sync_clock import (
-    PATIENCE,
-    PAUSE,
-    TOO_LATE,
-    WINDOW,
-    LockStep,
-    WallClock,
-    choose_sync_clock,
-)
+from drivers.canopen.sync_clock import choose_sync_clock
+from drivers.fieldbus import TOO_LATE
+from drivers.sync_clock import PATIENCE, PAUSE, WINDOW, LockStep, WallClock
 
 PERIOD = 0.01
 

@@ -11,7 +11,6 @@ import pytest
 from rich.console import Console
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.sync_clock import TOO_LATE, WallClock
 from drivers.commissioning.verdict import Grade
 from drivers.operator_tools.sync_period import (
     WakeUps,
@@ -20,6 +19,7 @@ from drivers.operator_tools.sync_period import (
     measure_wake_ups,
     wake_ups_on,
 )
+from drivers.sync_clock import TOO_LATE, WallClock
 from hil import cli
 from hil.cli import commissioning
 from hil.planning.plan import Plan, dump_plan
