@@ -159,6 +159,8 @@ class AxisDrive(FileModel):
 
     Attributes
     ----------
+    node : int
+        Its node number; on EtherCAT its position on the line, from 1, where no alias is stated.
     gear_ratio : float
         Motor angle over joint coordinate [-, or rad/m if prismatic], positive.
     sign : int
@@ -204,6 +206,8 @@ class AxisDrive(FileModel):
         What TPDO 1 and, if there is one, TPDO 2 carry, in the words of 1A00 and 1A01, where that is
         not status, position and current in one TPDO (two for a current of 32 bits). The driver asks
         the drive anyway; who only listens reads it here.
+    alias : int, optional
+        Of a drive on EtherCAT (register 0012h), by which it is found wherever it is on the line.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -236,6 +240,7 @@ class AxisDrive(FileModel):
     acknowledge: Literal["taken", "reached"] = "taken"
     acknowledge_timeout: Annotated[float, Field(gt=0, le=60)] = 0.5
     tpdos: Annotated[tuple[Words, ...], Field(min_length=1, max_length=2)] | None = None
+    alias: Annotated[int, Field(ge=1, le=0xFFFF)] | None = None
 
     @property
     def unit(self) -> str:

@@ -213,7 +213,9 @@ class LifeSign(Protocol):
 
     name: str
     timeout: float
-    due: float
+
+    @property
+    def due(self) -> float: ...  # noqa: D102 - an attribute
 
     @property
     def trouble(self) -> DriveError | None: ...  # noqa: D102 - an attribute

@@ -13,6 +13,9 @@ from drivers.canopen.bus import CanopenBus
 from drivers.canopen.bus_load import cycle_on_bus
 from drivers.canopen.eds_file import read_eds
 from drivers.canopen.rules import RULES
+from drivers.drive_bus import BusUnavailable
+from drivers.ethercat.bus import EthercatBus
+from drivers.ethercat.wire import RawWire
 from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
@@ -24,7 +27,9 @@ if TYPE_CHECKING:
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.session.connection import Fieldbus
 
-__all__ = ["RULES", "cycle_on_bus", "open_drive_bus", "open_fieldbus", "read_eds"]
+ETHERCAT = "ethercat"
+"""Interface of EtherCAT drives; its channel is a network interface."""
+__all__ = ["ETHERCAT", "RULES", "cycle_on_bus", "open_drive_bus", "open_fieldbus", "read_eds"]
 
 
 def open_fieldbus(
@@ -39,11 +44,11 @@ def open_fieldbus(
     Parameters
     ----------
     interface, channel : str
-        As python-can names them.
+        As python-can names them, or `ETHERCAT` and a network interface.
     options : mapping
         Further arguments of the interface, the bit rate among them.
     pacing : {"auto", "lock-step", "wall-clock"}
-        See `drivers.canopen.sync_clock.choose_sync_clock`.
+        See `drivers.canopen.sync_clock.choose_sync_clock`, `drivers.ethercat.bus.EthercatBus`.
     frame_log : path, optional
         Where to log all frames (see `drivers.can_bus.frame_log`).
 
@@ -54,6 +59,12 @@ def open_fieldbus(
     FileError
         The log of frames cannot be written.
     """
+    if interface == ETHERCAT:
+        if frame_log is not None:
+            raise BusUnavailable(
+                "frames of EtherCAT are not logged; record them beside with tcpdump or Wireshark"
+            )
+        return EthercatBus(RawWire(channel), pacing)
     bus = open_can_bus(interface, channel, options)
     return CanopenBus(bus if frame_log is None else logged(bus, frame_log), pacing)
 

@@ -8,7 +8,7 @@ from drivers.fieldbus import Entry
 from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from drivers.remote_dictionary import RemoteDictionary
 
@@ -16,12 +16,14 @@ COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x
 """Controlword and targets: they command, and are neither kept nor put back."""
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 """Of RPDOs and of TPDOs (CiA 301); EtherCAT has them at the same places."""
+ASSIGNMENTS = range(0x1C12, 0x1C14)
+"""Of mappings to sync managers (ETG.1000.6), which CANopen has not."""
 ENTRIES_MAX = 64
 """Most objects in a PDO (CiA 301)."""
 
 
 def mapping_count(index: int) -> Entry:
-    """Return the object that counts what a mapping (1600h and on, 1A00h and on) carries."""
+    """Return the object that counts what a mapping carries, or an assignment (1C12h, 1C13h)."""
     return Entry(index, 0, "u8", f"number of objects in {_name(index)}")
 
 
@@ -30,11 +32,16 @@ def mapping_slot(index: int, number: int) -> Entry:
     return Entry(index, number, "u32", f"object {number} of {_name(index)}")
 
 
+def assignment_slot(index: int, number: int) -> Entry:
+    """Return the object of an assignment that names the n-th mapping, from 1."""
+    return Entry(index, number, "u16", f"mapping {number} of {_name(index)}")
+
+
 def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
     """Read what must be kept before `entry` is written, beside what `server` has kept already.
 
     Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
-    together: whoever changes one loses them all.
+    together, and so do those of an assignment: whoever changes one loses them all.
 
     Raises
     ------
@@ -45,16 +52,18 @@ def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
         return {}
     entries: Sequence[Entry] = [entry]
     if any(entry.index in mappings for mappings in MAPPINGS):
-        entries = [*_mapped(server, entry.index), entry]
+        entries = [*_mapped(server, entry.index, mapping_slot), entry]
+    elif entry.index in ASSIGNMENTS:
+        entries = [*_mapped(server, entry.index, assignment_slot), entry]
     fresh = {(each.index, each.subindex): each for each in entries}
     values = {e: read_if_held(server, e) for place, e in fresh.items() if place not in server.saved}
     return {each: value for each, value in values.items() if value is not None}
 
 
-def _mapped(server: RemoteDictionary, index: int) -> list[Entry]:
+def _mapped(server: RemoteDictionary, index: int, slot: Callable[[int, int], Entry]) -> list[Entry]:
     count = mapping_count(index)
     present = min(read_if_held(server, count) or 0, ENTRIES_MAX)
-    return [count, *(mapping_slot(index, n) for n in range(1, present + 1))]
+    return [count, *(slot(index, n) for n in range(1, present + 1))]
 
 
 def read_if_held(server: RemoteDictionary, entry: Entry) -> int | None:
@@ -66,4 +75,6 @@ def read_if_held(server: RemoteDictionary, entry: Entry) -> int | None:
 
 
 def _name(mapping: int) -> str:
+    if mapping in ASSIGNMENTS:
+        return f"{mapping:04X}"
     return f"TPDO {mapping - 0x19FF}" if mapping in MAPPINGS[1] else f"RPDO {mapping - 0x15FF}"

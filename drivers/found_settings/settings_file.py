@@ -19,7 +19,7 @@ from checked_files.names import ShownName
 from checked_files.yaml_file import FileModel, load_yaml
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import VELOCITY_FEED_FORWARDS
-from drivers.commissioning.held_values import COMMANDS
+from drivers.commissioning.held_values import ASSIGNMENTS, COMMANDS
 from drivers.commissioning.requirement import Use
 from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.drives_file import U32
@@ -35,7 +35,9 @@ NAME = "found-settings.yaml"
 """How the file is called in the folder of a run."""
 
 _COMMUNICATION = frozenset({0x1005, 0x1006, 0x100C, 0x100D, 0x1016, 0x1017, 0x1019})
-"""Index of what sessions write of a bus's own objects, beside PDOs."""
+"""Index of what sessions write of CANopen's own objects, beside PDOs."""
+_COE = frozenset({0x1C32, 0x1C33, *ASSIGNMENTS})
+"""The same of CANopen over EtherCAT."""
 _PDOS = range(0x1400, 0x1C00)
 _SET = [
     row for row in REQUIREMENTS.values() if Use.WRITE in row.use and row.entry.index not in COMMANDS
@@ -44,6 +46,7 @@ SETTINGS = frozenset(
     {
         *(row.entry.index for row in _SET),
         *_COMMUNICATION,
+        *_COE,
         *_PDOS,
         *(entry.index for entry in (*objects.HOMING, *objects.INTERPOLATION)),
         *(entry.index for entry in VELOCITY_FEED_FORWARDS.values()),

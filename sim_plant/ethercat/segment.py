@@ -3,8 +3,9 @@
 Two clocks are possible. With ``"sync"`` time stands still between cycles: when every slave in
 SAFEOP or OP has got its outputs (or has been read, if it has none), they act, and one cycle
 passes. It is the longest SYNC0 cycle, else the longest 1C32h:2, else that of the option. So a
-master is as fast as the processor and always gets the same answers. With ``"wall"`` somebody calls
-`elapse`.
+master is as fast as the processor and always gets the same answers. A master that sends no outputs
+lets a cycle pass with each frame that reads the watchdog status of all (BRD of 0440h). With
+``"wall"`` somebody calls `elapse`.
 """
 
 from __future__ import annotations
@@ -92,11 +93,13 @@ class Segment(TimedNetwork):
             return None
         self._show_links(len(reached))
         passing = bytearray(frame)
+        waits = False
         for datagram in datagrams(passing):
             if datagram.command is not Command.NOP:
+                waits |= datagram.command is Command.BRD and datagram.offset == reg.WATCHDOG_STATUS
                 self._pass(datagram, reached)
         mark_passed(passing)
-        self._work(reached)
+        self._work(reached, waits=waits)
         return bytes(passing)
 
     def elapse(self, duration: float) -> None:
@@ -134,8 +137,8 @@ class Segment(TimedNetwork):
             if command in POSITION or command in BROADCAST:
                 datagram.pass_on()
 
-    def _work(self, reached: Sequence[EthercatSlave]) -> None:
-        """Let happen what a frame has set off in the slaves."""
+    def _work(self, reached: Sequence[EthercatSlave], *, waits: bool) -> None:
+        """Let happen what a frame has set off in the slaves; the master may wait for them."""
         last = len(reached) - 1
         due = False
         for number, node in enumerate(reached):
@@ -147,6 +150,8 @@ class Segment(TimedNetwork):
             waiting = {n for n, node in enumerate(reached) if node.exchanges} - self._exchanged
             if due or not waiting:
                 self._finish_cycle()
+        elif waits:
+            self._finish_cycle()
 
     def _finish_cycle(self) -> None:
         self._exchanged.clear()

@@ -1,0 +1,1 @@
+"""CANopen over EtherCAT: a file a service, as `drivers.canopen` for CAN."""

@@ -1,0 +1,190 @@
+"""An open network interface with EtherCAT drives on it (`drivers.session.connection.Fieldbus`)."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING
+
+from drivers.ethercat.coe import CoeAccess
+from drivers.ethercat.communication import EthercatCommunication
+from drivers.ethercat.connection import EthercatConnection
+from drivers.ethercat.cycle_time import MAX_LOAD, StopwatchWire, cycle_time
+from drivers.ethercat.drive import EthercatDrive
+from drivers.ethercat.line import LOCK_STEP_PATIENCE, PATIENCE, Line
+from drivers.ethercat.monitor import LinePicture
+from drivers.ethercat.process_data import EthercatProcessData
+from drivers.ethercat.rules import RULES
+from drivers.ethercat.scan import scan_line
+from drivers.ethercat.slaves import Slaves
+from drivers.remote_dictionary import RemoteDictionary
+from drivers.session.connection import UnpoweredDrives
+from drivers.sync_clock import LockStep, WallClock
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator
+    from typing import Self
+
+    from drivers.dictionary.found_nodes import Scan
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.ethercat.wire import Wire
+    from drivers.fieldbus import PacingName
+    from drivers.sync_clock import SyncClock
+
+SDO_TIMEOUT = 1.0
+"""How long a drive may take to answer [s], where no drives file says it."""
+
+
+class EthercatBus:
+    """An open interface, and a context manager that closes it.
+
+    Parameters
+    ----------
+    wire : Wire
+        Open.
+    pacing : {"auto", "lock-step", "wall-clock"}
+        "lock-step" sends the next frame as soon as the last one is back, for a plant whose time
+        is that of cycles; else frames keep deadlines of the wall clock.
+    """
+
+    rules = RULES
+    keeps_time = recorded = False
+
+    def __init__(self, wire: Wire, pacing: PacingName = "auto") -> None:
+        self._wire = wire
+        self.lock_step = pacing == "lock-step"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.shutdown()
+
+    def connect(
+        self, drives: DrivesFile, period: float, *, feed_forward: bool = False
+    ) -> EthercatConnection:
+        """Build all that is needed to talk to drives (see `Fieldbus`)."""
+        line = self._line()
+        reached = self._reached(line, drives)
+        servers = [_server(drive, axis.node, axis.name) for drive, axis in reached]
+        return EthercatConnection(
+            line,
+            [drive for drive, _ in reached],
+            servers,
+            self._clock(period),
+            drives,
+            feed_forward=feed_forward,
+        )
+
+    def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
+        """Reach drives by their mailboxes alone."""
+        line = self._line()
+        reached = self._reached(line, drives)
+        servers = tuple(_server(drive, axis.node, axis.name) for drive, axis in reached)
+        found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
+        clock = self._clock(drives.sync_period)
+        data = EthercatProcessData(line, drives.axes, [drive for drive, _ in reached], clock)
+        return UnpoweredDrives(servers, found, data)
+
+    def servers(
+        self, named: Iterable[tuple[int, str]], timeout: float = SDO_TIMEOUT
+    ) -> tuple[RemoteDictionary, ...]:
+        """Reach drives by position and name, which may take `timeout` to answer [s]."""
+        line = self._line()
+        slaves = Slaves(line)
+
+        def drive(node: int, label: str) -> EthercatDrive:
+            return EthercatDrive(partial(slaves.at, node, None), line, label, timeout)
+
+        return tuple(
+            _server(drive(node, f"{name} (node {node})"), node, name) for node, name in named
+        )
+
+    def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
+        """Find slaves and what they offer (see `drivers.ethercat.scan.scan_line`)."""
+        line = self._line()
+        return scan_line(
+            line,
+            lambda node: node not in besides and (only is None or node in only),
+            SDO_TIMEOUT,
+        )
+
+    def wait(self, timeout: float) -> object:
+        """Wait for a frame, for so long at most [s]."""
+        return self._wire.receive(timeout)
+
+    @contextmanager
+    def timed(self, drives: DrivesFile) -> Iterator[TimedEthercatBus]:
+        """Stand in for this bus and note how long frames take to come back."""
+        del drives
+        yield TimedEthercatBus(StopwatchWire(self._wire), lock_step=self.lock_step)
+
+    def picture(self, drives: DrivesFile, *, inputs: bool = False) -> LinePicture:
+        """Show what drives answer by their mailboxes: nobody can listen on this bus."""
+        return LinePicture(drives, self.unpowered(drives), inputs=inputs)
+
+    def load(self, drives: DrivesFile) -> tuple[float, float]:
+        """Return the time of a cycle on the line [s], and the share of the period it may take."""
+        return cycle_time(drives), MAX_LOAD
+
+    def shutdown(self) -> None:
+        """Close it."""
+        self._wire.close()
+
+    def _line(self) -> Line:
+        return Line(self._wire, LOCK_STEP_PATIENCE if self.lock_step else PATIENCE)
+
+    def _clock(self, period: float) -> SyncClock:
+        return LockStep(period, synchronous=False) if self.lock_step else WallClock(period)
+
+    def _reached(self, line: Line, drives: DrivesFile) -> list[tuple[EthercatDrive, AxisDrive]]:
+        slaves = Slaves(line)
+        return [
+            (
+                EthercatDrive(
+                    partial(slaves.at, axis.node, axis.alias),
+                    line,
+                    axis.label,
+                    drives.sdo_timeout,
+                ),
+                axis,
+            )
+            for axis in drives.axes
+        ]
+
+
+def _server(drive: EthercatDrive, node: int, name: str) -> RemoteDictionary:
+    return RemoteDictionary(CoeAccess(drive), node, name)
+
+
+class TimedEthercatBus(EthercatBus):
+    """A bus that notes how long frames with process data take to come back.
+
+    Parameters
+    ----------
+    stopwatch : StopwatchWire
+        In front of the wire.
+    lock_step : bool
+        As of the bus that it stands for.
+    """
+
+    def __init__(self, stopwatch: StopwatchWire, *, lock_step: bool) -> None:
+        super().__init__(stopwatch, "lock-step" if lock_step else "wall-clock")
+        self._stopwatch = stopwatch
+        self._period = 0.0
+
+    def connect(
+        self, drives: DrivesFile, period: float, *, feed_forward: bool = False
+    ) -> EthercatConnection:
+        """Build all that is needed, and remember the period."""
+        self._period = period
+        return super().connect(drives, period, feed_forward=feed_forward)
+
+    def achievable_rate(self) -> tuple[float, float]:
+        """Return the highest rate of cycles [1/s], and the slowest answer [s], 0 in lock-step."""
+        slowest = 0.0 if self.lock_step else self._stopwatch.slowest
+        return self._stopwatch.achievable_rate(slowest), slowest
+
+    def jitter(self) -> float:
+        """Return how far frames were off their period [s], 0 in lock-step."""
+        return 0.0 if self.lock_step else self._stopwatch.jitter(self._period)

@@ -1,0 +1,209 @@
+"""The objects of a drive by CANopen over EtherCAT (ETG.1000.6 clause 5.6), as an `Access`.
+
+A service begins with its kind; SDO and emergencies are laid out as on CAN, but may be as long as a
+mailbox, so that segments follow where that is too short.
+"""
+
+from __future__ import annotations
+
+import struct
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import NodeSilent
+from drivers.remote_dictionary import AccessRefused, NoAnswer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from drivers.ethercat.drive import EthercatDrive
+    from drivers.ethercat.mailbox import Mailbox
+
+EMERGENCY, SDO_REQUEST, SDO_RESPONSE = 1, 2, 3
+_SERVICE = struct.Struct("<H")
+_INITIATE = struct.Struct("<BHBI")
+_HEADERS = _SERVICE.size + _INITIATE.size
+_ABORT, _DOWNLOADED, _UPLOADED, _SEGMENT = 4, 3, 2, 0
+_TOGGLE, _EXPEDITED, _SIZED, _LAST = 0x10, 0x02, 0x01, 0x01
+_SHORTEST = 7
+"""Bytes of a segment's data, padded where fewer count."""
+LONGEST = 4096
+"""Longest value that is read [bytes]; names are the longest that we ask for."""
+WHERE = "its mailbox"
+_WORDS = {
+    0x05030000: "toggle bit not alternated",
+    0x05040000: "time-out",
+    0x05040001: "unknown command",
+    0x05040005: "out of memory",
+    0x06010000: "unsupported access",
+    0x06010001: "write-only",
+    0x06010002: "read-only",
+    0x06010003: "sub-index 0 must be 0 first",
+    0x06010004: "no complete access",
+    0x06010006: "mapped, so no download",
+    0x06020000: "no such object",
+    0x06040041: "cannot be mapped",
+    0x06040042: "mapping too long",
+    0x06040043: "incompatible parameter",
+    0x06040047: "incompatible with the device",
+    0x06060000: "hardware error",
+    0x06070010: "length does not match",
+    0x06070012: "too long",
+    0x06070013: "too short",
+    0x06090011: "no such sub-index",
+    0x06090030: "value outside its range",
+    0x06090031: "value too high",
+    0x06090032: "value too low",
+    0x06090036: "maximum below minimum",
+    0x08000000: "general error",
+    0x08000020: "cannot be stored",
+    0x08000021: "local control forbids it",
+    0x08000022: "the state forbids it",
+    0x08000023: "no object dictionary",
+}
+
+
+class SdoClient:
+    """Reads and writes objects through a mailbox.
+
+    Parameters
+    ----------
+    mailbox : Mailbox
+        Of a slave.
+    timeout : float
+        How long an answer may take [s].
+    """
+
+    def __init__(self, mailbox: Mailbox, timeout: float) -> None:
+        self._mailbox, self._timeout = mailbox, timeout
+
+    def upload(self, index: int, subindex: int, size: int | None = None) -> bytes:
+        """Read an object (see `drivers.remote_dictionary.Access`)."""
+        answer = self._initiated(_INITIATE.pack(0x40, index, subindex, 0), _UPLOADED)
+        command = answer[0]
+        if command & _EXPEDITED:
+            if command & _SIZED:
+                return answer[4 : 8 - (command >> 2 & 3)]
+            return answer[4 : 4 + min(size or 4, 4)]
+        length = int.from_bytes(answer[4:8], "little")
+        if length > LONGEST:
+            raise NoAnswer(f"an answer of {length} bytes, at most {LONGEST} are read", WHERE)
+        data = answer[_INITIATE.size : _INITIATE.size + length]
+        toggle = 0
+        while len(data) < length:
+            part, is_last = self._uploaded_segment(toggle)
+            data += part
+            toggle ^= _TOGGLE
+            if is_last or not part:
+                break
+        if len(data) != length:
+            raise NoAnswer(f"{len(data)} of {length} bytes came", WHERE)
+        return data
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object of one to four bytes, or as many as the mailbox takes."""
+        self._initiated(self._request(index, subindex, data), _DOWNLOADED)
+
+    def order(self, index: int, subindex: int, data: bytes, ends: float) -> None:
+        """Write an object and await no answer, by the instant `ends`."""
+        request = self._request(index, subindex, data)
+        self._mailbox.post(_SERVICE.pack(SDO_REQUEST << 12) + request, ends)
+
+    def _request(self, index: int, subindex: int, data: bytes) -> bytes:
+        if len(data) <= 4:
+            command = 0x20 | _EXPEDITED | _SIZED | (4 - len(data)) << 2
+            return struct.pack("<BHB4s", command, index, subindex, data)
+        if len(data) > self._mailbox.capacity - _HEADERS:
+            raise NoAnswer(f"{len(data)} bytes do not fit into its mailbox", WHERE)
+        return _INITIATE.pack(0x20 | _SIZED, index, subindex, len(data)) + data
+
+    def _initiated(self, request: bytes, wanted: int) -> bytes:
+        """Return the answer to a request that names an object."""
+        return self._asked(request, lambda a: a[1:4] == request[1:4], wanted)
+
+    def _uploaded_segment(self, toggle: int) -> tuple[bytes, bool]:
+        request = bytes([0x60 | toggle]) + bytes(_SHORTEST)
+        answer = self._asked(request, lambda a: a[0] & _TOGGLE == toggle, _SEGMENT)
+        part = answer[1:]
+        if len(part) == _SHORTEST:
+            part = part[: _SHORTEST - (answer[0] >> 1 & 7)]
+        return part, bool(answer[0] & _LAST)
+
+    def _asked(self, request: bytes, fits: Callable[[bytes], bool], wanted: int) -> bytes:
+        """Return an SDO answer of the kind that is wanted."""
+
+        def is_answer(service: bytes) -> bool:
+            answer = service[_SERVICE.size :]
+            if len(answer) < _INITIATE.size or _kind(service) not in {SDO_REQUEST, SDO_RESPONSE}:
+                return False
+            return answer[0] >> 5 == _ABORT or (answer[0] >> 5 == wanted and fits(answer))
+
+        service = _SERVICE.pack(SDO_REQUEST << 12) + request
+        answer = self._mailbox.exchange(service, is_answer, self._timeout)[_SERVICE.size :]
+        if answer[0] >> 5 == _ABORT:
+            code = int.from_bytes(answer[4:8], "little")
+            raise AccessRefused(code, _WORDS.get(code, "unknown abort code"))
+        return answer
+
+
+def _kind(service: bytes) -> int:
+    return int.from_bytes(service[:2], "little") >> 12
+
+
+def emergency_of(service: bytes) -> bytes | None:
+    """Return the eight bytes of an emergency; None if a service is another."""
+    if _kind(service) != EMERGENCY or len(service) < 10:
+        return None
+    return service[2:10]
+
+
+class CoeAccess:
+    """The objects of one drive, and its AL state, which is brought to PREOP when first needed.
+
+    Parameters
+    ----------
+    drive : EthercatDrive
+        On the line.
+    """
+
+    def __init__(self, drive: EthercatDrive) -> None:
+        self.drive = drive
+
+    def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
+        """Read an object (see `drivers.remote_dictionary.Access`)."""
+        return self.drive.sdo.upload(index, subindex, size)
+
+    def write(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object; process data that carry it too carry this value from now on.
+
+        Some drives refuse what they get by process data anyway.
+        """
+        carried = self.drive.carry(index, subindex, data)
+        try:
+            self.drive.sdo.download(index, subindex, data)
+        except AccessRefused:
+            if not carried:
+                raise
+
+    def order(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object and await no answer."""
+        self.drive.order(index, subindex, data)
+
+    def go_operational(self) -> None:
+        """Command the drive to exchange process data."""
+        with heard(self.drive.label):
+            self.drive.go_operational()
+
+    def leave_operational(self) -> None:
+        """Command the drive to exchange none."""
+        with heard(self.drive.label):
+            self.drive.leave_operational()
+
+
+@contextmanager
+def heard(label: str) -> Iterator[None]:
+    """Name the drive where it does not answer."""
+    try:
+        yield
+    except NoAnswer as error:
+        raise NodeSilent(f"{label}: does not answer ({error}); check {error.where}") from error

@@ -1,0 +1,251 @@
+"""One drive on the line: a slave with CoE, its process data and the watchdog that watches us.
+
+It is brought to PREOP by way of INIT when its objects are first needed, so that mailboxes begin
+anew whoever has used them before. A watchdog of its sync manager takes the drive out of OP when
+no outputs come any more: that saves the robot when this process dies. It is set before the drive
+gets there and read back before power-on; what it held is put back only once the drive is in PREOP
+again, where no outputs act.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import DriveRefused
+from drivers.ethercat import registers as reg
+from drivers.ethercat.al_states import AlState
+from drivers.ethercat.coe import SdoClient, emergency_of
+from drivers.ethercat.eeprom import Area, Layout, read_layout
+from drivers.ethercat.mailbox import Mailbox
+from drivers.ethercat.process_layout import Mapped
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.ethercat.line import Line
+    from drivers.ethercat.station import Station
+
+DIVIDER = 2498
+"""Of the watchdog, which then counts in 0.1 ms: what controllers begin with."""
+UNIT = reg.TICK * (DIVIDER + 2)
+WATCHDOG_MOST = 0xFFFF * UNIT
+"""Longest time of the watchdog [s]."""
+_WATCHED = 0x40
+"""Bit of a sync manager's control: what is written to it feeds the watchdog."""
+_READ, _WRITTEN = 1, 2
+"""What an FMMU is for: inputs, outputs."""
+_FMMU = struct.Struct("<IHBBHBBB3x")
+_MANAGER = struct.Struct("<HHBBBB")
+ORDER_TIME = 0.02
+"""How long an order may wait for a mailbox that is full [s]: others are to be commanded too."""
+
+
+class EthercatDrive:
+    """One drive.
+
+    Parameters
+    ----------
+    find : callable
+        Returns the slave; called when it is first needed.
+    line : Line
+        That it is on.
+    label : str
+        How messages name it.
+    timeout : float
+        How long its mailbox may take to answer [s].
+
+    Attributes
+    ----------
+    label : str
+    emergencies : callable
+        ``emergencies(data)`` takes each emergency.
+    outputs, inputs : Mapped
+        What its process data carry, once they are set up.
+    carry : callable
+        ``carry(index, subindex, data)`` takes what is written to an object and returns whether
+        process data carry it too.
+    """
+
+    def __init__(self, find: Callable[[], Station], line: Line, label: str, timeout: float) -> None:
+        self.label = label
+        self.emergencies: Callable[[bytes], None] = _ignored
+        self.carry: Callable[[int, int, bytes], bool] = _nowhere
+        self.outputs = self.inputs = Mapped((), ())
+        self._find, self._line, self._timeout = find, line, timeout
+        self._station: Station | None = None
+        self._mailbox: Mailbox | None = None
+        self._layout: Layout | None = None
+        self._sdo: SdoClient | None = None
+        self._held: tuple[bytes, bytes] | None = None
+        self._state_found = AlState.PREOP
+        self._watchdog = b""
+
+    @property
+    def station(self) -> Station:
+        """The slave.
+
+        Raises
+        ------
+        NoAnswer
+            There is none.
+        """
+        if self._station is None:
+            self._station = self._find()
+        return self._station
+
+    @property
+    def sdo(self) -> SdoClient:
+        """Its objects, for which it is brought to PREOP where nobody has done so.
+
+        Raises
+        ------
+        NoAnswer, DriveRefused, BusUnavailable
+            It is not there, or does not get there.
+        """
+        if self._sdo is None:
+            self._bring_up()
+        assert self._sdo is not None  # noqa: S101 - `_bring_up` sets it
+        return self._sdo
+
+    def collect(self) -> None:
+        """Take emergencies that wait in its mailbox."""
+        if self._mailbox is not None:
+            self._mailbox.collect()
+
+    def order(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object and await no answer."""
+        self.sdo.order(index, subindex, data, time.monotonic() + ORDER_TIME)
+
+    def leave_operational(self) -> None:
+        """Bring the drive to PREOP."""
+        if self._sdo is None:
+            self._bring_up()
+        elif self.station.state != AlState.PREOP:
+            self.station.go(AlState.PREOP)
+
+    def go_operational(self) -> None:
+        """Ask for OP, where it gets once outputs come."""
+        self.station.ask_for(AlState.OP)
+
+    def prepare(self, logical: int, timeout: float) -> None:
+        """Bring the drive to SAFEOP, its process data and its watchdog set up.
+
+        Parameters
+        ----------
+        logical : int
+            Where its outputs stand in logical memory; inputs and the state of its mailbox follow.
+        timeout : float
+            Of its watchdog [s].
+
+        Raises
+        ------
+        DriveRefused, NoAnswer, BusUnavailable
+            It refuses, with the AL status code.
+        """
+        station, layout = self.station, self._layout
+        assert layout is not None  # noqa: S101 - its objects were set up before
+        outputs, inputs = layout.outputs, layout.inputs
+        sizes = self.outputs.size, self.inputs.size
+        station.write(reg.MANAGER + 2 * reg.MANAGER_SIZE, bytes(2 * reg.MANAGER_SIZE))
+        if self._held is None:
+            self._held = station.read(reg.WATCHDOG_DIVIDER, 2), station.read(reg.WATCHDOG_TIME, 2)
+        self._watchdog = round(min(timeout, WATCHDOG_MOST) / UNIT).to_bytes(2, "little")
+        station.write(reg.WATCHDOG_DIVIDER, DIVIDER.to_bytes(2, "little"))
+        station.write(reg.WATCHDOG_TIME, self._watchdog)
+        for number, area, size, watched in (
+            (2, outputs, sizes[0], _WATCHED),
+            (3, inputs, sizes[1], 0),
+        ):
+            control = (area.control or (0x24 if watched else 0x20)) | watched
+            manager = _MANAGER.pack(area.start, size, control, 0, 1, 0)
+            station.write(reg.MANAGER + number * reg.MANAGER_SIZE, manager)
+        mailbox = reg.MANAGER + reg.MANAGER_SIZE + reg.MANAGER_STATUS
+        for number, (start, size, physical, kind) in enumerate((
+            (logical, sizes[0], outputs.start, _WRITTEN),
+            (logical + sizes[0], sizes[1], inputs.start, _READ),
+            (logical + sizes[0] + sizes[1], 1, mailbox, _READ),
+        )):  # fmt: skip
+            fmmu = _FMMU.pack(start, size, 0, 7, physical, 0, kind, 1)
+            station.write(reg.FMMU + number * reg.FMMU_SIZE, fmmu)
+        station.go(AlState.SAFEOP)
+
+    def refuse_unwatched(self) -> None:
+        """Refuse a drive whose watchdog is not as it was set.
+
+        Raises
+        ------
+        DriveRefused
+            Another master may be at work.
+        """
+        found = (
+            self.station.read(reg.WATCHDOG_DIVIDER, 2),
+            self.station.read(reg.WATCHDOG_TIME, 2),
+        )
+        if found != (DIVIDER.to_bytes(2, "little"), self._watchdog):
+            shown = reg.TICK * (_word(found[0]) + 2) * _word(found[1])
+            raise DriveRefused(
+                f"{self.label}: the watchdog of its sync manager (0400h, 0420h) is {shown:g} s"
+                f" before power-on, {UNIT * _word(self._watchdog):g} s was written; another master"
+                " changed it, or this controller has none: end that first, or use another drive"
+            )
+        control = self.station.read(reg.MANAGER + 2 * reg.MANAGER_SIZE + 4, 1)[0]
+        if not control & _WATCHED:
+            raise DriveRefused(
+                f"{self.label}: its sync manager of outputs has no watchdog (0814h ="
+                f" {control:02X}h), so the axis would go on when our process dies; use another"
+                " drive or firmware"
+            )
+
+    def hand_back(self) -> None:
+        """Put back its watchdog and the AL state in which it was found, where it is in PREOP.
+
+        A drive that is not may be energised: its watchdog stays.
+        """
+        if self._station is None or self._sdo is None or self._station.status != AlState.PREOP:
+            return
+        if self._held is not None:
+            self._station.write(reg.WATCHDOG_DIVIDER, self._held[0])
+            self._station.write(reg.WATCHDOG_TIME, self._held[1])
+            self._held = None
+        if self._state_found == AlState.INIT:
+            self._station.go(AlState.INIT)
+            self._sdo = self._mailbox = None
+
+    def _bring_up(self) -> None:
+        station = self.station
+        found = station.state
+        station.go(AlState.INIT)
+        if self._layout is None:
+            self._state_found = AlState.INIT if found == AlState.INIT else AlState.PREOP
+            self._layout = read_layout(station)
+        out, back = self._layout.mailbox_out, self._layout.mailbox_in
+        managers = b"".join(_manager(area) for area in (out, back))
+        station.write(reg.MANAGER, managers.ljust(4 * reg.MANAGER_SIZE, b"\0"))
+        station.write(reg.FMMU, bytes(3 * reg.FMMU_SIZE))
+        station.go(AlState.PREOP)
+        self._mailbox = Mailbox(station, out, back, self._take)
+        self._sdo = SdoClient(self._mailbox, self._timeout)
+
+    def _take(self, service: bytes) -> None:
+        emergency = emergency_of(service)
+        if emergency is not None:
+            self.emergencies(emergency)
+
+
+def _manager(area: Area) -> bytes:
+    return _MANAGER.pack(area.start, area.size, area.control, 0, 1, 0)
+
+
+def _word(data: bytes) -> int:
+    return int.from_bytes(data, "little")
+
+
+def _ignored(data: bytes) -> None:
+    del data
+
+
+def _nowhere(index: int, subindex: int, data: bytes) -> bool:
+    del index, subindex, data
+    return False

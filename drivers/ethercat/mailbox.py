@@ -1,0 +1,158 @@
+"""Mailboxes of a slave (ETG.1000.4 clause 5.6): a service goes out, answers and emergencies come.
+
+The master's counter goes from 1 to 7, so that the slave drops a service that comes twice because
+the frame with its working counter was lost. An answer that is lost on its way is asked for again
+with the repeat bit.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from typing import TYPE_CHECKING
+
+from drivers.ethercat import registers as reg
+from drivers.ethercat.frames import Command, Datagram, at
+from drivers.remote_dictionary import NoAnswer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.ethercat.eeprom import Area
+    from drivers.ethercat.station import Station
+
+HEADER = struct.Struct("<HHBB")
+COE = 3
+_ERROR = 0
+_IN = reg.MANAGER + reg.MANAGER_SIZE
+"""Registers of the sync manager of the mailbox that we read."""
+_REPEAT = 0x02
+WAITING = 64
+"""Services that are taken at most while an answer is waited for: a slave may not babble on."""
+_WHERE = "its firmware, whose mailbox does not answer"
+
+
+class Mailbox:
+    """Both mailboxes of one slave.
+
+    Parameters
+    ----------
+    station : Station
+        The slave, in PREOP at least.
+    out, back : Area
+        Where they are.
+    take : callable
+        ``take(service)`` gets what nobody has asked for, as emergencies.
+    """
+
+    def __init__(
+        self, station: Station, out: Area, back: Area, take: Callable[[bytes], None]
+    ) -> None:
+        self._station, self._line = station, station.line
+        self._out, self._back = out, back
+        self._take = take
+        self._counter = 0
+        self._received = 0
+
+    @property
+    def capacity(self) -> int:
+        """Bytes of a service that there is room for."""
+        return min(self._out.size, self._back.size) - HEADER.size
+
+    def exchange(self, service: bytes, is_answer: Callable[[bytes], bool], timeout: float) -> bytes:
+        """Send a CoE service and return its answer.
+
+        Parameters
+        ----------
+        service : bytes
+        is_answer : callable
+            Whether a service that came is the answer.
+        timeout : float
+            How long it may take [s].
+
+        Raises
+        ------
+        NoAnswer
+            There is none.
+        BusUnavailable
+            No frame comes back.
+        """
+        ends = time.monotonic() + timeout
+        self.collect()
+        self.post(service, ends)
+        for _ in range(WAITING):
+            found = self._await(ends)
+            if is_answer(found):
+                return found
+            self._take(found)
+        raise NoAnswer(f"{WAITING} services came, none is the answer", _WHERE)
+
+    def post(self, service: bytes, ends: float) -> None:
+        """Put a CoE service into the mailbox, by the instant `ends` (errors as in `exchange`)."""
+        content = HEADER.pack(len(service), 0, 0, COE | self._count() << 4) + service
+        content = content.ljust(self._out.size, b"\0")
+        place = at(self._station.address, self._out.start)
+        lost = False
+        while True:
+            answers = self._line.exchange(Datagram(Command.FPWR, place, content))
+            if answers is not None and (answers[0].counter == 1 or lost):
+                return  # after a loss a full mailbox holds what was sent before
+            lost = lost or answers is None
+            if time.monotonic() > ends:
+                raise NoAnswer("its mailbox stays full", _WHERE)
+            self._line.pause()
+
+    def collect(self) -> None:
+        """Take what waits, without waiting for more (errors as in `exchange`)."""
+        for _ in range(WAITING):
+            found = self._fetch()
+            if found is None:
+                return
+            self._take(found)
+
+    def _count(self) -> int:
+        self._counter = self._counter % 7 + 1
+        return self._counter
+
+    def _await(self, ends: float) -> bytes:
+        while (found := self._fetch()) is None:
+            if time.monotonic() > ends:
+                raise NoAnswer("no answer in its mailbox", _WHERE)
+            self._line.pause()
+        return found
+
+    def _fetch(self) -> bytes | None:
+        """Take one CoE service, None if none waits that is new."""
+        content = self._read()
+        if content is None:
+            return None
+        size, _, _, kind = HEADER.unpack_from(content)
+        counter = kind >> 4 & 0x07
+        again = counter and counter == self._received
+        self._received = counter
+        if again or size > len(content) - HEADER.size:
+            return None
+        if kind & 0x0F == _ERROR and size >= 4:
+            detail = int.from_bytes(content[8:10], "little")
+            raise NoAnswer(f"its mailbox reports error {detail:04X}h", _WHERE)
+        return content[HEADER.size : HEADER.size + size] if kind & 0x0F == COE else None
+
+    def _read(self) -> bytes | None:
+        place, size = self._back.start, self._back.size
+        datagram = Datagram(Command.FPRD, at(self._station.address, place), bytes(size))
+        answers = self._line.exchange(datagram)
+        if answers is None:
+            return self._read_again()
+        return answers[0].data if answers[0].counter == 1 else None
+
+    def _read_again(self) -> bytes | None:
+        """Have the slave show again what was lost when it was read."""
+        station = self._station
+        activate = station.read(_IN + reg.MANAGER_ACTIVATE, 1)[0] ^ _REPEAT
+        station.write(_IN + reg.MANAGER_ACTIVATE, bytes([activate]))
+        for _ in range(WAITING):
+            pdi = station.read(_IN + reg.MANAGER_PDI, 1)[0]
+            if pdi & _REPEAT == activate & _REPEAT:
+                break
+            self._line.pause()
+        return station.try_read(self._back.start, self._back.size)

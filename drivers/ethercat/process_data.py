@@ -1,0 +1,430 @@
+"""The hot path: one frame out with the outputs of all drives, back with their inputs.
+
+Each axis has a datagram of its own, so its working counter says whether this very drive took its
+outputs and gave inputs; beside them the AL state of all is read. What comes back was latched when
+the frame before passed (drives synchronous to their sync managers), and stands under that instant.
+After a lost frame nobody knows whether the drives saw it: the next sample is flagged as late, for
+it may be one cycle older.
+
+Outputs stay until others take their place, so a lost frame is made good by the next. Controlwords
+that must follow each other have a cycle each that the drive has taken; one that stops an axis
+waits for none.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from collections import deque
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+from drivers.cia402 import objects
+from drivers.cia402.states import Command as Order
+from drivers.drive_bus import BusUnavailable, SampleFlag
+from drivers.ethercat import registers as reg
+from drivers.ethercat.al_states import AlState
+from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, at
+from drivers.remote_dictionary import NoAnswer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from drivers.drives_file import AxisDrive
+    from drivers.ethercat.drive import EthercatDrive
+    from drivers.ethercat.line import Line
+    from drivers.fieldbus import Entry
+    from drivers.sync_clock import SyncClock
+
+SPEED_TIME = 0.008
+"""Over which speeds are taken at least [s]: positions need not change at every cycle."""
+LOGICAL, APART = 0x0001_0000, 0x1000
+"""Where the process data of the first drive stand in logical memory, and how far apart."""
+_BOTH, _READ = 3, 1
+"""Working counter of a drive that took outputs (2) and gave inputs (1), or that was read."""
+_CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
+_VALUES = 5
+"""Unpacked of an axis: statusword, position, current, state of the mailbox, working counter."""
+_STOPS = frozenset({Order.QUICK_STOP.value[0], Order.DISABLE_VOLTAGE.value[0]})
+_MISSING, _LATE, _SKIPPED = (
+    flag.value for flag in (SampleFlag.MISSING, SampleFlag.LATE, SampleFlag.SKIPPED)
+)
+_Place = tuple[int, int]
+_WATCHDOGS = Datagram(Command.BRD, reg.WATCHDOG_STATUS << 16, bytes(2))
+"""Read where no outputs are sent: what a plant in lock-step takes for a cycle that passes."""
+
+
+class EthercatProcessData:
+    """Process data of all axes (`drivers.fieldbus.ProcessData`).
+
+    Parameters
+    ----------
+    line : Line
+        That the drives are on.
+    axes : sequence of AxisDrive
+        In joint order.
+    drives : sequence of EthercatDrive
+        The same.
+    clock : SyncClock
+        Where the time of a cycle comes from.
+
+    Attributes
+    ----------
+    words, positions, currents, flags, irregular, time, on_arrival
+        See `ProcessData`.
+    feeding : bool
+        Outputs are sent; else inputs are read alone.
+    unusual, fallen : bool
+        A drive is not in OP, or away; one shows that it is not in OP.
+    mail : tuple of int
+        Axes in whose mailbox something waits.
+    """
+
+    on_arrival: tuple[int, ...] = ()
+
+    def __init__(
+        self,
+        line: Line,
+        axes: Sequence[AxisDrive],
+        drives: Sequence[EthercatDrive],
+        clock: SyncClock,
+    ) -> None:
+        self._line, self._axes, self._drives, self._clock = line, axes, drives, clock
+        self._regular = (0,) * len(axes)
+        self.words: tuple[int, ...] = self._regular
+        self.positions: tuple[int, ...] = self._regular
+        self.currents: Sequence[float] = self._regular
+        self.flags: tuple[int, ...] = self._regular
+        self.irregular = self.unusual = self.fallen = False
+        self.mail: tuple[int, ...] = ()
+        self.feeding, self._wired = True, False
+        self.time = clock.now()
+        self._sent_at = self._latched_at = self.time
+        self._before = self._anchor = (-math.inf, self._regular)
+        self._gone: dict[int, float] = {}
+        self._fresh: set[int] = set()
+        self._queues: dict[int, deque[tuple[int, int]]] = {}
+        self._mailboxes: Sequence[int] = self._regular
+        self._ticking = line.frame([_WATCHDOGS])
+        self._outputs: list[dict[_Place, _Place]] = [{} for _ in axes]
+        for axis, drive in enumerate(drives):
+            drive.carry = self._carry(axis)
+
+    def wire(self, *, alone: bool) -> None:
+        """Make the frames of a cycle for process data as they are set up, all outputs zero.
+
+        Parameters
+        ----------
+        alone : bool
+            Nothing but the drives is on the line, so their AL state is read at once.
+        """
+        layout, order, place = f"<{START}x", list[int](), START
+        written, read = list[Datagram](), list[Datagram]()
+        for axis, drive in enumerate(self._drives):
+            size = drive.outputs.size + drive.inputs.size + 1
+            address = LOGICAL + APART * axis
+            written.append(Datagram(Command.LRW, address, bytes(size)))
+            read.append(Datagram(Command.LRD, address, bytes(size)))
+            self._outputs[axis] = _places(drive, place + HEAD)
+            picked, own = _picking(drive, self._axes[axis])
+            layout += f"{HEAD + drive.outputs.size}x{picked}BH"
+            order += [_VALUES * axis + n for n in (*own, 3, 4)]
+            place += HEAD + size + TAIL
+        states = [_state(drive) for drive in self._drives]
+        if alone:
+            states = [Datagram(Command.BRD, reg.AL_STATUS << 16, bytes(2))]
+        layout += f"{HEAD}xHH" * len(states)
+        order += range(len(order), len(order) + 2 * len(states))
+        n = len(self._drives)
+        self._in_op = (AlState.OP.value, n) if alone else (AlState.OP.value, 1) * n
+        self._gone.clear()
+        self._counters = {True: (_BOTH,) * n, False: (_READ,) * n}
+        self._frames = {
+            True: self._line.frame((*written, *states)),
+            False: self._line.frame((*read, *states, _WATCHDOGS)),
+        }
+        self._size = struct.calcsize(layout)
+        self._unpack = _unpacking(layout, order)
+        self._end = _VALUES * n
+        self._fresh.clear()
+        self._queues.clear()
+        self._wired = True
+
+    # Commands
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send target position [increments] and controlword to one axis with the next cycle."""
+        if controlword in _STOPS:
+            self._queues.pop(axis, None)
+        elif axis in self._fresh:
+            queue = self._queues.setdefault(axis, deque())
+            last = queue[-1][0] if queue else self._word(axis)
+            if controlword != last:
+                queue.append((controlword, target))
+                return
+            if queue:
+                queue[-1] = (controlword, target)
+                return
+        self._set(axis, controlword, target)
+
+    def lead(self, axis: int, target: int) -> None:
+        """Send a set-point of a stream to one axis that follows it [increments]."""
+        self._put(axis, objects.TARGET_POSITION, target)
+
+    def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis."""
+        self._put(axis, objects.VELOCITY_OFFSET, velocity)
+        self._put(axis, objects.TORQUE_OFFSET, torque)
+
+    def withdraw(self, axis: int) -> None:
+        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
+        self.feed_forward(axis, 0, 0)
+
+    def _set(self, axis: int, controlword: int, target: int) -> None:
+        self._put(axis, objects.TARGET_POSITION, target)
+        self._put(axis, objects.CONTROLWORD, controlword)
+        self._fresh.add(axis)
+
+    def _put(self, axis: int, entry: Entry, value: int) -> None:
+        self._store(
+            axis,
+            (entry.index, entry.subindex),
+            value.to_bytes(entry.size, "little", signed=entry.signed),
+        )
+
+    def _store(self, axis: int, place: _Place, data: bytes) -> None:
+        found = self._outputs[axis].get(place)
+        if found is not None:
+            start, size = found
+            self._frames[True][start : start + size] = data[:size].ljust(size, b"\0")
+
+    def _word(self, axis: int) -> int:
+        start, size = self._outputs[axis][objects.CONTROLWORD.index, 0]
+        return int.from_bytes(self._frames[True][start : start + size], "little")
+
+    def _carry(self, axis: int) -> Callable[[int, int, bytes], bool]:
+        """Return what takes writes to objects of a drive that its outputs carry too."""
+
+        def carry(index: int, subindex: int, data: bytes) -> bool:
+            if not self._wired or (index, subindex) not in self._outputs[axis]:
+                return False
+            if index == objects.CONTROLWORD.index:
+                word = int.from_bytes(data, "little")
+                self.command(axis, self.positions[axis], word)
+            else:
+                self._store(axis, (index, subindex), data)
+            return True
+
+        return carry
+
+    def _confirm(self, counters: Sequence[int]) -> None:
+        """Let the next controlword take its place where a drive has taken the present one."""
+        for axis in tuple(self._fresh):
+            if counters[axis] == _BOTH:
+                queue = self._queues.get(axis)
+                if queue:
+                    word, target = queue.popleft()
+                    self._set(axis, word, target)
+                else:
+                    self._fresh.discard(axis)
+
+    # A cycle
+
+    def sync(self) -> float:
+        """Exchange process data when it is due; return the instant of the inputs [s].
+
+        Raises
+        ------
+        BusUnavailable
+            The interface does not take or give frames any more.
+        """
+        clock, line = self._clock, self._line
+        if (due := clock.due()) > 0:
+            time.sleep(due)
+        line.send(self._frames[self.feeding])
+        instant = self._sent_at = clock.sent()
+        answer = line.receive(clock.window())
+        self.time, self._latched_at = self._latched_at, instant
+        if self.time - self._anchor[0] >= SPEED_TIME:
+            self._before, self._anchor = self._anchor, (self.time, self.positions)
+        if answer is None or len(answer) < self._size:
+            if line.foreign:
+                raise BusUnavailable(
+                    "another master sends on this interface: end it, or the drives follow both"
+                )
+            self._take_nothing()
+            return self.time
+        values = self._unpack(answer)
+        end = self._end
+        counters = values[4:end:_VALUES]
+        if self._mailboxes != (mailboxes := values[3:end:_VALUES]):
+            self._mailboxes = mailboxes
+            self.mail = tuple(n for n, each in enumerate(mailboxes) if each & reg.FULL)
+        if counters == self._counters[self.feeding] and not self._gone:
+            self.words, self.positions = values[0:end:_VALUES], values[1:end:_VALUES]
+            self.currents = values[2:end:_VALUES]
+            if self.unusual or values[end:] != self._in_op:
+                self._look_at_states(values[end:])
+            if self.irregular or clock.passed_over:
+                self._publish({})
+        else:
+            self._take(values, counters)
+        if self._fresh and self.feeding:
+            self._confirm(counters)
+        return self.time
+
+    def _take(self, values: Sequence[int], counters: Sequence[int]) -> None:
+        """Take the values of those axes that took part."""
+        full = self._counters[self.feeding][0]
+        words, positions = list(self.words), list(self.positions)
+        currents, found = list(self.currents), dict[int, int]()
+        for axis, counter in enumerate(counters):
+            if counter != full:
+                self._gone.setdefault(axis, self._clock.now())
+                found[axis] = _MISSING
+                continue
+            start = _VALUES * axis
+            words[axis], positions[axis], currents[axis] = values[start : start + 3]
+            if self._gone.pop(axis, None) is not None:
+                found[axis] = _LATE
+        self.words, self.positions, self.currents = tuple(words), tuple(positions), currents
+        self._look_at_states(values[self._end :])
+        self._publish(found)
+
+    def _look_at_states(self, states: Sequence[int]) -> None:
+        """Take AL states, each with its working counter."""
+        pairs = zip(states[::2], states[1::2], strict=True)
+        self.fallen = any(state != AlState.OP for state, counter in pairs if counter)
+        self.unusual = self.fallen or bool(self._gone)
+
+    def _take_nothing(self) -> None:
+        now = self._clock.now()
+        for axis in range(len(self._axes)):
+            self._gone.setdefault(axis, now)
+        self.unusual, self.fallen = True, False
+        self._publish(dict.fromkeys(range(len(self._axes)), _MISSING))
+
+    def _publish(self, found: dict[int, int]) -> None:
+        all_axes = _SKIPPED if self._clock.passed_over else 0
+        self.irregular = bool(found) or bool(all_axes)
+        self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._axes)))
+
+    # Time
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock.now()
+
+    @property
+    def skipped(self) -> int:
+        """Cycles that were left out because we came too late for them."""
+        return self._clock.skipped
+
+    @skipped.setter
+    def skipped(self, number: int) -> None:
+        self._clock.skipped = number
+
+    def miss(self) -> None:
+        """Let a period pass in which the bus took no frame."""
+        self._clock.miss()
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        self._clock.hurry(hurried)
+
+    def tick(self) -> None:
+        """Let one period pass; a plant in lock-step knows of it."""
+        if self._wired:
+            self.sync()
+            return
+        if (due := self._clock.due()) > 0:
+            time.sleep(due)
+        self._line.send(self._ticking)
+        self._clock.sent()
+        self._line.receive(self._clock.window())
+
+    def speeds(self) -> list[float]:
+        """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
+
+        An axis that took no part has the speed ``inf``: it is not seen.
+        """
+        then, positions = self._before
+        elapsed = self.time - then
+        return [
+            math.inf if flag & SampleFlag.MISSING or elapsed <= 0 else abs(here - there) / elapsed
+            for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
+        ]
+
+    # For our sign of life
+
+    def since_sent(self) -> float:
+        """Return how long ago outputs were sent [s]."""
+        return self._clock.now() - self._sent_at
+
+    def repeat(self) -> None:
+        """Send the present outputs again, and take nothing of what comes back."""
+        if self._wired:
+            self._sent_at = self._clock.now()
+            self._line.send(self._frames[True])
+            self._line.receive(self._line.patience)
+
+    @property
+    def absent(self) -> Sequence[int]:
+        """Axes that took no part in the last cycle."""
+        return tuple(self._gone)
+
+    @property
+    def absence(self) -> float:
+        """How long the first of them has been away [s]."""
+        return self._clock.now() - min(self._gone.values(), default=math.inf)
+
+    def forget_absence(self) -> None:
+        """Count absence from now on."""
+        self._gone = dict.fromkeys(self._gone, self._clock.now())
+
+    def collect_mail(self) -> None:
+        """Take what waits in mailboxes: emergencies."""
+        for axis in self.mail:
+            try:
+                self._drives[axis].collect()
+            except NoAnswer:
+                continue  # the cycle itself shows whether the drive is there
+        self._mailboxes, self.mail = (), ()
+
+
+def _state(drive: EthercatDrive) -> Datagram:
+    return Datagram(Command.FPRD, at(drive.station.address, reg.AL_STATUS), bytes(2))
+
+
+def _places(drive: EthercatDrive, start: int) -> dict[_Place, _Place]:
+    """Return where in a frame each object stands that the outputs carry in whole bytes."""
+    found = {}
+    for word in drive.outputs.words:
+        index, subindex = word >> 16, word >> 8 & 0xFF
+        place = drive.outputs.place(index, subindex)
+        if index and place is not None:
+            found[index, subindex] = (start + place[0], place[1])
+    return found
+
+
+def _picking(drive: EthercatDrive, axis: AxisDrive) -> tuple[str, list[int]]:
+    """Return the layout of the inputs, and where in it statusword, position and current are."""
+    entries = (objects.STATUSWORD, objects.POSITION, axis.current.entry)
+    places = [drive.inputs.place(entry.index, entry.subindex) for entry in entries]
+    starts = [place[0] if place else 0 for place in places]  # all are there, by `pdo_set_up`
+    order = sorted(range(len(entries)), key=lambda n: starts[n])
+    layout, end = "", 0
+    for n in order:
+        layout += f"{starts[n] - end}x{_CODES[entries[n].type]}"
+        end = starts[n] + entries[n].size
+    return layout + f"{drive.inputs.size - end}x", [order.index(n) for n in range(len(entries))]
+
+
+def _unpacking(layout: str, order: Sequence[int]) -> Callable[[bytes], tuple[int, ...]]:
+    """Return what unpacks a layout and returns its values in an order."""
+    unpack = struct.Struct(layout).unpack_from
+    if list(order) == list(range(len(order))):
+        return unpack
+    pick = itemgetter(*order)
+    return lambda data: pick(unpack(data))

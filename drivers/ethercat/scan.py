@@ -1,0 +1,63 @@
+"""Who is on the line and what each drive offers.
+
+On EtherCAT a slave answers questions about its objects in PREOP, so each is brought there, and
+back to INIT where it was there: nothing else is written to it, and nothing is energised.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.dictionary.found_nodes import Scan
+from drivers.dictionary.live import read_dictionary
+from drivers.dictionary.review import review
+from drivers.drive_bus import DriveRefused
+from drivers.ethercat.coe import CoeAccess
+from drivers.ethercat.drive import EthercatDrive
+from drivers.ethercat.rules import RULES
+from drivers.ethercat.slaves import Slaves
+from drivers.remote_dictionary import NoAnswer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from drivers.ethercat.line import Line
+    from drivers.ethercat.station import Station
+
+
+def scan_line(line: Line, is_asked: Callable[[int], bool], timeout: float) -> Scan:
+    """Find the slaves on a line and what they offer.
+
+    Parameters
+    ----------
+    line : Line
+    is_asked : callable
+        Whether the slave at a position, from 1, is to be asked.
+    timeout : float
+        How long each answer may take [s].
+
+    Raises
+    ------
+    BusUnavailable
+        No frame comes back, or another master is at work.
+    """
+    scan = Scan()
+    for station in Slaves(line).all:
+        if is_asked(station.position):
+            _look(station, scan, timeout)
+    return scan
+
+
+def _look(station: Station, scan: Scan, timeout: float) -> None:
+    node = station.position
+    found = scan.heard(node)
+    found.state = station.shown
+    drive = EthercatDrive(lambda: station, station.line, f"slave {node}", timeout)
+    try:
+        drive.leave_operational()
+        found.dictionary = read_dictionary(CoeAccess(drive), node, RULES)
+        found.review = review(found.dictionary, RULES)
+        found.answers = 1
+        drive.hand_back()
+    except (NoAnswer, DriveRefused) as error:
+        found.state = f"{found.state}; {error}"

@@ -1,0 +1,125 @@
+"""Raw Ethernet frames of EtherCAT on a network interface (Linux).
+
+They are sent and received by a socket of the kernel's own, so nothing need be installed, and every
+byte that comes in is read by Python, which no slave can make write beside its buffers.
+"""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import struct
+from typing import Protocol
+
+from drivers.drive_bus import BusUnavailable
+from drivers.ethercat.frames import ETHERTYPE
+
+BUFFER = 2048
+"""Longest frame that is taken [bytes]."""
+_COARSE = 0.1
+"""Time-outs from here on may be a tick of the kernel longer [s]."""
+_RECEIVE_TIMEOUT = getattr(socket, "SO_RCVTIMEO", 20)
+_RIGHTS = (
+    "raw Ethernet frames are for root, or a Python with CAP_NET_RAW (sudo setcap"
+    " cap_net_raw+ep of the interpreter itself)"
+)
+
+
+class Wire(Protocol):
+    """Where frames go out and come back."""
+
+    def send(self, frame: bytes | bytearray) -> bool:
+        """Send a frame; return whether it went out.
+
+        Raises
+        ------
+        BusUnavailable
+            None can any more.
+        """
+
+    def receive(self, timeout: float) -> bytes | None:
+        """Return the next frame, None if none comes in time [s].
+
+        Raises
+        ------
+        BusUnavailable
+            None can any more.
+        """
+
+    def close(self) -> None:
+        """Let the interface go."""
+
+
+class RawWire:
+    """Frames on a network interface.
+
+    Parameters
+    ----------
+    interface : str
+        Such as eth0, which is to be used for nothing else.
+
+    Raises
+    ------
+    BusUnavailable
+        No such interface, no right to use it, or no Linux.
+    """
+
+    def __init__(self, interface: str) -> None:
+        self._name = interface
+        if not hasattr(socket, "AF_PACKET"):
+            raise BusUnavailable("EtherCAT needs raw Ethernet frames, which are sent on Linux only")
+        try:
+            self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
+        except PermissionError as error:
+            raise BusUnavailable(f"{interface}: {_RIGHTS}") from error
+        try:
+            self._socket.bind((interface, ETHERTYPE))
+        except OSError as error:
+            self._socket.close()
+            names = ", ".join(name for _, name in socket.if_nameindex())
+            raise BusUnavailable(
+                f"{interface}: {error.strerror}; network interfaces are {names}"
+            ) from error
+        self._blocks = 0.0
+
+    def send(self, frame: bytes | bytearray) -> bool:
+        """Send a frame; one that the full queue does not take is lost, as on a cable."""
+        try:
+            self._socket.send(frame)
+        except OSError as error:
+            if error.errno in {errno.ENOBUFS, errno.EAGAIN}:
+                return False
+            raise self._gone(error) from error
+        return True
+
+    def receive(self, timeout: float) -> bytes | None:
+        """Return the next frame, None if none comes in time [s]."""
+        try:
+            if timeout < _COARSE:  # the socket's own time-out counts in ticks of the kernel
+                if not select.select([self._socket], [], [], timeout)[0]:
+                    return None
+            elif timeout != self._blocks:
+                self._block(timeout)
+            return self._socket.recv(BUFFER)
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            raise self._gone(error) from error
+
+    def close(self) -> None:
+        """Let the interface go."""
+        self._socket.close()
+
+    def _block(self, timeout: float) -> None:
+        """Have a read wait for so long, which saves asking whether there is something."""
+        microseconds = round(timeout * 1e6)
+        interval = struct.pack("@ll", *divmod(microseconds, 1_000_000))
+        self._socket.setsockopt(socket.SOL_SOCKET, _RECEIVE_TIMEOUT, interval)
+        self._blocks = timeout
+
+    def _gone(self, error: OSError) -> BusUnavailable:
+        return BusUnavailable(
+            f"{self._name}: {error.strerror}; check that the interface is up (ip link set"
+            f" {self._name} up) and its cable"
+        )

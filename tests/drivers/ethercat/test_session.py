@@ -1,0 +1,225 @@
+"""Sessions with the plant's EtherCAT slaves, in lock-step within this process."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import drive_bus_conformance as conformance
+import pytest
+
+from drivers.drive_bus import DriveRefused, Move, NodeSilent, SampleFlag
+from drivers.ethercat import registers as reg
+from drivers.ethercat.al_states import AlState
+from drivers.ethercat.bus import EthercatBus
+from drivers.ethercat.frames import START, Command
+from sim_plant.ethercat.al_states import AlState as PlantState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from plant_wire import PlantWire
+
+    from drivers.drives_file import DrivesFile
+    from drivers.session.servo_axes import ServoAxes
+
+    Opening = Callable[..., ServoAxes]
+
+ENABLED, OFF = 0x27, 0x40
+AXES = 6
+
+
+class TestConformance(conformance.DriveBusConformance):
+    """The contract of every `DriveBus`."""
+
+
+def shown(wire: PlantWire) -> list[int]:
+    """States of the drives by their statuswords."""
+    return [node.dictionary.get(0x6041) & 0x6F for node in wire.segment.nodes]
+
+
+def al(wire: PlantWire) -> list[int]:
+    return [int(node.states.state) for node in wire.segment.nodes]
+
+
+def register(wire: PlantWire, place: int) -> list[int]:
+    return [node.controller.word(place) for node in wire.segment.nodes]
+
+
+def objects(wire: PlantWire) -> list[dict[tuple[int, int], object]]:
+    """All that the drives hold of what a session may write."""
+    kept = (0x1600, 0x1A00, 0x1C12, 0x1C13, 0x1C32, 0x1C33, 0x6065, 0x6067, 0x6081, 0x607D)
+    return [
+        {
+            (index, n): node.dictionary.get(index, n)
+            for index in kept
+            for n in range(9)
+            if node.dictionary.declares(index, n)
+        }
+        for node in wire.segment.nodes
+    ]
+
+
+def sample(bus: ServoAxes, count: int) -> None:
+    for _ in range(count):
+        bus.sample()
+
+
+def cyclic(frame: bytes) -> bool:
+    return frame[START] == Command.LRW
+
+
+def test_axes_are_under_power_inside_and_off_outside(open_bus: Opening, wire: PlantWire) -> None:
+    with open_bus() as bus:
+        assert shown(wire) == [ENABLED] * AXES
+        assert al(wire) == [AlState.OP] * AXES
+        assert bus.notes == ()
+    assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES
+    assert al(wire) == [AlState.INIT] * AXES
+
+
+def test_the_watchdog_is_set_while_inside_and_put_back(open_bus: Opening, wire: PlantWire) -> None:
+    found = register(wire, reg.WATCHDOG_TIME)
+    with open_bus() as bus:
+        bus.sample()
+        assert register(wire, reg.WATCHDOG_TIME) == [5000] * AXES  # 0.5 s of the drives file
+        assert [node.controller.managers[2].feeds_watchdog for node in wire.segment.nodes]
+    assert register(wire, reg.WATCHDOG_TIME) == found
+
+
+def test_what_was_found_is_put_back(open_bus: Opening, wire: PlantWire) -> None:
+    found = objects(wire)
+    with open_bus(feed_forward=True) as bus:
+        assert objects(wire) != found
+        here = bus.sample().q[0]
+        bus.move({0: Move(here + 0.05, 0.5, 1.0)})
+        conformance.travel(bus)
+    assert objects(wire) == found
+
+
+def test_a_watchdog_that_somebody_changes_is_refused_before_power_on(
+    open_bus: Opening, wire: PlantWire
+) -> None:
+    def changed(frame: bytes) -> bytes:
+        if cyclic(frame):
+            wire.segment.nodes[2].controller.put(reg.WATCHDOG_TIME, 2, 0)
+        return frame
+
+    wire.on_the_way = changed
+    with pytest.raises(DriveRefused, match=r"joint 3 \(node 3\): the watchdog .* is 0 s"):
+        open_bus().__enter__()
+    assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES
+
+
+def test_a_sample_of_a_lost_frame_is_flagged_and_so_is_the_next(
+    open_bus: Opening, wire: PlantWire
+) -> None:
+    with open_bus() as bus:
+        bus.sample()
+        wire.on_the_way_back = lambda _: None
+        lost = bus.sample()
+        wire.on_the_way_back = bytes
+        after, then = bus.sample(), bus.sample()
+    assert lost.flags == (SampleFlag.MISSING,) * AXES
+    assert after.flags == (SampleFlag.LATE,) * AXES
+    assert then.flags == (0,) * AXES
+
+
+def test_an_axis_that_takes_no_part_is_flagged_alone(open_bus: Opening, wire: PlantWire) -> None:
+    with open_bus() as bus:
+        bus.sample()
+        node = wire.segment.nodes[4]
+        fmmu = node.controller.memory[reg.FMMU + 12]
+        node.controller.memory[reg.FMMU + 12] = 0
+        node.controller._managers = None
+        sample = bus.sample()
+        node.controller.memory[reg.FMMU + 12] = fmmu
+        node.controller._managers = None
+        after = bus.sample()
+    assert sample.flags == (0, 0, 0, 0, SampleFlag.MISSING, 0)
+    assert after.flags == (0, 0, 0, 0, SampleFlag.LATE, 0)
+
+
+def test_inputs_stand_under_the_instant_at_which_they_were_latched(
+    open_bus: Opening, wire: PlantWire
+) -> None:
+    with open_bus() as bus:
+        latched: list[tuple[float, int]] = []
+
+        def noted(frame: bytes) -> bytes:
+            if cyclic(frame):
+                latched.append((wire.segment.time, wire.segment.nodes[0].dictionary.get(0x6064)))
+            return frame
+
+        wire.on_the_way_back = noted
+        here = bus.sample()
+        bus.move({0: Move(here.q[0] + 0.1, 1.0, 2.0)})
+        samples = [bus.sample() for _ in range(50)]
+        offset = samples[-1].time - latched[-2][0]
+        assert all(
+            s.time - at == pytest.approx(offset)
+            for s, (at, _) in zip(samples, latched[:-1], strict=True)
+        )
+
+
+def test_a_drive_that_leaves_op_stops_all_axes(open_bus: Opening, wire: PlantWire) -> None:
+    with open_bus() as bus:
+        bus.sample()
+        wire.segment.nodes[1].states.fall(PlantState.SAFEOP, 0x1A)
+        with pytest.raises(NodeSilent, match=r"joint 2 .* SAFEOP with error 001A"):
+            sample(bus, 5)
+    assert ENABLED not in shown(wire)
+
+
+def test_axes_move_again_after_a_reset(open_bus: Opening, wire: PlantWire) -> None:
+    with open_bus() as bus:
+        here = bus.sample().q[0]
+        wire.segment.nodes[1].states.fall(PlantState.SAFEOP, 0x1A)
+        with pytest.raises(NodeSilent):
+            sample(bus, 5)
+        bus.reset()
+        assert shown(wire) == [ENABLED] * AXES
+        bus.move({0: Move(here + 0.02, 0.5, 1.0)})
+        assert conformance.travel(bus)[-1].q[0] == pytest.approx(here + 0.02, abs=3e-3)
+
+
+def test_an_emergency_of_a_drive_that_works_on_is_noted(open_bus: Opening, wire: PlantWire) -> None:
+    with open_bus() as bus:
+        bus.sample()
+        wire.segment.nodes[3].coe.emergency(struct.pack("<HB5x", 0x4210, 8))
+        for _ in range(5):
+            bus.sample()
+        assert any("joint 4" in note and "4210" in note for note in bus.notes)
+
+
+def test_drives_are_found_by_alias_wherever_they_are(
+    wire: PlantWire, drives: DrivesFile, open_bus: Opening
+) -> None:
+    for node, alias in zip(wire.segment.nodes, (7, 8, 9, 10, 11, 12), strict=True):
+        node.controller.put(reg.ALIAS, 2, alias)
+    axes = tuple(
+        axis.model_copy(update={"alias": 7 + number, "node": 6 - number})
+        for number, axis in enumerate(drives.axes)
+    )
+    drives = drives.model_copy(update={"axes": axes})
+    bus = EthercatBus(wire, "lock-step")
+    servers = bus.unpowered(drives).servers
+    assert [server.access.read(0x1018, 4) for server in servers] == [
+        bytes([node.dictionary.get(0x1018, 4) & 0xFF]) + bytes(3) for node in wire.segment.nodes
+    ]
+
+
+def test_two_drives_with_the_same_alias_are_refused(wire: PlantWire, drives: DrivesFile) -> None:
+    for node in wire.segment.nodes:
+        node.controller.put(reg.ALIAS, 2, 7)
+    axes = tuple(axis.model_copy(update={"alias": 7}) for axis in drives.axes)
+    bus = EthercatBus(wire, "lock-step")
+    servers = bus.unpowered(drives.model_copy(update={"axes": axes})).servers
+    with pytest.raises(DriveRefused, match=r"slaves 1, 2, 3, 4, 5, 6 .* same alias 7"):
+        servers[0].access.leave_operational()
+
+
+def test_a_drive_that_is_missing_is_named(open_bus: Opening, wire: PlantWire) -> None:
+    wire.segment.cuts.add(5)
+    with pytest.raises(NodeSilent, match=r"joint 6 \(node 6\): .*5 slaves are on the line"):
+        open_bus().__enter__()
