@@ -1,0 +1,184 @@
+"""The same campaign over CANopen and over EtherCAT, on the same plant with the same seed.
+
+Both run in lock-step within this process, without wires. On EtherCAT a frame brings what was
+latched when the frame before passed, and a drive acts when a frame has passed, so a master sees
+what its commands do two cycles later than on CAN, as on hardware. Whatever it decides then comes
+two cycles later too. To have the same decisions at the same instants, the CAN side is given its
+inputs two SYNCs late; and since the buses need different numbers of cycles to start, the one that
+is ready first waits. What remains must be the same numbers, bit for bit::
+
+    python benchmarks/same_campaign.py [COUNTS]
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections import deque
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+from unittest import mock
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+
+import numpy as np
+from plant_wire import PlantWire
+
+from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.process_data import SyncProcessData
+from drivers.drives_file import load_drives
+from drivers.ethercat.bus import EthercatBus
+from drivers.session.servo_axes import ServoAxes
+from drivers.session.session import Session
+from hil.measuring.campaign import run_campaign
+from hil.model.robot import ROBOTS, load_robot
+from hil.planning.design.by_counts import design
+from hil.runs.journal import BusName
+from hil.runs.run import Run
+from hil.runs.run_folder import RunFolder
+from sim_plant.ethercat.segment import Segment
+from sim_plant.serving.bus import PlantBus
+from sim_plant.switch_on import load_machine
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from drivers.drive_bus import DriveBus
+    from hil.planning.plan import Plan
+    from sim_plant.timed_network import TimedNetwork
+
+ROBOT, SEED = "manutec-r15", 5
+LATE = 2
+"""SYNCs by which a master on EtherCAT sees what its commands do later than on CAN."""
+COUNTS = {"gravity": 56, "inertia": 80, "coupling": 16}
+"""Of the plan by default: the whole campaign."""
+
+robot = load_robot(ROBOT)
+drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
+
+
+class LateProcessData(SyncProcessData):
+    """Process data of CAN as a master on EtherCAT has them: two SYNCs late, under their instant."""
+
+    def sync(self) -> float:
+        """Exchange, and show what came two SYNCs ago."""
+        if not hasattr(self, "_past"):
+            self._past: deque[tuple[Any, ...]] = deque(maxlen=LATE + 1)
+            self._instants: deque[float] = deque([self.time] * LATE, maxlen=LATE)
+        latched = self._instants[-1]
+        self.words, self.positions, self.currents = (
+            self._true if self._past else (self.words, self.positions, self.currents)
+        )
+        instant = super().sync()
+        self._instants.append(instant)
+        self._true = self.words, self.positions, self.currents
+        self._past.append(self._true)
+        self.words, self.positions, self.currents = self._past[0]
+        self.time = latched
+        return latched
+
+
+class Start(NamedTuple):
+    """How far a plant has come when its axes are switched on.
+
+    Attributes
+    ----------
+    cycles : int
+        That have passed.
+    readings : int
+        Of its current sensors, each of which takes noise of its own.
+    """
+
+    cycles: int
+    readings: int
+
+    def ahead(self, other: Start) -> Start:
+        """Return by how much another has come further, 0 where it has not."""
+        pairs = zip(self, other, strict=True)
+        return Start(*(max(0, theirs - ours) for ours, theirs in pairs))
+
+
+AT_ONCE = Start(0, 0)
+
+
+def over_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
+    """Measure over CAN; return how far the plant had come when axes were switched on."""
+    with (
+        PlantBus(ROBOT, seed=SEED) as bus,
+        mock.patch("drivers.canopen.connection.SyncProcessData", LateProcessData),
+    ):
+        assert bus._plant is not None  # the plant behind it
+        return measured(plan, folder, CanopenDriveBus(bus, drives), bus._plant._network, waiting)
+
+
+def over_ethercat(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
+    """Measure over EtherCAT; return how far the plant had come when axes were switched on."""
+    segment = Segment(load_machine(ROBOT, SEED))
+    segment.power_on()
+    bus = ServoAxes(EthercatBus(PlantWire(segment), "lock-step"), drives)
+    return measured(plan, folder, bus, segment, waiting)
+
+
+def measured(
+    plan: Plan, folder: Path, bus: DriveBus, network: TimedNetwork, waiting: Start
+) -> Start:
+    """Carry a plan out on a bus whose axes wait before they are switched on."""
+    begun: list[Start] = []
+    power_on, read = Session.power_on, network._machine.read
+    readings = 0
+
+    def counted() -> NDArray[np.int64]:
+        nonlocal readings
+        readings += 1
+        return read()
+
+    def patient(session: Session) -> None:
+        for _ in range(waiting.cycles):
+            session.connection.cycle()
+        for _ in range(waiting.readings - waiting.cycles):
+            read()
+        begun.append(Start(round(network.time / drives.sync_period), readings))
+        power_on(session)
+
+    with mock.patch.object(Session, "power_on", patient):
+        network._machine.read = counted
+        for _ in run_campaign(RunFolder.create(folder, plan, robot), bus, BusName("sim_plant", "")):
+            pass
+    return begun[0]
+
+
+def compared(counts: Mapping[str, int], folder: Path) -> tuple[int, int, float, float, Start]:
+    """Return data sets that are the same and all, durations of both [s], what CAN waited for."""
+    plan = design(robot, counts)
+    first = plan.model_copy(update={"measurements": plan.measurements[:1]})
+    can, ethercat = over_can(first, folder / "can0"), over_ethercat(first, folder / "ethercat0")
+    waiting = can.ahead(ethercat)
+    waiting = waiting._replace(readings=waiting.readings + 1)  # EtherCAT reads before a cycle too
+    begun = time.perf_counter()
+    over_can(plan, folder / "can", waiting)
+    between = time.perf_counter()
+    over_ethercat(plan, folder / "ethercat", ethercat.ahead(can))
+    took = between - begun, time.perf_counter() - between
+    same = total = 0
+    for ours, theirs in zip(Run.open(folder / "can"), Run.open(folder / "ethercat"), strict=True):
+        for axis in range(robot.n_joints):
+            pairs = (
+                (getattr(ours.recording, name), getattr(theirs.recording, name))
+                for name in ("q", "tau")
+            )
+            total += 1
+            same += all(
+                a.shape == b.shape and np.array_equal(a[:, axis], b[:, axis]) for a, b in pairs
+            )
+    return same, total, *took, waiting
+
+
+if __name__ == "__main__":
+    counts = dict(zip(COUNTS, map(int, sys.argv[1:]), strict=False)) or COUNTS
+    with tempfile.TemporaryDirectory() as name:
+        same, total, can, ethercat, ahead = compared(counts, Path(name))
+    print(f"{same} of {total} data sets identical; CAN waited before power-on for {ahead}")
+    print(f"CAN {can:.1f} s, EtherCAT {ethercat:.1f} s, within this process, with recording")
