@@ -197,7 +197,7 @@ def watch(
             watcher=watcher,
         )
     finally:
-        _keep(output, the_plan, watcher, str(file_of(model_path)))
+        keep_watch(output, the_plan, watcher, str(file_of(model_path)))
     if watcher.alarms:
         _show_causes(output / RUN, model_path, watcher.alarms[0].time, len(the_plan.measurements))
         raise typer.Exit(Status.ALARMED)
@@ -235,7 +235,7 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
     return rounds
 
 
-def _keep(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
+def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show what was found, however the watch ended."""
     from hil.report.further_pages import write_watch_page
     from hil.results.watch import alarms, watched, write_watched

@@ -187,12 +187,11 @@ def _shown(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]
 def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, duration: float) -> str:
     """Watch the arm while it can be pushed; return what was found."""
     with working("predicting torques"):
+        from hil.cli.beside_model import keep_watch
         from hil.cli.measuring import OnBus, measure
         from hil.cli.watch_view import WatchView
         from hil.measuring.pacing import PacedBus
-        from hil.report.pictures import write_watch_plot
         from hil.results import model_file
-        from hil.results.watch import write_watched
         from hil.watching.watcher import Watcher, WatchingBus
 
         plan = pushed_plan(robot, LEARNING + duration)
@@ -210,11 +209,7 @@ def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, durat
             in_front=in_front, display=view.display, watcher=watcher,
         )  # fmt: skip
     finally:
-        if watcher.learned:
-            path.mkdir(parents=True, exist_ok=True)
-            found = watcher.found(plan.digest, str(folder / "measured" / model_file.NAME))
-            write_watched(path, found)
-            write_watch_plot(path, watcher.trace, tuple(axis.unit for axis in found.axes))
+        keep_watch(path, plan, watcher, str(folder / "measured" / model_file.NAME))
     pushes = "1 push" if len(watcher.alarms) == 1 else f"{len(watcher.alarms) or 'no'} pushes"
     return f"{pushes} found in {watcher.watched:.0f} s"
 

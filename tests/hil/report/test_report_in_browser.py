@@ -159,7 +159,9 @@ def test_one_instant_moves_the_robot_and_the_cursor_of_its_recording(
     browser: Chrome, page: Path
 ) -> None:
     show(browser, page)
-    WebDriverWait(browser, 60).until(lambda _: browser.execute_script("return Boolean(window.report)"))
+    WebDriverWait(browser, 60).until(
+        lambda _: browser.execute_script("return Boolean(window.report)")
+    )
     panel = "#plot-torque svg[data-r]"
     name = browser.find_element(By.CSS_SELECTOR, panel).get_attribute("data-r")
     pose = "report.seek(arguments[0], arguments[1]); return Array.from(report.view.q)"
