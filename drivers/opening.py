@@ -15,6 +15,7 @@ from drivers.canopen.eds_file import read_eds
 from drivers.canopen.rules import RULES
 from drivers.drive_bus import BusUnavailable
 from drivers.ethercat.bus import EthercatBus
+from drivers.ethercat.rules import RULES as ETHERCAT_RULES
 from drivers.ethercat.wire import RawWire
 from drivers.session.servo_axes import ServoAxes
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from drivers.dictionary.bus_rules import BusRules
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.found_settings.keeping import SettingsKeeper
@@ -29,7 +31,20 @@ if TYPE_CHECKING:
 
 ETHERCAT = "ethercat"
 """Interface of EtherCAT drives; its channel is a network interface."""
-__all__ = ["ETHERCAT", "RULES", "cycle_on_bus", "open_drive_bus", "open_fieldbus", "read_eds"]
+__all__ = [
+    "ETHERCAT",
+    "RULES",
+    "cycle_on_bus",
+    "open_drive_bus",
+    "open_fieldbus",
+    "read_eds",
+    "rules_of",
+]
+
+
+def rules_of(interface: str | None) -> BusRules:
+    """Return what a bus has of its own in dictionaries, by the interface that drives are on."""
+    return ETHERCAT_RULES if interface == ETHERCAT else RULES
 
 
 def open_fieldbus(

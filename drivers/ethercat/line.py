@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
     from drivers.ethercat.wire import Wire
 
-ATTEMPTS = 8
-"""How often a frame is sent that does not come back: with one in five lost, three in a million
-frames are lost for good."""
-PATIENCE = 0.02
-"""How long a frame may take that is no process data [s]; one of 100 slaves takes 0.2 ms."""
+ATTEMPTS = 10
+"""How often a frame is sent that does not come back: with one in five lost, one in ten million
+is lost for good."""
+PATIENCE = 0.05
+"""How long a frame may take that is no process data [s]: longer than this computer is late."""
 LOCK_STEP_PATIENCE = 0.5
 """The same where a plant in another process answers, which may be as busy as its machine [s]."""
 PAUSE = 0.0005

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 from drivers.ethercat import registers as reg
 from drivers.ethercat.frames import Command, Datagram, at
+from drivers.ethercat.line import ATTEMPTS
+from drivers.ethercat.station import WHERE
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
@@ -138,15 +140,17 @@ class Mailbox:
         return content[HEADER.size : HEADER.size + size] if kind & 0x0F == COE else None
 
     def _read(self) -> bytes | None:
-        place, size = self._back.start, self._back.size
-        datagram = Datagram(Command.FPRD, at(self._station.address, place), bytes(size))
-        answers = self._line.exchange(datagram)
-        if answers is None:
-            return self._read_again()
-        return answers[0].data if answers[0].counter == 1 else None
+        """Read the mailbox, None if it is empty; what is lost on its way is asked for again."""
+        place = at(self._station.address, self._back.start)
+        for _ in range(ATTEMPTS):
+            answers = self._line.exchange(Datagram(Command.FPRD, place, bytes(self._back.size)))
+            if answers is not None:
+                return answers[0].data if answers[0].counter == 1 else None
+            self._repeat()
+        raise NoAnswer(f"its mailbox was lost on the way {ATTEMPTS} times", WHERE)
 
-    def _read_again(self) -> bytes | None:
-        """Have the slave show again what was lost when it was read."""
+    def _repeat(self) -> None:
+        """Have the slave show again what it showed last, unless that waits still."""
         station = self._station
         activate = station.read(_IN + reg.MANAGER_ACTIVATE, 1)[0] ^ _REPEAT
         station.write(_IN + reg.MANAGER_ACTIVATE, bytes([activate]))
@@ -155,4 +159,3 @@ class Mailbox:
             if pdi & _REPEAT == activate & _REPEAT:
                 break
             self._line.pause()
-        return station.try_read(self._back.start, self._back.size)

@@ -117,7 +117,9 @@ RealTime = Annotated[
 ]
 
 
-Interface = Annotated[str, typer.Option(help="Interface of python-can, such as socketcan.")]
+Interface = Annotated[
+    str, typer.Option(help="Interface of python-can, such as socketcan, or ethercat.")
+]
 RobotsChannel = Annotated[
     str | None,
     typer.Option(
@@ -217,7 +219,8 @@ def refuse_no_channel(interface: str, channel: str | None) -> None:
     """
     if channel is None and interface != SIMULATED:
         raise typer.BadParameter(
-            f"interface {interface} needs a channel too, such as can0", param_hint="--channel"
+            f"interface {interface} needs a channel too, such as can0 or eth0",
+            param_hint="--channel",
         )
 
 

@@ -39,7 +39,9 @@ HIGHEST_NODE = 127
 MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
 """Modes as drives' manuals abbreviate them."""
 
-Channel = Annotated[str | None, typer.Option(help="Channel of the interface, such as can0.")]
+Channel = Annotated[
+    str | None, typer.Option(help="Channel of the interface, such as can0 or eth0.")
+]
 Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
 
 
@@ -70,7 +72,9 @@ def new(
     nodes: Nodes = None,
     interface: Annotated[
         str | None,
-        typer.Option(help="Interface of python-can, to read from the drives instead."),
+        typer.Option(
+            help="Interface of python-can, or ethercat, to read from the drives instead."
+        ),
     ] = None,
     channel: Channel = None,
     bus_option: BusOptions = None,
@@ -80,7 +84,7 @@ def new(
 ) -> None:
     """Write a first drives file from data sheets or from the drives, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
-    from drivers.opening import RULES
+    from drivers.opening import rules_of
     from drivers.operator_tools.draft import draft_drives
     from hil.runs.atomic_file import write_file
 
@@ -91,7 +95,7 @@ def new(
     else:
         bitrate = bitrate or BITRATE
         axes = _from_bus(interface, channel, bus_option, bitrate, _numbers(nodes))
-    text = draft_drives(axes, RULES, bitrate)
+    text = draft_drives(axes, rules_of(interface), bitrate)
     write_file(output, text.encode())
     choices: dict[str, list[str]] = {}
     for number, axis in enumerate(axes, start=1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import struct
 from typing import TYPE_CHECKING
 
@@ -223,3 +224,25 @@ def test_a_drive_that_is_missing_is_named(open_bus: Opening, wire: PlantWire) ->
     wire.segment.cuts.add(5)
     with pytest.raises(NodeSilent, match=r"joint 6 \(node 6\): .*5 slaves are on the line"):
         open_bus().__enter__()
+
+
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.2])
+def test_a_session_with_lost_frames_comes_to_its_end(
+    open_bus: Opening, wire: PlantWire, share: float
+) -> None:
+    """From the first frame to the last: set-up, motion, power-off, settings put back."""
+    found, chance = objects(wire), random.Random(1)
+
+    def lossy(frame: bytes) -> bytes | None:
+        return None if chance.random() < share / 2 else frame
+
+    wire.on_the_way = wire.on_the_way_back = lossy
+    with open_bus() as bus:
+        bus.move({axis: Move(0.1, 0.5, 1.0) for axis in range(3)})
+        samples = conformance.travel(bus)
+    flagged = sum(any(sample.flags) for sample in samples)
+    assert flagged / len(samples) < 0.08 + 3 * share
+    whole = [sample for sample in samples if not any(sample.flags)]
+    assert whole[-1].q[0] == pytest.approx(0.1, abs=3e-3)
+    assert objects(wire) == found
+    assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES

@@ -67,7 +67,7 @@ def move_about(bus: LoggedBus) -> None:
     with CanopenDriveBus(bus, drives) as axes:
         try:
             for side, share in SHARES:
-                axes.move(_moves(side, share))
+                axes.move(moves(side, share))
                 while not axes.sample().reached:
                     pass
         except MoveFailed:
@@ -77,7 +77,8 @@ def move_about(bus: LoggedBus) -> None:
             raise
 
 
-def _moves(side: int, share: float) -> dict[int, Move]:
+def moves(side: int, share: float) -> dict[int, Move]:
+    """Return one move of all axes."""
     return {
         axis: Move(
             side * reach,

@@ -1,0 +1,1 @@
+"""Random outages of EtherCAT in a session of fast moves: drawn, let happen, judged."""

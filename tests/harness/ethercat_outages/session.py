@@ -1,0 +1,244 @@
+"""A session of fast moves of all six axes over EtherCAT, in lock-step, in which an outage happens.
+
+The moves and what is promised of them are those over CAN (`outage_sweep.session`). Time passes in
+the plant also while no frame gets there.
+"""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from fault_table.stopping_way import allowed_ways, reaction_time
+from fault_table.trial import drives
+from fault_table.witness import Witness
+from outage_sweep.session import REACH, SHARES, Verdict, moves
+from plant_wire import PlantWire
+
+from drivers.drive_bus import DriveError, MoveFailed
+from drivers.ethercat.bus import EthercatBus
+from drivers.ethercat.frames import START, Command
+from drivers.session.servo_axes import ServoAxes
+from sim_plant.ethercat.al_states import AlState
+from sim_plant.ethercat.segment import Segment
+from sim_plant.physics import state as st
+from sim_plant.switch_on import load_machine
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Self
+
+AXES = 6
+SHORTEST, LONGEST = 0.005, 0.250
+"""[s]."""
+KINDS = ("transmit", "receive", "both", "cut", "lost", "error")
+"""Frames do not get there, do not come back, neither; a cable is cut; some of them are lost; a
+drive falls to SAFEOP with an error."""
+_REACTING = frozenset({0x07, 0x0F})
+"""Of a statusword: quick stop, fault reaction."""
+AFTERWARDS = 3.0
+"""How long drives are left alone in the end [s]."""
+LOST_MOST = 0.2
+"""Share of the frames that are lost."""
+
+
+@dataclass(frozen=True)
+class Outage:
+    """What happens to one session.
+
+    Attributes
+    ----------
+    number : int
+        Of the draw.
+    cycle : int
+        The first frame with process data that meets it, from 1.
+    length : float
+        [s].
+    kind : str
+        One of `KINDS`.
+    axis : int
+        Of the drive that falls, or in front of which the cable is cut, from 1.
+    share : float
+        Of the frames that are lost.
+    interrupted : bool
+        Ctrl-C is pressed at the same moment.
+    """
+
+    number: int
+    cycle: int
+    length: float
+    kind: str
+    axis: int
+    share: float
+    interrupted: bool
+
+
+def draw(seed: int, number: int, cycles: int) -> Outage:
+    """Draw one outage that begins with one of so many cycles."""
+    rng = np.random.default_rng([seed, number])
+    return Outage(
+        number,
+        int(rng.integers(1, cycles + 1)),
+        float(rng.uniform(SHORTEST, LONGEST)),
+        str(rng.choice(KINDS)),
+        int(rng.integers(1, AXES + 1)),
+        float(rng.uniform(0.01, LOST_MOST)),
+        bool(rng.integers(2)),
+    )
+
+
+class _Slave:
+    """A slave as the witness asks it: would it react to the loss of our process data?"""
+
+    def __init__(self, slave: object) -> None:
+        self._slave = slave
+
+    @property
+    def is_watching(self) -> bool:
+        slave = self._slave
+        if slave.states.state is AlState.OP:  # type: ignore[attr-defined]
+            return bool(slave._watchdog)  # type: ignore[attr-defined]
+        return (slave.dictionary.get(0x6041) & 0x4F) in _REACTING  # type: ignore[attr-defined]
+
+
+class _Seen:
+    """The plant as the witness sees it."""
+
+    def __init__(self, segment: Segment) -> None:
+        self._segment = segment
+        self.nodes = [_Slave(node) for node in segment.nodes]
+        self.machine = type("Machine", (), {"plant": segment._machine})
+
+    @property
+    def time(self) -> float:
+        return self._segment.time
+
+
+class OutageWire(PlantWire):
+    """A wire on which an outage happens, with a witness of the machine.
+
+    Parameters
+    ----------
+    outage : Outage or None
+        None for an undisturbed session.
+    """
+
+    def __init__(self, outage: Outage | None) -> None:
+        segment = Segment(load_machine("manutec-r15", 5))
+        segment.power_on()
+        super().__init__(segment)
+        self.plant = segment._machine
+        length = outage.length if outage else 0.0
+        self.witness = Witness(_Seen(segment), reaction_time(length, drives))  # type: ignore[arg-type]
+        self.cycles = 0
+        self._outage, self._ends, self._begun = outage, 0.0, False
+        self._random = np.random.default_rng(outage.number if outage else 0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is open."""
+
+    def send(self, frame: bytes | bytearray) -> bool:
+        cyclic = frame[START] in {Command.LRW, Command.LRD}
+        self.cycles += cyclic
+        outage = self._outage
+        if outage is not None and not self._begun and self.cycles == outage.cycle:
+            self._begin(outage)
+        kind = outage.kind if outage and self._begun and self._now < self._ends else ""
+        self.segment.cuts.clear()
+        if kind == "cut" and outage is not None:
+            self.segment.cuts.add(outage.axis - 1)
+        if kind == "lost" and outage is not None and self._random.random() < outage.share:
+            kind = "transmit" if self._random.random() < 0.5 else "receive"
+        before = self.segment.time
+        self.on_the_way = _dropped if kind in {"transmit", "both"} else bytes
+        self.on_the_way_back = _dropped if kind in {"receive", "both"} else bytes
+        taken = super().send(frame)
+        if cyclic and self.segment.time == before:
+            self.segment.elapse(drives.sync_period)
+        self.witness.look()
+        return taken
+
+    @property
+    def _now(self) -> float:
+        return self.segment.time
+
+    def _begin(self, outage: Outage) -> None:
+        self._begun, self._ends = True, self._now + outage.length
+        self.witness.begin()
+        if outage.kind == "error":
+            self.segment.nodes[outage.axis - 1].states.fall(AlState.SAFEOP, 0x1A)
+        if outage.interrupted:
+            signal.raise_signal(signal.SIGINT)
+
+    def leave_alone(self) -> None:
+        """Let time pass for the drives, with nobody there."""
+        ends = self._now + AFTERWARDS
+        while self._now < ends:
+            self.segment.elapse(drives.sync_period)
+            self.witness.look()
+
+
+def _dropped(frame: bytes) -> None:
+    del frame
+
+
+def move_about(wire: OutageWire) -> None:
+    """Power up, move, power down.
+
+    Raises
+    ------
+    DriveError, KeyboardInterrupt
+        What the driver makes of an outage, or of Ctrl-C.
+    """
+    with ServoAxes(EthercatBus(wire, "lock-step"), quick) as axes:
+        try:
+            for side, share in SHARES:
+                axes.move(moves(side, share))
+                while not axes.sample().reached:
+                    pass
+        except MoveFailed:
+            wire.witness.begin()  # see `outage_sweep.session.move_about`
+            raise
+
+
+quick = drives.model_copy(update={"sdo_timeout": 0.05})
+"""An answer comes at once here, or never."""
+
+
+def cycles_of_a_session() -> int:
+    """Return how many frames with process data a session takes that nothing disturbs."""
+    wire = OutageWire(None)
+    move_about(wire)
+    return wire.cycles
+
+
+def happen(outage: Outage) -> Verdict:
+    """Let an outage happen, and judge what came of it."""
+    ended, wire = "", OutageWire(outage)
+    try:
+        move_about(wire)
+    except (DriveError, KeyboardInterrupt) as error:
+        ended = type(error).__name__
+    wire.leave_alone()
+    energised = np.flatnonzero(wire.plant.state[:, st.ENABLED]) + 1  # type: ignore[attr-defined]
+    ways = wire.witness.ways if ended else np.zeros(len(REACH))
+    shares = ways / allowed_ways(wire.witness.speeds, outage.length, drives)
+    return Verdict(
+        ended,
+        tuple(sorted(wire.witness.unwatched)),
+        tuple(energised.tolist()),
+        float(ways.max()),
+        float(shares.max()),
+    )
+
+
+def results(seed: int, numbers: Sequence[int]) -> list[tuple[Outage, Verdict]]:
+    """Let the outages of these numbers happen."""
+    cycles = cycles_of_a_session()
+    drawn = [draw(seed, number, cycles) for number in numbers]
+    return [(outage, happen(outage)) for outage in drawn]
