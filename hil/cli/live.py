@@ -131,10 +131,12 @@ def listeners(
             found.append((what, module, address or LOOPBACK, str(port), *more))
         elif address is not None:
             raise typer.BadParameter(f"it goes with {option}", param_hint=f"{option}-address")
-    if shown.live is not None and folder is not None:
-        found.append(("the estimate beside the run", "hil.live.estimator", str(folder)))
     if not found:
         return []
     from hil.live.listener import Listener
 
-    return [Listener(*each) for each in found]
+    started = [Listener(*each) for each in found]
+    if shown.live is not None and folder is not None:
+        estimator = "the estimate beside the run", "hil.live.estimator", str(folder)
+        started.append(Listener(*estimator, answers=True))
+    return started

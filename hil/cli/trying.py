@@ -62,7 +62,7 @@ def try_(
     ] = 16.0,
     push: Annotated[
         float, typer.Option(min=5, max=3600, help="Time for pushing the arm \\[s].")
-    ] = 75.0,
+    ] = 60.0,
 ) -> None:
     """Try it all on a virtual robot in five minutes: measure, identify, predict, push.
 

@@ -18,6 +18,7 @@ import typer
 from drivers.drive_bus import DriveError
 from hil.live import lines
 from hil.live.lines import FrictionSoFar
+from hil.live.listener import ANSWERS
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
 from hil.terminal.console import printable
@@ -214,9 +215,19 @@ class Feed:
             self.publish("end", _how(error))
             raise
         else:
+            self._await_answers()
             self.publish("end", {"how": "finished", "text": ""})
         finally:
             self.pass_on()
+
+    def _await_answers(self) -> None:
+        """End the processes that have something for the others, and pass it on."""
+        self._name_missed()
+        for listener in self._listeners:
+            if listener.answers and not listener.gone:
+                self._missed.add(listener.what)
+                listener.close(ANSWERS)
+        self.pass_on()
 
     def publish(self, kind: str, values: lines.Line) -> None:
         """Pass a line of `hil.live.lines` on."""

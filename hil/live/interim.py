@@ -120,7 +120,7 @@ class Interim:
         predicted = left @ self._p + basis @ (basis.T @ y) + each.torques[:, 1]
         variance = np.einsum("nk,kl,nl->n", left, self._covariance, left).clip(0.0)
         before = self._left.setdefault((kind, each.axis), [])
-        noise = np.median(before) if before else np.inf
+        noise = sorted(before)[(len(before) - 1) // 2] if before else np.inf
         band = 1.96 * np.sqrt(variance + noise)
         before.append(float(np.mean((y + each.torques[:, 1] - predicted) ** 2)))
         drawn = slice(None, None, -(-len(y) // POINTS))

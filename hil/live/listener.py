@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 LAST_WORDS = 1.0
 """How long the end of a run waits for a reader that is behind, and for its own end [s]."""
+ANSWERS = 10.0
+"""The same for one that has something to say to the others, once the axes are off [s]."""
 
 
 class ListenerFailed(HilError):
@@ -46,10 +48,13 @@ class Listener:
         What Python runs; it must need neither numerics nor the bus.
     arguments : str
         Of the module's command line.
+    answers : bool
+        Whether it has lines for the others, which a run that has finished waits for.
 
     Attributes
     ----------
     what : str
+    answers : bool
     gone : bool
         Whether the process has ended; noticed when something is written, or by itself.
     dropped : int
@@ -58,8 +63,9 @@ class Listener:
         Lines for the other processes, with ``kind``.
     """
 
-    def __init__(self, what: str, module: str, *arguments: str) -> None:
+    def __init__(self, what: str, module: str, *arguments: str, answers: bool = False) -> None:
         self.what = what
+        self.answers = answers
         self.gone = False
         self.dropped = 0
         self._command = [sys.executable, "-P", "-m", module, *arguments]
@@ -117,22 +123,28 @@ class Listener:
             self._waiting += line
         self._flush()
 
-    def close(self) -> None:
-        """Give it a moment to read what waits, and end it."""
+    def close(self, patience: float = LAST_WORDS) -> None:
+        """Give it a moment to read what waits, and end it.
+
+        Parameters
+        ----------
+        patience : float
+            How long its own end is waited for [s].
+        """
         if self._process is None:
             return
         until = time.monotonic() + LAST_WORDS
         while self._waiting and not self.gone and time.monotonic() < until:
             time.sleep(0.01)
             self._flush()
-        self._end(self._process)
+        self._end(self._process, patience)
 
-    def _end(self, process: subprocess.Popen[bytes]) -> None:
+    def _end(self, process: subprocess.Popen[bytes], patience: float) -> None:
         self.gone = True
         assert process.stdin is not None  # noqa: S101 - a pipe
         process.stdin.close()
         try:
-            process.wait(LAST_WORDS)
+            process.wait(patience)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

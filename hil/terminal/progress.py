@@ -7,6 +7,7 @@ robot time has passed so far.
 from __future__ import annotations
 
 import time
+from collections import deque
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -59,19 +60,23 @@ def shown(console: Console) -> Iterator[Callable[[Event], None]]:
         yield move_bar
 
 
+RECENT = 10.0
+"""Time over which it is seen how fast robot time passes [s]: a computer's load changes."""
+
+
 class Pace:
     """How long the rest takes on the wall's clock."""
 
     def __init__(self) -> None:
-        self._began = time.monotonic()
-        self._robot_began: float | None = None
+        self._seen: deque[tuple[float, float]] = deque()
 
     def left(self, event: Event) -> float:
         """Time left by the wall's clock [s]."""
-        if self._robot_began is None:
-            self._began, self._robot_began = time.monotonic(), event.time
-        robot = event.time - self._robot_began
-        wall = time.monotonic() - self._began
+        now, seen = time.monotonic(), self._seen
+        seen.append((now, event.time))
+        while len(seen) > 2 and now - seen[1][0] > RECENT:
+            seen.popleft()
+        wall, robot = now - seen[0][0], event.time - seen[0][1]
         return event.remaining * (wall / robot if robot > 0 else 1.0)
 
 

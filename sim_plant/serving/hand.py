@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 LONGEST = 1.0
 """Longest time for which one datagram pushes [s]: whoever stays away holds on no longer."""
+STRONGEST = 1e4
+"""Greatest torque or force of a push [N m or N], some ten times what joints of large arms hold; a
+greater one counts as this."""
 _SIZE = 4096  # more than 64 axes need
 
 
@@ -84,7 +87,7 @@ def _push(datagram: bytes, n_axes: int) -> tuple[NDArray[np.float64], float] | N
         return None
     if torque.shape != (n_axes,) or not np.isfinite([*torque, lasts]).all():
         return None
-    return torque, min(max(lasts, 0.0), LONGEST)
+    return torque.clip(-STRONGEST, STRONGEST), min(max(lasts, 0.0), LONGEST)
 
 
 def _bound(path: str) -> socket.socket:

@@ -22,9 +22,10 @@ export class Hand {
     on('pointerdown', (event) => this._grip(event));
     on('pointermove', (event) => this._pull(event));
     for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) on(end, () => this._letGo());
-    this.force = make('span', { class: 'small', 'aria-live': 'off' });
+    this.force = make('span', { class: 'force small' }); // over the picture, which must not move under the pointer
+    view.host.append(this.force);
     const buttons = this.joints.map((_, j) => make('button', { type: 'button', text: `axis ${j + 1}`, 'aria-label': `Push axis ${j + 1}`, onclick: () => this._push(j) }));
-    this.bar = make('div', { class: 'row', role: 'group', 'aria-label': 'Push the arm' }, make('span', { text: 'Drag a link, or push' }), ...buttons, this.force);
+    this.bar = make('div', { class: 'row', role: 'group', 'aria-label': 'Push the arm' }, make('span', { text: 'Drag a link, or push' }), ...buttons);
     host.append(this.bar);
     this.enable(false);
   }
@@ -34,6 +35,7 @@ export class Hand {
     this.bar.hidden = !on;
     this.element.classList.toggle('pushed', on);
     if (!on) this._letGo();
+    if (!on) this.force.textContent = '';
   }
 
   /** Torque of a pull at a point, by virtual work: J' F. */

@@ -85,7 +85,7 @@ export class LivePage {
     for (const from of ['oblique', 'front', 'side', 'top']) {
       at('views').append(make('button', { type: 'button', text: from, onclick: () => this.scene.look(from) }));
     }
-    this.scene.orbit(0, 0, 1.25);
+    this.scene.orbit(0, 0, 1.15);
     this.hand = new Hand(this.scene, robot, at('hand'), (torque, lasts) => this._push(torque, lasts));
     const scheme = matchMedia('(prefers-color-scheme: dark)');
     const set = () => {

@@ -3,6 +3,7 @@ import { Curve } from './curves.js';
 import { make, shown } from './elements.js';
 
 const KEPT = 4000; // instants of an axis
+const EVERY = 80; // between two drawings, a dozen a second [ms]
 const WINDOW = 10; // what is shown of torques that pass by [s]
 
 /** The charts of all axes and the time that they share; `seek(t)` is called with an instant, or with nothing for now. */
@@ -68,7 +69,8 @@ export class TorqueCharts {
 
   _draw() {
     if (this.due) return;
-    this.due = requestAnimationFrame(() => {
+    const wait = this.cursor === undefined ? EVERY : 0;
+    this.due = setTimeout(() => requestAnimationFrame(() => {
       this.due = 0;
       this.bar.hidden = !this.passing;
       if (this.cursor === undefined && this.passing) {
@@ -78,7 +80,7 @@ export class TorqueCharts {
       this.slider.value = this.cursor === undefined ? 1 : (this.cursor - this.begin) / (this.end - this.begin);
       for (const j of this.fresh ?? this.axes.keys()) this._one(this.axes[j], j);
       this.fresh = undefined;
-    });
+    }), wait);
   }
 
   _one(axis, j) {

@@ -189,7 +189,7 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
     t = 3.0 + 0.1 * np.arange(40)
     one = np.sin(t)[:, np.newaxis]
     page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, np.full((40, 1), np.inf)))
-    until(browser, lambda: "measured" in label(browser, 1))
+    until(browser, lambda: "none yet" not in label(browser, 1))
     assert label(browser, 1).startswith("axis 2, N m: torque over time; measured")
     assert "none yet" in label(browser, 0)
     assert complaints(browser) == []
@@ -203,6 +203,10 @@ def label(browser: Chrome, axis: int) -> str:
     return str(name)
 
 
+def force(browser: Chrome) -> str:
+    return browser.find_element(By.CSS_SELECTOR, "#scene .force").text
+
+
 def test_one_cursor_goes_through_curves_and_robot(
     browser: Chrome, watched: tuple[Served, Any]
 ) -> None:
@@ -212,7 +216,7 @@ def test_one_cursor_goes_through_curves_and_robot(
     for k in range(500):
         q = (0.5 + 0.001 * k, *Q[1:])
         page.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
-    until(browser, lambda: "measured" in label(browser, 0))
+    until(browser, lambda: "none yet" not in label(browser, 0))
     until(browser, lambda: browser.execute_script("return window.live.charts.end > 23.9"))
     set_to = "const s = document.querySelector('.time input'); s.value = arguments[0];"
     browser.execute_script(f"{set_to} s.dispatchEvent(new Event('input'));", 0.5)
@@ -244,7 +248,7 @@ def test_a_link_that_is_dragged_pushes_the_plant_and_is_let_go(
     assert 0.0 < share.max() <= 0.2 + 1e-9
     assert share[0] > 0
     assert said["torque"][3:] == [0, 0, 0] or share[3:].any()
-    until(browser, lambda: "pulling with" in text(browser, "hand"))
+    until(browser, lambda: "pulling with" in force(browser))
     ActionChains(browser).release().perform()
     while any(json.loads(plant.recv(4096))["torque"]):
         continue
@@ -264,7 +268,7 @@ def test_an_axis_is_pushed_without_a_mouse_too(
     browser.find_element(By.CSS_SELECTOR, "[aria-label='Push axis 4']").send_keys("\n")
     torque = json.loads(plant.recv(4096))["torque"]
     assert torque == pytest.approx([0, 0, 0, 0.2 * manutec.torque_limit[3], 0, 0])
-    until(browser, lambda: "pushed axis 4 with 42 N m" in text(browser, "hand"))
+    until(browser, lambda: force(browser) == "pushed axis 4 with 42 N m")
 
 
 def test_where_nothing_can_be_pushed_there_is_no_hand(browser: Chrome, page: Served) -> None:
@@ -284,7 +288,7 @@ def test_everybody_can_use_a_page_that_is_watched_and_pushed(
     page.publish("torque", **torques(4.0))
     page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
     until(browser, lambda: "kg m²" in text(browser, "intervals"))
-    until(browser, lambda: "measured" in label(browser, 5))
+    until(browser, lambda: "none yet" not in label(browser, 5))
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []
     assert browser.execute_script(ENDS) <= width

@@ -143,6 +143,32 @@ def test_fifty_pages_one_that_never_reads_and_a_killed_server_disturb_nothing(
     assert [session.reason for session in finished.journal.sessions] == ["finished"]
 
 
+def test_a_run_is_identified_beside_it_to_its_last_recording(
+    plan_file: Path, tmp_path: Path
+) -> None:
+    run = start(plan_file, tmp_path / "run")
+    with watching(run.page.port) as page:
+        *lines, last = events(page)
+    out, err = run.process.communicate(timeout=120)
+    assert (run.process.returncode, err) == (0, "")
+    assert "by itself" not in out
+    estimates = [line for line in lines if line["kind"] == "estimate"]
+    assert estimates[-1]["recordings"] == 3 * ROUNDS
+    assert len(estimates[-1]["parameters"]) == 14
+    assert (last["kind"], last["how"]) == ("end", "finished")
+
+
+def test_a_killed_estimate_disturbs_nothing(plan_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    run = start(plan_file, folder)
+    wait_for_recordings(folder, 1, run)
+    os.kill(run.beside("hil.live.estimator"), signal.SIGKILL)
+    out, err = run.process.communicate(timeout=120)
+    assert (run.process.returncode, err) == (0, "")
+    assert out.count("the estimate beside the run has ended by itself") == 1
+    assert RunFolder.open(folder).missing == ()
+
+
 def test_a_server_that_hangs_disturbs_nothing(plan_file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     run = start(plan_file, folder)

@@ -13,7 +13,7 @@ import pytest
 
 from checked_files.yaml_file import FileError
 from sim_plant.physics import state as st
-from sim_plant.serving.hand import LONGEST, Hand
+from sim_plant.serving.hand import LONGEST, STRONGEST, Hand
 from sim_plant.serving.plant_channel import _channels
 from sim_plant.serving.server import serve
 from sim_plant.switch_on import load_machine
@@ -56,8 +56,9 @@ def test_a_push_lasts_as_long_as_it_says_and_the_next_one_goes_on(path: Path) ->
     hand.act(20.0)
     hand.act(20.0 + LONGEST)
     assert not pushed.any()
-    push(path)
+    push(path, [1e300, -1e300, 0, 0, 0, 0])
     hand.act(30.0)
+    assert pushed.tolist() == [STRONGEST, -STRONGEST, 0, 0, 0, 0]
     hand.close()
     assert not pushed.any()
     assert not path.exists()
