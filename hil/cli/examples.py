@@ -8,6 +8,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil plan manutec-r15 --minutes 10 -o plan.yaml && hil run plan.yaml -o runs/first",
         "hil identify runs/first && hil report runs/first",
     ),
+    "try": ("hil try", "hil try --no-browser --port 8420 -o runs/demo"),
     "robot show": ("hil robot manutec-r15", "hil robot arm.yaml --json"),
     "robot new": (
         "hil robot new --urdf arm.urdf -o arm.yaml",

@@ -69,10 +69,6 @@ def try_(
     A page opens in the browser.
 
     It ends by itself, by the page's Stop button, when the page is closed, or by Ctrl-C.
-
-    Example: hil try
-
-    Example: hil try --no-browser --port 8420 -o runs/demo
     """
     with ExitStack() as left:
         with working("planning the measurements of the virtual robot"):

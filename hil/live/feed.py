@@ -212,13 +212,14 @@ class Feed:
         try:
             yield
         except BaseException as error:
+            self.pass_on()  # the end is the last line
             self.publish("end", _how(error))
             raise
         else:
             self._await_answers()
             self.publish("end", {"how": "finished", "text": ""})
         finally:
-            self.pass_on()
+            self._name_missed()
 
     def _await_answers(self) -> None:
         """End the processes that have something for the others, and pass it on."""
