@@ -32,9 +32,10 @@ ip link add {ours} type veth peer name {theirs}
 ip link set {ours} up
 ip link set {theirs} up
 until ip link show {theirs} | grep -q "state UP"; do sleep 0.02; done
-plant="{python} -u -m sim_plant --interface ethercat --channel {ours}"
+plant="{python} -u -m sim_plant --interface ethercat --channel {ours} {options}"
 coproc PLANT {{ exec $plant 2>&1; }}
 read -r line <&${{PLANT[0]}} && read -r line <&${{PLANT[0]}}
+export PLANT_PID
 {python} {master}
 status=$?
 kill $PLANT_PID
@@ -42,9 +43,9 @@ exit $status
 """
 
 
-def needs(module: str) -> pytest.MarkDecorator:
+def needs(module: str | None = None) -> pytest.MarkDecorator:
     """Skip where a master or the rights for a network namespace are missing."""
-    if importlib.util.find_spec(module) is None:
+    if module is not None and importlib.util.find_spec(module) is None:
         reason = f"{module} is not installed: pip install {module}"
     elif not hasattr(os, "geteuid") or os.geteuid() != 0:
         reason = "only root may make a network namespace"
@@ -66,12 +67,16 @@ def session(master: str) -> dict[str, Any]:
     return seen
 
 
-def carried_out(script_of_master: str, *arguments: str) -> str:
-    """Return what a script printed in a network namespace with the plant in it."""
+def carried_out(script_of_master: str, *arguments: str, options: str = "") -> str:
+    """Return what a script printed in a network namespace with the plant in it.
+
+    Its environment has the plant's process in PLANT_PID; `options` are the plant's.
+    """
     script = _SCRIPT.format(
         ours=OURS,
         theirs=THEIRS,
         python=sys.executable,
+        options=options,
         master=" ".join((script_of_master, *arguments)),
     )
     done = subprocess.run(  # noqa: S603 - our own script
