@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Command as Order
-from drivers.drive_bus import BusUnavailable, SampleFlag
+from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, at
@@ -41,6 +41,8 @@ SPEED_TIME = 0.008
 """Over which speeds are taken at least [s]: positions need not change at every cycle."""
 LOGICAL, APART = 0x0001_0000, 0x1000
 """Where the process data of the first drive stand in logical memory, and how far apart."""
+FOREIGN = 3
+"""Frames that are not ours: more of them are no chance."""
 _BOTH, _READ = 3, 1
 """Working counter of a drive that took outputs (2) and gave inputs (1), or that was read."""
 _CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
@@ -249,10 +251,6 @@ class EthercatProcessData:
         if self.time - self._anchor[0] >= SPEED_TIME:
             self._before, self._anchor = self._anchor, (self.time, self.positions)
         if answer is None or len(answer) < self._size:
-            if line.foreign:
-                raise BusUnavailable(
-                    "another master sends on this interface: end it, or the drives follow both"
-                )
             self._take_nothing()
             return self.time
         values = self._unpack(answer)
@@ -368,6 +366,11 @@ class EthercatProcessData:
             self._sent_at = self._clock.now()
             self._line.send(self._frames[True])
             self._line.receive(self._line.patience)
+
+    @property
+    def foreign(self) -> bool:
+        """Whether another master sends on this interface."""
+        return self._line.foreign > FOREIGN
 
     @property
     def absent(self) -> Sequence[int]:

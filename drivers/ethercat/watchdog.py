@@ -57,7 +57,8 @@ class OutputsSent:
     @property
     def due(self) -> float:
         """When `service` must be called next [s]: at once where something is unusual."""
-        return -math.inf if self._data.unusual or self._data.mail else math.inf
+        data = self._data
+        return -math.inf if data.unusual or data.mail or data.foreign else math.inf
 
     def watch(self) -> None:
         """Begin to expect all drives in OP, and to send outputs again."""
@@ -72,8 +73,17 @@ class OutputsSent:
         self.beat()
         if self._data.mail:
             self._data.collect_mail()
-        if not self._watched or self.trouble is not None or not self._data.unusual:
+        if not self._watched or self.trouble is not None:
             return
+        if self._data.foreign:
+            self.trouble = NodeSilent(
+                "another master sends on this interface: the drives would follow both, and their"
+                " watchdogs would not miss us; end that master"
+            )
+        elif self._data.unusual:
+            self._look_who_is_gone()
+
+    def _look_who_is_gone(self) -> None:
         if self._data.fallen:
             self.trouble = self._diagnose()
         if self.trouble is None and self._data.absence >= self.timeout:

@@ -246,3 +246,13 @@ def test_a_session_with_lost_frames_comes_to_its_end(
     assert whole[-1].q[0] == pytest.approx(0.1, abs=3e-3)
     assert objects(wire) == found
     assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES
+
+
+def test_another_master_on_the_line_stops_all_axes(open_bus: Opening, wire: PlantWire) -> None:
+    with open_bus() as bus:
+        bus.sample()
+        other = bytearray(60)
+        wire.on_the_way_back = lambda frame: wire._back.append(bytes(other)) or frame
+        with pytest.raises(NodeSilent, match="another master"):
+            sample(bus, 8)
+    assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES
