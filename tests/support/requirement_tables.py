@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.commissioning.kept_values import EXACT
 from drivers.commissioning.requirement import Lack, Use
+from drivers.commissioning.requirements import REQUIREMENTS as OF_THE_PROFILE
+from drivers.ethercat.requirements import REQUIREMENTS as OVER_ETHERCAT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -33,12 +35,20 @@ USES = {
 
 def needed() -> str:
     """Return what a drive must offer: objects, use, what follows where they are missing."""
+    return _needed(REQUIREMENTS.values())
 
+
+def needed_over_ethercat() -> str:
+    """Return what EtherCAT needs beside the profile."""
+    return _needed(row for row in OVER_ETHERCAT.values() if row.entry not in OF_THE_PROFILE)
+
+
+def _needed(rows: Iterable[Requirement]) -> str:
     def follows(row: Requirement) -> tuple[str, str]:
         sentence = row.without if row.lack is Lack.SILENT else f"{row.lack.value}: {row.without}"
         return USES[row.use], sentence
 
-    return _table(("object", "use", "if missing"), _grouped(REQUIREMENTS.values(), follows))
+    return _table(("object", "use", "if missing"), _grouped(rows, follows))
 
 
 def kept() -> str:
@@ -50,6 +60,7 @@ def kept() -> str:
 
 TABLES: dict[tuple[str, str], Callable[[], str]] = {
     ("reference/can.md", "requirements"): needed,
+    ("reference/ethercat.md", "requirements"): needed_over_ethercat,
     ("reference/drives.md", "kept values"): kept,
 }
 """By file and name of the mark."""
