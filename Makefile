@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 # some hundred processes of the tests load this package: compiled once, not by each of them
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help demo test tests test-long pythons coverage vcan docs lint bench figures paper view-bundle release clean
+.PHONY: help demo test tests test-long pythons lowest coverage vcan docs lint bench figures paper view-bundle release clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -22,6 +22,7 @@ help:
 	@echo 'make test     every check, and every test that is not long'
 	@echo 'make test-long   the others: whole sessions, studies, tutorials, browsers; property tests anew'
 	@echo 'make pythons  the same under every Python that is here, of $(PYTHONS)'
+	@echo 'make lowest   the tests with the lowest versions of all packages that users need'
 	@echo 'make coverage the tests, and how many lines they reach'
 	@echo 'make vcan     the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
 	@echo 'make docs     the documentation as a site, into build/docs'
@@ -43,10 +44,12 @@ test: $(DEV)
 tests: $(DEV)
 	$(BIN)/pytest -n auto --dist worksteal -m 'not long'
 
-# The tests of a file share a worker, and so what is made once for all of them. Property tests draw
-# new examples; what fails is kept in .hypothesis/found.
+# The tests of a file share a worker, and so what is made once for all of them; those files that take
+# longest come first (tests/conftest.py). Property tests draw new examples; what fails is kept in
+# .hypothesis/found.
 test-long: $(DEV)
-	$(BIN)/pytest -n auto --dist loadfile -m 'long or hypothesis' --hypothesis-profile=ci-long
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m 'long or hypothesis' \
+		--hypothesis-profile=ci-long
 
 # each in an environment of its own, .venv-3.12 and so on; the last line names those that are not here
 pythons:
@@ -57,6 +60,12 @@ pythons:
 		$(MAKE) --no-print-directory VENV=".venv-$$number" PYTHON="$$python" test; \
 	done; \
 	if [ -n "$$missing" ]; then echo "not tested, since they are not here:$$missing"; fi
+
+# what users may have at least, with any version of what only development needs
+lowest:
+	@mkdir -p build
+	@'$(PYTHON)' tools/lowest.py > build/lowest.txt
+	@$(MAKE) --no-print-directory VENV=.venv-lowest CONSTRAINT='-c build/lowest.txt' tests
 
 # by itself, because it doubles the time of the tests
 coverage: $(DEV)
@@ -121,5 +130,5 @@ $(RUNTIME): pyproject.toml | $(MADE)
 
 $(DEV): pyproject.toml | $(MADE)
 	@echo 'installing it and its checks into $(VENV); some minutes, once'
-	@$(PIP) install -e '.[dev]'
+	@$(PIP) install -e '.[dev]' $(CONSTRAINT)
 	@touch $(RUNTIME) $@

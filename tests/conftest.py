@@ -47,40 +47,46 @@ settings.load_profile("repeatable")  # another by --hypothesis-profile
 
 LONG = (
     "benchmarks",
-    "drivers/found_settings",
+    "system",
     "hil/cli/test_causes_of_a_change.py",
-    "hil/cli/test_ended_by_a_signal.py",
+    "hil/cli/test_tutorials.py",
     "hil/cli/test_export_command.py",
     "hil/cli/test_interruption.py",
+    "hil/cli/test_ended_by_a_signal.py",
     "hil/cli/test_mixture.py",
-    "hil/cli/test_tutorials.py",
     "hil/cli/test_without_numba.py",
+    "hil/estimation/test_excluded.py",
+    "hil/estimation/test_distinguishing.py",
     "sim_plant/faults",
-    "system",
+    "drivers/found_settings",
+    "drivers/can_bus/test_frame_log.py",
 )  # fmt: skip
-"""Folders and files of tests that go through everything: whole sessions, studies, tutorials."""
+"""Folders and files of tests that go through everything, whole sessions, studies, tutorials; those
+that take longest first, so that no worker is left alone with one of them at the end."""
 LONG_FIXTURES = {"browser"}
 """Fixtures whose tests are long wherever they stand."""
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave long files out before they are imported, where no long test is asked for."""
-    if config.option.markexpr != "not long":
-        return None
-    return True if _is_long(collection_path) else None
+    asked = config.option.markexpr
+    return True if asked == "not long" and _place(collection_path) is not None else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark long tests; coverage, which makes them three times as slow, counts the others alone."""
     for item in items:
         fixtures = LONG_FIXTURES.intersection(getattr(item, "fixturenames", ()))
-        if item.get_closest_marker("long") or fixtures or _is_long(item.path):
+        if item.get_closest_marker("long") or fixtures or _place(item.path) is not None:
             item.add_marker("long")
             item.add_marker("no_cover")
+    items.sort(key=lambda item: LONG.index(_place(item.path) or LONG[-1]))
 
 
-def _is_long(path: Path) -> bool:
-    return any(path.is_relative_to(Path(__file__).parent / place) for place in LONG)
+def _place(path: Path) -> str | None:
+    """Return which of `LONG` a path lies in."""
+    within = (place for place in LONG if path.is_relative_to(Path(__file__).parent / place))
+    return next(within, None)
 
 
 SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them
