@@ -1,6 +1,7 @@
-"""Print the lowest versions of what this package needs, as constraints for pip: `make lowest`.
+"""Print what `make lowest` installs: the lowest versions of all that users need, and tools of tests.
 
-Those of the package and of its extras; what serves its development alone may be of any version.
+Pinned are the package's own dependencies and those of its extras; what tests need beside them may
+be of any version. Tools of the lint are left out: they need other versions of the same packages.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ import sys
 import tomllib
 from pathlib import Path
 
-BOUND = re.compile(r"([\w-]+)\s*>=\s*([\d.]+)")
+BOUND = re.compile(r"([\w-]+)\s*>=\s*([\d.]+)(.*)")
+LINT = {"import-linter", "mypy", "ruff", "scipy-stubs", "towncrier"}
 
 
 def main() -> None:
@@ -18,12 +20,12 @@ def main() -> None:
     path = Path(__file__).parents[1] / "pyproject.toml"
     project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    wanted = [
-        *project["dependencies"],
-        *(r for name in extras if name != "dev" for r in extras[name]),
-    ]
-    for name, version in sorted({found.groups() for r in wanted if (found := BOUND.match(r))}):
-        sys.stdout.write(f"{name}=={version}\n")
+    users = [*project["dependencies"]]
+    users += [each for name in extras if name != "dev" for each in extras[name]]
+    pinned = {BOUND.sub(r"\1==\2\3", each) for each in users}
+    names = {BOUND.sub(r"\1", each) for each in users} | LINT
+    others = {each for each in extras["dev"] if BOUND.sub(r"\1", each) not in names}
+    sys.stdout.writelines(f"{each}\n" for each in sorted(pinned | others))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -156,20 +157,30 @@ def mutated(mutant: Mutant) -> str:
 def survives(mutant: Mutant) -> bool:
     """Return whether the tests beside the changed file pass, the nearest first, and say so."""
     (folders,) = (folders for place, folders in BESIDE.items() if mutant.file.startswith(place))
-    own = Path("tests") / mutant.file
-    nearest = [each for each in (own.with_name(f"test_{own.name}"), own.parent) if each.exists()]
     began, by = time.monotonic(), ""
     with tempfile.TemporaryDirectory() as place:
         for name in COPIED:
             copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
             copy(ROOT / name, Path(place) / name)
         (Path(place) / mutant.file).write_text(mutated(mutant), encoding="utf-8")
-        for tests in (*([each] for each in nearest[:1]), folders):
+        for tests in (_nearest(mutant.file), folders):
             by = by or _failed(tests, place)
     line = f"{'found' if by else 'SURVIVES':8} {mutant.file}: {mutant.new.strip()[:60]!r}"
     sys.stdout.write(f"{line} ({time.monotonic() - began:.0f} s) {by[:120]}\n")
     sys.stdout.flush()
     return not by
+
+
+def _nearest(file: str) -> list[str]:
+    """Return the tests that name the module of a file or are named after it, else its folder's."""
+    module = file.removesuffix(".py").replace("/", ".")
+    found = []
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        after = path.name == f"test_{Path(file).name}"
+        if after or re.search(rf"\b{re.escape(module)}\b", path.read_text(encoding="utf-8")):
+            found.append(str(path.relative_to(ROOT)))
+    beside = Path("tests") / Path(file).parent
+    return found or [str(beside)]
 
 
 def _failed(tests: Sequence[Path | str], place: str) -> str:

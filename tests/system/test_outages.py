@@ -83,8 +83,12 @@ class UnreliableBus(LoggedBus):
         super().leave_alone()
 
 
+@functools.cache
 def interrupted(clock: str, length: float) -> UnreliableBus:
-    """Ctrl-C with all axes at speed, and an outage of our adapter with it; then 3 s alone."""
+    """Ctrl-C with all axes at speed, and an outage of our adapter with it; then 3 s alone.
+
+    Simulated once for all that is asked of it.
+    """
     with UnreliableBus((), reaction=reaction_time(length, drives)) as bus:
         with pytest.raises(KeyboardInterrupt):
             press_at_speed(bus, clock, length)
