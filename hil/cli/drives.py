@@ -72,9 +72,7 @@ def new(
     nodes: Nodes = None,
     interface: Annotated[
         str | None,
-        typer.Option(
-            help="Interface of python-can, or ethercat, to read from the drives instead."
-        ),
+        typer.Option(help="Interface of python-can, or ethercat, to read from the drives instead."),
     ] = None,
     channel: Channel = None,
     bus_option: BusOptions = None,

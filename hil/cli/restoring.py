@@ -27,9 +27,7 @@ def restore(
     ],
     interface: Annotated[
         str | None,
-        typer.Option(
-            help="Interface of python-can, or ethercat; that of the file by default."
-        ),
+        typer.Option(help="Interface of python-can, or ethercat; that of the file by default."),
     ] = None,
     channel: Annotated[
         str | None, typer.Option(help="Channel of the interface; that of the file by default.")
