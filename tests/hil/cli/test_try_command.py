@@ -70,7 +70,7 @@ def free_port() -> int:
 def test_it_measures_identifies_predicts_and_is_pushed(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trying, "SHARE", 0.25)
+    monkeypatch.setattr(trying, "SHARE", 0.26)
     monkeypatch.setattr(trying, "LEARNING", 8.0)
     folder, visitor = tmp_path / "all", Visitor(free_port())
     visitor.start()
@@ -111,7 +111,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert found.alarms[0].peak == pytest.approx(350, rel=0.25)
     assert [each.axis for each in found.alarms] == [each["axis"] + 1 for each in alarms]
     model = Model.load(folder / "measured")
-    assert model.provenance.measurements == 38
+    assert model.provenance.measurements == first["measurements"] < 45
     assert Run.open(folder / "pushed" / "run").missing == ()
 
 
