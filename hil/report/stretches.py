@@ -101,6 +101,9 @@ def _stretch(model: Model, found: PredictedTorque, time: Array) -> Stretch:
         left = (found.measured - predicted)[moves]
         predicted = predicted.copy()
         predicted[moves] += columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+    error = found.standard_error
+    if np.isnan(model.residual[axis]) and moves.any():  # the model states no scatter of its own
+        error = np.hypot(error, np.sqrt(np.mean((found.measured - predicted)[moves] ** 2)))
     return Stretch(
         found.measurement,
         axis,
@@ -108,7 +111,7 @@ def _stretch(model: Model, found: PredictedTorque, time: Array) -> Stretch:
         speed,
         found.measured,
         np.where(moves, predicted, np.nan),
-        TWICE * found.standard_error,
+        TWICE * error,
         own,
         np.zeros((0, 0)) if found.information is None else found.information,
     )

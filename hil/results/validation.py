@@ -350,15 +350,8 @@ RULES: tuple[Rule[Scores], ...] = (
 
 
 def _praise(scores: Scores) -> str:
-    worst, least = max(scores, key=lambda s: s.relative), min(scores, key=lambda s: s.inside)
-    refitted, fitted = [s.refitted for s in scores if s.refitted is not None], ""
-    if refitted:
-        fitted = f"; with friction fitted in this recording torques are within {max(refitted):.1%}"
-    return (
-        f"torques are predicted within {worst.relative:.1%} on every axis, axis {worst.axis} being"
-        f" the worst, and {least.inside:.0%} of the samples or more lie inside intervals of 95 %;"
-        f" the mean torque alone is off by {worst.naive:.0%} there{fitted}"
-    )
+    worst = max(scores, key=lambda each: each.relative)
+    return f"torque predicted within {worst.relative:.1%} (rms), worst axis {worst.axis}"
 
 
 class ValidationRecord(FileModel):

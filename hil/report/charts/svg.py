@@ -199,6 +199,8 @@ def _scale(middle: float, top: float, explanation: str) -> Iterator[str]:
 
 RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 24.0, 38.0, 9.0
 """Margins around the field of a panel, beside its own on the left, and of the strip below it."""
+LETTER, BESIDE = 7.6, 28.0
+"""Width of a figure of 13 px, and of the axis's name with what is free around the figures."""
 
 
 def panels(chart: Chart) -> list[Markup]:
@@ -226,12 +228,13 @@ def drawn(panel: Panel) -> Iterator[str]:
         if isinstance(item, Matrix):
             yield from matrix_in(item, panel.left, TOP, panel.height, panel.x_label)
             return
-    x = Scale(*_reach(panel), panel.left, panel.width - RIGHT, panel.decades)
+    left = _left(panel)
+    x = Scale(*_reach(panel), left, panel.width - RIGHT, panel.decades)
     marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
     top = bottom = TOP
     if panel.title:
-        yield text(panel.left, 14, panel.title, "title")
+        yield text(left, 14, panel.title, "title")
     for field in (panel, panel.below):
         if field is not None:
             bottom = top + field.height
@@ -242,6 +245,25 @@ def drawn(panel: Panel) -> Iterator[str]:
     yield text((x.begin + x.end) / 2, bottom + 33, panel.x_label, "middle")
 
 
+def _left(panel: Panel) -> float:
+    """Room for what is written at the vertical axis, which may be more than a panel states."""
+    fields = (panel, *([panel.below] if panel.below else []))
+    longest = max(len(words) for each in fields for _, words in _up(each, 0.0))
+    return max(panel.left, BESIDE + LETTER * longest)
+
+
+def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
+    """Marks of the vertical axis; an empty one where there is none."""
+    y = _upright(panel, top)
+    marks = y.marks(max(2, int(panel.height / 26.0)))  # about so far apart
+    return text_of(marks if panel.rows is None else panel.rows, y) or [(top, "")]
+
+
+def _upright(panel: Panel, top: float) -> Scale:
+    reach = shown(panel.items, panel.y_range, along=False, decades=False)
+    return Scale(*reach, top + panel.height, top)
+
+
 def _reach(panel: Panel) -> Range:
     both = [*panel.items, *(panel.below.items if panel.below else ())]
     return shown(both, panel.x_range, along=True, decades=panel.decades)
@@ -250,9 +272,7 @@ def _reach(panel: Panel) -> Range:
 def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[str]:
     """Draw the field inside a pair of axes, with the marks of the vertical one."""
     bottom = top + panel.height
-    y = Scale(*shown(panel.items, panel.y_range, along=False, decades=False), bottom, top)
-    marks = y.marks(max(2, int(panel.height / 26.0)))  # about so far apart
-    up = text_of(marks if panel.rows is None else panel.rows, y)
+    y, up = _upright(panel, top), _up(panel, top)
     across = f"{number(x.begin)} {{}}H{number(x.end)}"
     grid = [f"M{number(at)} {number(top)}V{number(bottom)}" for at in along]
     grid += [f"M{across.format(number(at))}" for at, _ in up]
@@ -272,7 +292,7 @@ def _clock(panel: Panel) -> str:
     if not panel.recording:
         return ""
     low, high = _reach(panel)
-    ends = f"{number(panel.left)} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
+    ends = f"{number(_left(panel))} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
     return f' data-r="{escape(panel.recording)}" data-x="{ends}"'
 
 

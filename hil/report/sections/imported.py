@@ -88,11 +88,11 @@ def _curve(curve: FrictionCurve, robot: Robot) -> Panel:
     speed = np.array([point.speed for point in curve.points])
     friction = np.array([point.friction for point in curve.points])
     half = np.array([point.half_width or 0.0 for point in curve.points])
-    items: list[Item] = [Points(speed, friction, "o", error=half, size=2.2)]
+    items: list[Item] = [Points(speed, friction, "o", label="measured", error=half, size=2.2)]
     if curve.plain:
         coulomb, viscous = (curve.plain[name].value for name in ("Coulomb", "viscous"))
         ends = np.array([0.0, speed.max()])
-        items.append(Line(ends, coulomb + viscous * ends, MODEL, dash="5 3"))
+        items.append(Line(ends, coulomb + viscous * ends, MODEL, "Coulomb and viscous", "5 3"))
     low, high = min(0.0, float(np.min(friction - half))), float(np.max(friction + half))
     return Panel(
         tuple(items),

@@ -40,7 +40,7 @@ def parameters(run: ReportedRun) -> Section | None:
         "Base parameters",
         "parameters.html",
         {
-            "parameters": tables.parameters(run.model, run.found.prediction),
+            "parameters": tables.parameters(run.model, in_full=True),
             "lengths": run.robot.file.lengths,
             "model_note": _model_note(run.source),
         },

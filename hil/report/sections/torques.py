@@ -85,7 +85,11 @@ def _friction(run: ReportedRun) -> Iterator[Plot]:
         )
     elif run.model.friction_law is not None and run.shown_torques.stretches:
         yield _law_plot(
-            lambda: over_speed(run.model, run.shown_torques.stretches.values()),
+            lambda: over_speed(
+                run.model,
+                run.shown_torques.stretches.values(),
+                linked=run.shown_torques is run.own_torques,
+            ),
             "measured torque less those of the rigid bodies and motors, and the law of friction at"
             " no load with its interval of 95 %, which holds by how much friction wandered.",
         )
@@ -133,16 +137,19 @@ def _torque(each: Stretch, robot: Robot) -> Panel:
     )
 
 
-def over_speed(model: Model, found: Iterable[Stretch]) -> Chart:
-    """Friction over the speed, measured and by the model's law, of axes that have one."""
+def over_speed(model: Model, found: Iterable[Stretch], *, linked: bool) -> Chart:
+    """Friction over the speed, measured and by the model's law, of axes that have one.
+
+    Points lead to recordings where these are `linked`: of the run itself, whose ids they have.
+    """
     by_axis: dict[int, list[Stretch]] = {}
     for each in found:
         by_axis.setdefault(each.axis, []).append(each)
     known = (axis for axis in sorted(by_axis) if axis + 1 not in model.axes_without_friction)
-    return Chart(tuple(_law(model, axis, by_axis[axis]) for axis in known))
+    return Chart(tuple(_law(model, axis, by_axis[axis], linked) for axis in known))
 
 
-def _law(model: Model, axis: int, own: Sequence[Stretch]) -> Panel:
+def _law(model: Model, axis: int, own: Sequence[Stretch], linked: bool) -> Panel:
     robot = model.robot
     speed, residual = (
         np.concatenate([getattr(each, name) for each in own]) for name in ("speed", "residual")
@@ -169,7 +176,7 @@ def _law(model: Model, axis: int, own: Sequence[Stretch]) -> Panel:
             *bands,
             Points(
                 speed[order], (at + residual)[order], "o", MUTED, "measured",
-                ids=ids[order].tolist(), size=1.7,
+                ids=ids[order].tolist() if linked else (), size=1.7,
             ),
             *lines,
         ),

@@ -215,6 +215,7 @@
     }
     slider.addEventListener('input', () => seek(now, Number(slider.value)));
     seek(panels[0].id, panels[0].low);
+    view.look('oblique');
     window.report = { view, seek };
   };
   play();

@@ -31,16 +31,14 @@ NOT_IDENTIFIED = "not identified"
 IN_FULL = "95 % interval", "d.o.f."
 EXPLANATION = (
     "Values with standard errors, and intervals of 95 % with their effective degrees of freedom"
-    " (d.o.f.). The column of torques carries one standard error to the torques of a free motion:"
-    " the joint where it matters most, relative to that joint's rms torque."
+    " (d.o.f.)."
 )
 
 
-def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> Table:
+def parameters(model: IdentifiedRobot, *, in_full: bool = False) -> Table:
     """Table 3 with uncertainties, by group.
 
-    With `prediction` in full, as a page has room for: intervals by their ends, their degrees of
-    freedom, and what the standard errors mean in torques.
+    In full, as a page has room for: intervals by their ends, and their degrees of freedom.
     """
     base = base_parameters(model.robot)
     return table(
@@ -48,20 +46,19 @@ def parameters(model: IdentifiedRobot, prediction: Prediction | None = None) -> 
         (
             NAME,
             MEANING,
-            *figures("value", "std. error", *(IN_FULL if prediction else ("± 95 %",)), "error, %"),
-            *(("of torque",) if prediction else ()),
+            *figures("value", "std. error", *(IN_FULL if in_full else ("± 95 %",)), "error, %"),
             "unit",
             Column("expression", folds=True, symbols=True),
         ),
         (
             Part(
-                tuple(_parameter(model, k, prediction) for k in members),
+                tuple(_parameter(model, k, in_full) for k in members),
                 _group(group, model.condition),
             )
             for group, members in base.groups.items()
             if members
         ),
-        EXPLANATION if prediction else "",
+        EXPLANATION if in_full else "",
         () if model.prior is None else (str(model.prior),),
     )
 
@@ -77,10 +74,10 @@ def _group(group: str, condition: dict[str, float]) -> str:
     return f"{name}, condition number {condition[group]:.3g}" if group in condition else name
 
 
-def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) -> Row:
+def _parameter(model: IdentifiedRobot, k: int, in_full: bool) -> Row:
     base = base_parameters(model.robot)
     if not model.identified[k]:
-        empty = [""] * (5 if prediction else 3)
+        empty = [""] * (4 if in_full else 3)
         named = base.names[k], base.meanings[k]
         return (*named, NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
     value, error = float(model.values[k]), float(model.standard_errors[k])
@@ -92,9 +89,8 @@ def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) ->
         f"{base.names[k]} + …" if total else f"{base.names[k]}{_of_prior(model, base.names[k])}",
         base.meanings[k],
         *uncertain(value, error),
-        *(ends if prediction else (rounded((high - low) / 2, error),)),
+        *(ends if in_full else (rounded((high - low) / 2, error),)),
         percent(error, value),
-        *((_effect(prediction, k),) if prediction else ()),
         unit(base.units[k]),
         total or base.expressions[k],
     )
@@ -103,12 +99,6 @@ def _parameter(model: IdentifiedRobot, k: int, prediction: Prediction | None) ->
 def _of_prior(model: IdentifiedRobot, name: str) -> str:
     """Mark of what comes from a prior, not from recordings."""
     return " (prior)" if model.prior and name in model.prior.replaced else ""
-
-
-def _effect(prediction: Prediction, k: int) -> str:
-    effect = np.nan_to_num(prediction.relative_effect[:, k])
-    joint = int(np.argmax(effect))
-    return f"{percent(float(effect[joint]), 1.0)} % of joint {joint + 1}"
 
 
 def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:

@@ -40,7 +40,7 @@ def test_every_step_works_and_the_verdict_is_the_one_that_stands_there(
         status, out, err = hil(*line.split()[1:])
         assert (status, err) == (0, ""), line
         printed += out
-    (stands,) = re.findall(r"(?m)^good: torques are pred.*$", TEXT)
+    (stands,) = re.findall(r"(?m)^good: torque pred.*$", TEXT)
     assert stands in printed
     rows = re.findall(r"(?m)^ \d  .*$", TEXT)
     assert len(rows) == 2

@@ -39,9 +39,9 @@ def test_a_good_model_passes_and_keeps_the_verdict(hil: Hil, folders: tuple[Path
     first, other = folders
     status, out, _ = hil("validate", other, "--model", first)
     assert status == 0
-    assert "good: torques are predicted within" in out
+    assert "good: torque predicted within" in out
     page = (other / "validation.html").read_text()
-    assert "<strong>good</strong> torques are predicted within" in page
+    assert "<strong>good</strong> torque predicted within" in page
     assert 'id="plot-torque"' in page
     assert "word: good" in (other / "validation.yaml").read_text()
     (kept,) = Model.load(first).validations

@@ -46,9 +46,8 @@ def test_a_model_that_holds_passes(model: Model, other: Run) -> None:
     assert all(score.refitted < 0.02 for score in found.axes)
     assert all(score.inside > 0.9 for score in found.axes)
     assert all(score.gain == pytest.approx(1.0, abs=0.02) for score in found.axes)
-    worst, least = max(s.relative for s in found.axes), min(s.inside for s in found.axes)
-    assert f"torques are predicted within {worst:.1%} on every axis" in found.reason
-    assert f"{least:.0%} of the samples or more lie inside intervals of 95 %" in found.reason
+    worst = max(s.relative for s in found.axes)
+    assert found.reason.startswith(f"torque predicted within {worst:.1%} (rms), worst axis ")
 
 
 def test_scores_are_those_of_measured_and_predicted_torque(model: Model, other: Run) -> None:
@@ -83,10 +82,6 @@ def test_the_prediction_is_the_model_s_own_and_what_fitted_friction_leaves_a_sec
         assert score.refitted is not None
         assert score.refitted_inside is not None
         assert score.refitted <= score.relative < 0.2
-    refitted = max(score.refitted or 0.0 for score in found.axes)
-    assert f"; with friction fitted in this recording torques are within {refitted:.1%}" in (
-        found.reason
-    )
 
 
 def test_friction_that_changed_is_named_though_the_bodies_hold(model: Model, other: Run) -> None:
@@ -129,7 +124,7 @@ def test_intervals_that_hold_far_fewer_samples_than_they_say_do_not_pass(
     )  # fmt: skip
     found = judged([score], 1)
     assert found.word == word
-    assert f"{inside:.0%} of the samples" in found.reason
+    assert (f"{inside:.0%} of the samples" in found.reason) == (word != "good")
 
 
 def test_the_least_share_inside_is_that_of_an_error_which_all_samples_share() -> None:
