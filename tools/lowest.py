@@ -1,4 +1,4 @@
-"""Print what `make lowest` installs: the lowest versions of what users need, and tools of tests.
+"""Print what `make lowest` installs: the lowest versions that users may have, and tools of tests.
 
 Pinned are the package's own dependencies and those of its extras; what tests need beside them may
 be of any version. Tools of the lint are left out: they need other versions of the same packages.

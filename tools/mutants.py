@@ -189,7 +189,7 @@ def _failed(tests: Sequence[Path | str], place: str) -> str:
     try:
         done = subprocess.run(
             command, cwd=place, env={**os.environ, "PYTHONPATH": place}, capture_output=True,
-            text=True, timeout=TIME_LIMIT, check=False,
+            text=True, timeout=TIME_LIMIT, check=False, stdin=subprocess.DEVNULL,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return "hangs"
