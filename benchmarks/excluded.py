@@ -124,9 +124,8 @@ def _mesh(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
     tau[:, k] += size * np.sin(12 * q[:, k])
 
 
-def _clip(_q: Array, tau: Array, _time: Array, k: int, _size: float) -> None:
-    most = np.quantile(np.abs(tau[:, k]), 0.9)
-    np.clip(tau[:, k], -most, most, out=tau[:, k])
+def _clip(_q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
+    np.clip(tau[:, k], -size, size, out=tau[:, k])
 
 
 def _flip(*which: int) -> Change:
@@ -220,7 +219,7 @@ FAR = (
     ("wrong sign of a torque", 3, 0.0), ("wrong sign of a torque", 4, 0.0),
     ("two axes exchanged", 2, 0.0), ("two axes exchanged", 4, 0.0), ("two axes exchanged", 5, 0.0),
     ("zero", 3, 20.0), ("zero", 5, 90.0), ("gravity", 0, 90.0), ("gear ratio", 2, -50.0),
-    ("torque constant", 2, 30.0), ("torque at its limit", 2, 0.0), ("slip", 3, 5.0),
+    ("torque constant", 2, 30.0), ("torque at its limit", 2, 700.0), ("slip", 3, 5.0),
 )  # fmt: skip
 """Cause, axis and size."""
 

@@ -48,6 +48,8 @@ def proved(
 
     Parameters
     ----------
+    recorded : iterable of (RecordedMotion, Recording)
+        Gone through again where a cause is found.
     p : ndarray, shape (n_base,), optional
         Base parameters, if they were estimated.
     drive_train : DriveTrain, optional
@@ -69,7 +71,7 @@ def proved(
     evidence = measured(robot, solver, prepared)
     leaves = LEAVES if imported else 1.0
     found = excluded(robot, solver.solve() if p is None else p, evidence, leaves)
-    limit = saturated(prepared, robot.n_joints) if found.found else None
+    limit = saturated(recorded, robot.n_joints) if found.found else None
     if limit is None:
         large = [each for each in found.found if each.left <= leaves]
         return found.model_copy(update={"found": tuple(large)})

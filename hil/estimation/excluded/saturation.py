@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.runs.recording import under_way
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable
 
     from hil.arrays import Array
-    from hil.estimation.signals import Signals
-    from hil.planning.measurement import ParameterMotion
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
 
 
 LEVEL = 0.01
@@ -22,12 +24,19 @@ _WIDTH = 1e-6
 
 
 def saturated(
-    prepared: Sequence[tuple[ParameterMotion, Signals]], n_joints: int
+    recorded: Iterable[tuple[RecordedMotion, Recording]], n_joints: int
 ) -> tuple[int, float, float] | None:
-    """Axis whose torque is at its limit most often, from 0, the share of its samples, and it."""
+    """Axis whose torque is at its limit most often, from 0, the share of its samples, and it.
+
+    Torques are those that were recorded: where a lag is taken back no two are the same.
+    """
+    sizes: list[list[Array]] = [[] for _ in range(n_joints)]
+    for motion, recording in recorded:
+        size = np.abs(_under_way(recording))
+        for axis in motion.moved:
+            sizes[axis].append(size[:, axis])
     found = {}
-    for axis in range(n_joints):
-        own = [np.abs(s.tau[s.under_way, axis]) for m, s in prepared if axis in m.moved]
+    for axis, own in enumerate(sizes):
         size = np.concatenate(own) if own else np.zeros(0)
         if size.size and (share := share_at_top(size)) > LEVEL:
             found[axis] = (share, float(size.max()))
@@ -35,6 +44,12 @@ def saturated(
         return None
     axis = max(found, key=lambda each: found[each][0])
     return axis, *found[axis]
+
+
+def _under_way(recording: Recording) -> Array:
+    moving = under_way(recording.stroke, recording.group)
+    tau: Array = recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
+    return tau
 
 
 def share_at_top(size: Array) -> float:

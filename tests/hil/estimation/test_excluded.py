@@ -14,6 +14,7 @@ from stroke_run import campaign, curved
 from trajectory_run import recorded as recorded_periods
 from trajectory_run import some_trajectory
 
+from hil.estimation.drive_train import directly_driven
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
 from hil.estimation.excluded.proof import changed as changed_between
@@ -177,6 +178,16 @@ def test_a_zero_is_not_named_with_a_slip_before_anything_was_measured(robot: Rob
     assert found.cause == "load"
     assert [each for each in found.others if "zero" in each]
     assert not [each for each in found.others if "slipped" in each]
+
+
+def test_a_torque_at_its_limit_is_found_where_a_lag_was_taken_back(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    late = replace(directly_driven(robot), lag=np.array([1.3e-3, 0.0]))
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    proof = proved(robot, changed(good, limit), p, late)
+    assert proof is not None
+    assert [each.cause for each in proof.found] == ["torque at its limit"]
 
 
 def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
