@@ -40,8 +40,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.canopen import drive_bus  # noqa: F401 - loaded once, before the sessions are forked
-from hil.cli import drive_settings, plan_files, robot_drives, run_session  # noqa: F401 - likewise
 from hil.cli import main as hil
+from hil.cli import plan_files, run_session  # noqa: F401 - likewise
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.plan import Plan, dump_plan

@@ -22,7 +22,7 @@ from __future__ import annotations
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hil import errors
@@ -32,10 +32,21 @@ if TYPE_CHECKING:
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
     from hil.model.motors import motor_torque
     from hil.model.robot import Robot, available_robots
+    from hil.report.figure import (
+        plot_friction,
+        plot_friction_over_time,
+        plot_parameters,
+        plot_torque,
+    )
+    from hil.report.page import report
     from hil.results.identification import identify
     from hil.results.model import Model
     from hil.results.problem import regression
     from hil.runs.run import Run
+    from hil.tasks.exporting import export
+    from hil.tasks.judging import compare, validate
+    from hil.tasks.measuring import dry_run, measure
+    from hil.tasks.plans import plan
 
 __all__ = [
     "Model",
@@ -43,15 +54,26 @@ __all__ = [
     "Run",
     "available_robots",
     "base_parameters",
+    "compare",
+    "dry_run",
     "errors",
+    "export",
     "gravity_torque",
     "identify",
     "import_recordings",
     "inverse_dynamics",
     "mass_matrix",
+    "measure",
     "motor_torque",
+    "plan",
+    "plot_friction",
+    "plot_friction_over_time",
+    "plot_parameters",
+    "plot_torque",
     "regression",
     "regressor",
+    "report",
+    "validate",
 ]
 
 _LATER = {
@@ -60,16 +82,29 @@ _LATER = {
     "Run": "hil.runs.run",
     "available_robots": "hil.model.robot",
     "base_parameters": "hil.model.base_parameters",
+    "compare": "hil.tasks.judging",
+    "dry_run": "hil.tasks.measuring",
+    "export": "hil.tasks.exporting",
     "gravity_torque": "hil.model.dynamics",
     "identify": "hil.results.identification",
     "import_recordings": "hil.imports.importing",
     "inverse_dynamics": "hil.model.dynamics",
     "mass_matrix": "hil.model.dynamics",
+    "measure": "hil.tasks.measuring",
     "motor_torque": "hil.model.motors",
+    "plan": "hil.tasks.plans",
+    "plot_friction": "hil.report.figure",
+    "plot_friction_over_time": "hil.report.figure",
+    "plot_parameters": "hil.report.figure",
+    "plot_torque": "hil.report.figure",
     "regression": "hil.results.problem",
     "regressor": "hil.model.dynamics",
+    "report": "hil.report.page",
     "run_from_arrays": "hil.imports.arrays",
+    "validate": "hil.tasks.judging",
 }
+_MODULES = ("errors", "export", "report")
+"""Modules and packages among the names; the last two are called as functions, too."""
 
 
 def _refuse_strangers() -> None:
@@ -89,10 +124,15 @@ _refuse_strangers()
 
 
 def __getattr__(name: str) -> object:
-    if name == "errors":
-        return import_module("hil.errors")
+    if name in _MODULES:
+        return import_module(f"hil.{name}")
     if name not in _LATER:
         raise AttributeError(f"module 'hil' has no attribute {name!r}")
+    return public(name)
+
+
+def public(name: str) -> Any:
+    """Import a public name from where it is."""
     return getattr(import_module(_LATER[name]), name)
 
 

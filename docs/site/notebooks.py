@@ -1,19 +1,36 @@
-"""Notebooks as pages: Python files whose cells begin with ``# %%``, as editors open them."""
+"""Notebooks as pages and as .ipynb, with what their cells show.
+
+A notebook is a Python file whose cells begin with ``# %%``, as editors open it. The build carries
+it out in a folder of its own.
+"""
 
 from __future__ import annotations
 
+import ast
+import contextlib
+import io
+import json
+import os
 import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
 
 CELL = re.compile(r"(?m)^# %%(.*)\n")
 PROSE = " [markdown]"
 
 
-def page(source: str) -> str:
-    """Return the page of a notebook: its prose as it stands, its code in blocks.
+class Cell(NamedTuple):
+    """One cell: prose in Markdown, or code with what it printed and what it shows."""
+
+    prose: bool
+    text: str
+    printed: str = ""
+    shown: object = None
+
+
+def cells(source: str) -> list[Cell]:
+    """Return the cells of a notebook.
 
     Raises
     ------
@@ -23,18 +40,96 @@ def page(source: str) -> str:
     before, *parts = CELL.split(source)
     if before.strip():
         raise ValueError(f"{before.strip()[:40]!r} stands before the first cell; begin with # %%")
-    kinds, cells = parts[::2], parts[1::2]
-    return "\n\n".join(map(_shown, kinds, cells)) + "\n"
+    pairs = zip(parts[::2], parts[1::2], strict=True)
+    return [
+        Cell(True, re.sub(r"(?m)^# ?", "", text).strip()) if kind == PROSE else Cell(False, text)
+        for kind, text in pairs
+    ]
+
+
+def carried_out(found: list[Cell]) -> list[Cell]:
+    """Carry the code out, cell by cell, in a folder of its own."""
+    names: dict[str, Any] = {"__name__": "notebook"}
+    before = Path.cwd()
+    os.environ.setdefault("EXAMPLES", str(before / "examples"))
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            return [each if each.prose else _carried_out(each, names) for each in found]
+        finally:
+            os.chdir(before)
+
+
+def _carried_out(cell: Cell, names: dict[str, Any]) -> Cell:
+    tree, shown = ast.parse(cell.text), None
+    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(compile(tree, "cell", "exec"), names)  # noqa: S102 - our own notebook
+        if isinstance(last, ast.Expr):
+            shown = eval(compile(ast.Expression(last.value), "cell", "eval"), names)  # noqa: S307
+    return cell._replace(printed=printed.getvalue(), shown=shown)
+
+
+def page(source: str, found: list[Cell] | None = None) -> str:
+    """Return the page of a notebook: its prose, its code in blocks, and what they show."""
+    return "\n\n".join(map(_on_page, cells(source) if found is None else found)) + "\n"
+
+
+def _on_page(cell: Cell) -> str:
+    if cell.prose:
+        return cell.text
+    parts = [f"```python\n{cell.text.strip()}\n```"]
+    if cell.printed.strip():
+        parts.append(f"```text\n{cell.printed.rstrip()}\n```")
+    if hasattr(cell.shown, "_repr_html_"):
+        parts.append(f"````{{raw}} html\n{cell.shown._repr_html_()}\n````")
+    elif cell.shown is not None:
+        parts.append(f"```text\n{cell.shown!r}\n```")
+    return "\n\n".join(parts)
+
+
+def notebook(found: list[Cell]) -> str:
+    """Return a notebook as JSON of nbformat 4.5."""
+    content = {
+        "cells": [_in_notebook(k, cell) for k, cell in enumerate(found)],
+        "metadata": {
+            "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+            "language_info": {"name": "python"},
+        },
+        "nbformat": 4,
+        "nbformat_minor": 5,
+    }
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+def _in_notebook(number: int, cell: Cell) -> dict[str, Any]:
+    about: dict[str, Any] = {"id": f"cell-{number}", "metadata": {}}
+    lines = cell.text.strip().splitlines(keepends=True)
+    if cell.prose:
+        return {"cell_type": "markdown", **about, "source": lines}
+    outputs: list[dict[str, Any]] = []
+    if cell.printed:
+        text = cell.printed.splitlines(keepends=True)
+        outputs.append({"output_type": "stream", "name": "stdout", "text": text})
+    if cell.shown is not None:
+        data = {"text/plain": repr(cell.shown)}
+        for kind, method in (("text/html", "_repr_html_"), ("image/svg+xml", "_repr_svg_")):
+            if hasattr(cell.shown, method):
+                data[kind] = getattr(cell.shown, method)()
+        outputs.append(
+            {"output_type": "execute_result", "execution_count": number, "metadata": {},
+             "data": data}
+        )  # fmt: skip
+    return {
+        "cell_type": "code", **about, "execution_count": number, "source": lines,
+        "outputs": outputs,
+    }  # fmt: skip
 
 
 def write_pages(folder: Path) -> None:
-    """Write the page of each notebook of a folder beside it."""
-    for notebook in sorted(folder.glob("*.py")):
-        text = page(notebook.read_text(encoding="utf-8"))
-        notebook.with_suffix(".md").write_text(text, encoding="utf-8")
-
-
-def _shown(kind: str, cell: str) -> str:
-    if kind == PROSE:
-        return re.sub(r"(?m)^# ?", "", cell).strip()
-    return f"```python\n{cell.strip()}\n```"
+    """Write page and .ipynb of each notebook of a folder beside it."""
+    for path in sorted(folder.glob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        found = carried_out(cells(source))
+        path.with_suffix(".md").write_text(page(source, found), encoding="utf-8")
+        path.with_suffix(".ipynb").write_text(notebook(found), encoding="utf-8")

@@ -81,12 +81,12 @@ def track(
         from checked_files.yaml_file import FileError
         from hil.cli.measuring import measure
         from hil.cli.plan_files import load
-        from hil.cli.run_session import refuse_unusable
         from hil.measuring.feeding import FeedingBus, refuse_beyond_torque
         from hil.planning.trajectory import Trajectory
         from hil.results.model import Model
         from hil.results.model_file import file_of
         from hil.results.tracking import PASSES
+        from hil.tasks.measuring import refuse_unusable
 
         for name in PASSES:
             refuse_unusable(output / name, resume and (output / name).exists())

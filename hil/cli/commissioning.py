@@ -181,7 +181,7 @@ def _commanded(
 ) -> Iterator[tuple[Fieldbus, TerminalOperator, SettingsKeeper]]:
     """Have the bus open, an operator at the terminal, and what the drives held kept."""
     from hil.cli import bus_access
-    from hil.cli.drive_settings import keeper_of_bus
+    from hil.tasks.found_settings import keeper_of_bus
 
     with (
         bus_access.opened_bus(drives_file, drives, where) as bus,

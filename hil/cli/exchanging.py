@@ -16,13 +16,7 @@ from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, 
 from hil.terminal.console import out, printable, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from hil.export.urdf_file import Given
     from hil.imports.statement import Statement
-    from hil.planning.measurement import RecordedMotion
-    from hil.results.model import Model
-    from hil.runs.recording import Recording
 
 
 LOCAL = "local"
@@ -173,10 +167,10 @@ def _model_written(
 ) -> tuple[Path, ...]:
     with working("reading the model") as now:
         from hil.cli.results import show_bodies
-        from hil.export.exported import cautions, origin, passed, validations, write_exported
-        from hil.export.formats import SIMULATORS, export
-        from hil.export.urdf_file import given_urdf
+        from hil.export.exported import cautions, passed, validations, write_exported
+        from hil.export.formats import SIMULATORS
         from hil.results.model import Model
+        from hil.tasks.exporting import exported_model
 
         model = Model.load(source)
         if model.failed and not force:
@@ -184,10 +178,8 @@ def _model_written(
             sys.stderr.write(printable(f"{source}: {text} FAILED on top of every file\n"))
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")
-        given = None if urdf is None else given_urdf(urdf, model.robot)
-        if to in SIMULATORS:
-            model = _model_with_bodies(model, source, given, masses)
-        exported = export(model, to, origin(model, source), given)
+        bounds = body_bounds(masses) if masses else None
+        model, exported = exported_model(model, to, source, urdf, bounds)
         if to in SIMULATORS:
             show_bodies(model)
         paths = write_exported(exported, output)
@@ -205,9 +197,8 @@ def _recordings_written(
 ) -> tuple[Path, ...]:
     with working("reading the run") as now:
         from checked_files.yaml_file import FileError
-        from hil.export.formats import export_recordings
-        from hil.export.urdf_file import given_urdf
         from hil.runs.run import Run
+        from hil.tasks.exporting import exported_recordings
 
         if source.is_file():
             raise FileError(
@@ -215,31 +206,4 @@ def _recordings_written(
                 " the run"
             )
         run = Run.open(source).without(without or ())
-        chain = () if urdf is None else given_urdf(urdf, run.robot).chain.joints
-        joints = [joint.name for joint in chain]
-        return export_recordings(run, to, output, joints, lambda name: now(f"writing {name}"))
-
-
-def _model_with_bodies(
-    model: Model, source: Path, given: Given | None, masses: list[str] | None
-) -> Model:
-    """The model with bodies, found now unless the model has them as they are asked for."""
-    from hil.estimation.consistent.nearest import SHAPES
-    from hil.export.urdf_file import bodies_of
-    from hil.results.consistency import with_consistent_robot
-
-    likely = None if given is None else bodies_of(given, model.robot)
-    if model.consistent is not None and not masses and likely is None:
-        return model
-    of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
-    return with_consistent_robot(model, _recordings(source), body_bounds(masses), likely, of)
-
-
-def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:
-    """Recordings of the run in whose folder the model lies; none where that is no run."""
-    from hil.results.model_file import file_of
-    from hil.runs.pooling import pooled
-    from hil.runs.run import Run
-
-    folder = file_of(source).parent
-    return pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()
+        return exported_recordings(run, to, output, urdf, lambda name: now(f"writing {name}"))

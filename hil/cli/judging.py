@@ -141,15 +141,12 @@ def _against_truth(
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
     from hil.results.predicted_torques import predicted_torques
-    from hil.results.validation import of_own_recordings, scores, write_validation
-    from hil.results.validation import validate as judge
+    from hil.results.validation import scores, write_validation
     from hil.runs.pooling import pooled
+    from hil.tasks.judging import validate as judge
 
-    model.refuse_other_robot(run.robot, str(run.path))
     with working("predicting the torques of the recordings"):
-        found = of_own_recordings(model, run) or judge(
-            model, predicted_torques(model, pooled([run]))
-        )
+        found = judge(model, run)
         file = write_validation(run, model, model_path, found)
     say_simulated(run)
     if found.axes:

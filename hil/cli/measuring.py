@@ -174,11 +174,12 @@ def measure(
     from functools import partial
 
     with working("passing the plan's motions through the limits"):
-        from drivers.opening import open_drive_bus
-        from hil.cli import bus_access, drive_settings
-        from hil.cli.run_session import carry_out, prepare_folder, refuse_unusable
+        from hil.cli import bus_access
+        from hil.cli.run_session import carry_out
         from hil.planning.plan import repeated
         from hil.runs.journal import BusName
+        from hil.tasks.found_settings import keeper_of_run
+        from hil.tasks.measuring import opener, prepared_folder, refuse_unusable
         from hil.terminal.progress import shown
 
         refuse_unusable(output, resume)
@@ -190,21 +191,17 @@ def measure(
     display = display or shown
 
     def bus() -> DriveBus:
-        found: DriveBus = open_drive_bus(
-            drives,
-            how.interface,
-            channel,
-            options,
-            how.pacing.value,
-            how.frame_log,
-            keeper,
-            feed_forward=feeds,
-        )
+        found = opener(
+            drives, keeper, how.interface, channel, options, how.pacing.value, how.frame_log,
+            feeds=feeds,
+        )()  # fmt: skip
         found = found if in_front is None else in_front(found)
         return found if feed is None else feed.in_front(found)
 
-    with drive_settings.keeper_of_run(output, how.interface, channel) as keeper:
-        folder = prepare_folder(output, planned, the_robot, text, resume)
+    with keeper_of_run(output, how.interface, channel) as keeper:
+        folder, damaged = prepared_folder(output, planned, the_robot, text, resume=resume)
+        for message in damaged:
+            say(message)
         carry_out(
             folder,
             bus,
@@ -237,11 +234,12 @@ def _feed(
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:
     from hil.cli import bus_access, drive_settings
+    from hil.tasks.found_settings import kept_in
 
     drives, _ = _checked_drives(the_plan, the_robot, source, how)
     channel = how.channel or the_robot.name
     bus_options(how.bus_option)
-    kept = drive_settings.kept_in(output, how.interface, channel)
+    kept = kept_in(output, how.interface, channel)
     with bus_access.opened(how.interface, channel, drives.bitrate, how.bus_option) as bus:
         drive_settings.show_changes(drives, bus, kept)
     say("nothing was written, nothing was powered")
@@ -251,23 +249,12 @@ def _checked_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
     """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
-    from hil.cli.plan_files import refuse_problems
-    from hil.planning.dry_run import dry_run
-    from hil.tasks.robot_drives import (
-        bus_cycle,
-        following_of,
-        load_robots_drives,
-        narrowed_drives,
-        packaged_drives,
-    )
+    from hil.tasks.measuring import checked_drives, refuse_problems
 
     refuse_no_channel(how.interface, how.channel)
-    drives_file = how.drives_file or packaged_drives(the_robot)
-    drives, text = load_robots_drives(drives_file, the_robot)
-    drives = narrowed_drives(drives, the_plan.workspace)
-    cycle = bus_cycle(the_plan, the_robot.n_joints, drives, feeds=feeds)
-    following = following_of(drives, the_plan.sample_period)
-    refuse_problems(dry_run(the_plan, the_robot, cycle, following), source)
+    drives, text, found = checked_drives(the_plan, the_robot, how.drives_file, feeds=feeds)
+    content = source.read_text(encoding="utf-8") if found.problems else ""
+    refuse_problems(found, str(source), content)
     return drives, text
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from checked_files.yaml_file import line_of
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
 from hil.planning.measurement import FOR_A_LAW
@@ -142,17 +141,6 @@ def render(result: DryRun, console: Console) -> None:
                     " measurement together",
                     console=console,
                 )
-
-
-def describe_problems(result: DryRun, text: str, source: str, most: int = 10) -> str:
-    """Return one line for each problem up to `most`, with its place in the plan's `text`."""
-    lines = [
-        f"{source}:{line_of(text, problem.location)}:"
-        f" {'.'.join(map(str, problem.location))}: {problem.message}"
-        for problem in result.problems[:most]
-    ]
-    more = len(result.problems) - most
-    return "\n".join([*lines, f"... and {more} more of that kind"] if more > 0 else lines)
 
 
 def _costs(result: DryRun) -> Table:

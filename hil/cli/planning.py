@@ -49,9 +49,8 @@ def dry_run_(
 ) -> None:
     """Check a plan and predict its duration and precision; nothing moves."""
     from hil.cli import plan_view
-    from hil.cli.plan_files import load, refuse_problems
-    from hil.planning.dry_run import dry_run
-    from hil.tasks.robot_drives import bus_cycle, following_of, known_drives
+    from hil.cli.plan_files import load
+    from hil.tasks.measuring import dry_run, refuse_problems
 
     if view:
         from hil.cli import viewing
@@ -59,15 +58,12 @@ def dry_run_(
         viewing.refuse_page(page := viewing.page_of_plan(plan_file))
     with working("reading the plan") as now:
         the_plan, the_robot = load(plan_file, robot_file, workspace)
-        drives = known_drives(the_robot, drives_file)
         now("passing the plan's motions through the limits")
-        cycle = bus_cycle(the_plan, the_robot.n_joints, drives, bitrate)
-        following = following_of(drives, the_plan.sample_period)
-        result = dry_run(the_plan, the_robot, cycle, following)
+        result = dry_run(the_plan, the_robot, drives=drives_file, bitrate=bitrate)
     plan_view.render(result, out)
     if view:
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
-    refuse_problems(result, plan_file)
+    refuse_problems(result, str(plan_file), plan_file.read_text(encoding="utf-8"))
     if result.groups:
         from hil.estimation.excluded.foreseen import foreseen
         from hil.friction.ripple import ripple_left_out

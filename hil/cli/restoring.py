@@ -40,8 +40,8 @@ def restore(
     """Restore the drives' settings after a session that was killed; the drives must be off."""
     from drivers.found_settings.settings_file import load_found_settings
     from hil.cli import bus_access
-    from hil.cli.bus_state import BusState
     from hil.runs.atomic_file import locked
+    from hil.tasks.bus_state import BusState
 
     settings = load_found_settings(file)
     if not settings.unrestored:

@@ -24,14 +24,11 @@ from hil.terminal.progress import shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Sequence
     from contextlib import AbstractContextManager
-    from pathlib import Path
 
     from rich.console import Console
 
     from drivers.drive_bus import DriveBus
     from hil.measuring.events import Event
-    from hil.model.robot import Robot
-    from hil.planning.plan import Plan
     from hil.runs.journal import BusName
 
     RealTime = Callable[[], AbstractContextManager[Sequence[str] | None]]
@@ -40,43 +37,6 @@ if TYPE_CHECKING:
 NOT_REHEARSED = (
     "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
 )
-
-
-def refuse_unusable(path: Path, resume: bool) -> None:
-    """Refuse a folder for what is in it, before the plan is gone through.
-
-    Raises
-    ------
-    FileError
-        There is a run already, or none to resume.
-    """
-    if RunFolder.is_stub(path):
-        return
-    if resume or (path / "run.json").exists():
-        folder = RunFolder.open(path)
-        if resume or folder.only_rehearsed:
-            return
-    RunFolder.refuse_taken(path)
-
-
-def prepare_folder(
-    path: Path, the_plan: Plan, the_robot: Robot, drives: str, resume: bool
-) -> RunFolder:
-    """Make the folder of a new run, or open that of one to be resumed or only rehearsed so far.
-
-    Raises
-    ------
-    FileError
-        There is a run already, or the one to resume measured something else.
-    """
-    resume = resume and not RunFolder.is_stub(path)
-    folder = RunFolder.open(path) if resume or (path / "run.json").exists() else None
-    if folder is None or not (resume or folder.only_rehearsed):
-        return RunFolder.create(path, the_plan, the_robot, drives)
-    folder.refuse_changes(the_plan, the_robot, drives)
-    for message in folder.set_aside_damaged():
-        say(message)
-    return folder
 
 
 def carry_out(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,14 +55,14 @@ def run_from_arrays(
         except FileError as error:
             raise InvalidArray(f"recording {number}: {_reason(error, the_map)}") from error
         made = list(measured_motions(the_map, samples, numbered, stem))
-        motions = tuple(each.measurement for each in made if _is_free(each))
+        motions = tuple(map(_motion, made))
         moves = (qd is not None,) * robot.n_joints
         notes += Statement(the_map, timing, samples.wraps, moves, motions, found).lines()
         measured |= {each.measurement.id: each for each in made}
     plan = RecordedMotions(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         map_digest=hashlib.sha256(the_map.content.model_dump_json().encode()).hexdigest(),
-        measurements=tuple(each.measurement for each in measured.values() if _is_free(each)),
+        measurements=tuple(map(_motion, measured.values())),
     )
     session = Session(
         started=now(), ended=now(), reason="arrays", bus="arrays", simulated=False,
@@ -72,8 +72,9 @@ def run_from_arrays(
     return MemoryRun(Path(f"arrays-{next(_numbers)}"), plan, robot, journal, measured)
 
 
-def _is_free(measured: Measured) -> bool:
-    return isinstance(measured.measurement, FreeMotion)
+def _motion(measured: Measured) -> FreeMotion:
+    assert isinstance(measured.measurement, FreeMotion)  # noqa: S101 - made as such
+    return measured.measurement
 
 
 def _reason(error: FileError, the_map: MapFile) -> str:
@@ -111,11 +112,19 @@ def _recordings(
     tau: ArrayLike | Sequence[ArrayLike],
     qd: ArrayLike | Sequence[ArrayLike] | None,
 ) -> list[Samples]:
-    several = isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0
-    groups = ([t], [q], [tau], [qd]) if not several else (t, q, tau, qd or [None] * len(t))
-    if len({len(each) for each in groups}) > 1:  # type: ignore[arg-type]
-        raise InvalidArray("t, q, tau and qd must be lists of as many recordings")
-    return [_samples(robot, *each) for each in zip(*groups, strict=True)]  # type: ignore[arg-type]
+    groups: list[list[Any]] = [[t], [q], [tau], [qd]]
+    if isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0:
+        groups = [list(t), *(_listed(each, len(t)) for each in (q, tau, qd))]
+    return [_samples(robot, *each) for each in zip(*groups, strict=True)]
+
+
+def _listed(arrays: Any, count: int) -> list[Any]:
+    found = [None] * count if arrays is None else list(arrays)
+    if len(found) != count:
+        raise InvalidArray(
+            f"{len(found)} arrays for {count} recordings; t, q, tau and qd must be lists as long"
+        )
+    return found
 
 
 def _samples(

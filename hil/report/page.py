@@ -25,6 +25,7 @@ from hil.results.rounding import clock
 from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
+from hil.runs.run import opened
 from hil.view.packed import deflated
 from hil.view.page import view_script
 
@@ -42,11 +43,12 @@ NAME = "report.html"
 TEMPLATES = tuple(Path(__file__).parent / folder for folder in ("templates", "sections", "charts"))
 
 
-def report(run: Run, figures: Path | None = None) -> Path:
+def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     """Write the report of a run into its folder, as `hil identify` identifies it.
 
     Parameters
     ----------
+    run : Run or path
     figures : path, optional
         Folder for the plots as SVG files too; made if it is not there.
 
@@ -62,6 +64,7 @@ def report(run: Run, figures: Path | None = None) -> Path:
     NotIdentifiable, NotEnoughData
         Measurements that do not suffice.
     """
+    run = opened(run)
     whole = ReportedRun(run)
     registry = OF_IDENTIFIED if whole.is_identified else OF_FRICTION
     sections = list(filter(None, (each(whole) for each in registry)))

@@ -25,9 +25,11 @@ from hil.results.outcome import outcome
 from hil.results.provenance import Provenance, digests, named
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled, pooled
+from hil.runs.run import opened
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from pathlib import Path
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.excluded.result import Excluded
@@ -55,13 +57,32 @@ class Identified(NamedTuple):
 
 
 def identify(
-    run: Run,
+    run: Run | Path | str,
     method: str | None = None,
-    others: Sequence[Run] = (),
+    others: Sequence[Run | Path | str] = (),
     prior: Prior | None = None,
 ) -> Model:
-    """Identify the base parameters from a run; see `identified` and `Options`."""
-    return identified(run, method, others, options=replace(DEFAULTS, prior=prior)).model
+    """Identify a robot's dynamics and friction from a run; nothing is written.
+
+    Parameters
+    ----------
+    run : Run or path
+        The run, or its folder.
+    method : str, optional
+        Method of estimation; by default the one for what was recorded.
+    others : sequence of Run or path
+        Additional runs of the same robot, identified jointly.
+    prior : Prior, optional
+        Bodies of CAD, for parameters that the motion does not excite.
+
+    Raises
+    ------
+    FileError, Mismatch, UnknownName, NotIdentifiable, NotEnoughData
+        As of `hil.results.identification.identified`.
+    """
+    more = [opened(each) for each in others]
+    options = replace(DEFAULTS, prior=prior)
+    return identified(opened(run), method, more, options=options).model
 
 
 def identified(

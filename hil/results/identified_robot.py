@@ -18,6 +18,8 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import FOR_A_LAW
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from hil.arrays import Array, Mask
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.consistent.result import ConsistentRobot
@@ -53,8 +55,8 @@ class IdentifiedRobot:
     provenance : Provenance
         Run, plan, method and version behind it.
     local : tuple of LocalValue
-        Each measurement by itself, as the two-step methods take it; empty for a conventional
-        method and for a model that was read from a file.
+        Each measurement by itself, as the two-step methods take it, with its friction at its time;
+        empty for a conventional method, and of a file of an earlier version.
     error_budget : tuple of ErrorTerm
         Causes of error, the largest first; empty where nothing but noise matters.
     friction : FreeMotionFit, optional
@@ -169,6 +171,62 @@ class IdentifiedRobot:
     def correlation(self) -> Array:
         """Correlations of the errors of `values`, shape (n_base, n_base)."""
         return correlation_of(self.covariance)
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Values by name, as of `hil.regression(...).fit()`."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Confidence intervals by name; errors as of `interval`."""
+        ends = self.interval(level).tolist()
+        return {name: (low, high) for name, (low, high) in zip(self.names, ends, strict=True)}
+
+    def to_dataframe(self, level: float = 0.95) -> pd.DataFrame:
+        """Parameters as a table, indexed by name; needs pandas.
+
+        Columns are ``value``, ``standard_error``, ``low``, ``high``, ``unit`` and ``expression``.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            There is no pandas.
+        """
+        import pandas as pd  # noqa: PLC0415 - optional
+
+        low, high = self.interval(level).T
+        columns = {
+            "value": self.values, "standard_error": self.standard_errors, "low": low, "high": high,
+            "unit": self.units, "expression": self.expressions,
+        }  # fmt: skip
+        return pd.DataFrame(columns, index=pd.Index(self.names, name="parameter"))
+
+    def friction_over_time(self, axis: int) -> tuple[Array, Array]:
+        """Level of an axis's friction in each measurement of a campaign.
+
+        Parameters
+        ----------
+        axis : int
+            From 1.
+
+        Returns
+        -------
+        time, level : ndarray, shape (n_measurements,)
+            Since the campaign began [s]; mean of both directions at the reference speed [N m or N].
+
+        Raises
+        ------
+        NotEnoughData
+            No measurement by itself is known of the axis, as of imports and trajectories.
+        """
+        own = sorted((each.time, each.friction) for each in self.local if each.axis == axis - 1)
+        if not own:
+            raise NotEnoughData(
+                f"the model of {self.robot.name}: no friction over time is known of axis {axis};"
+                " measure strokes (hil plan), or identify the run anew"
+            )
+        time, level = np.array(own).T
+        return time, level
 
     def interval(self, level: float = 0.95) -> Array:
         """Confidence intervals of `values`, shape (n_base, 2): lower and upper ends.

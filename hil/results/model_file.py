@@ -22,6 +22,7 @@ from hil.estimation.consistent.result import ConsistentRobot
 from hil.estimation.excluded.result import ErrorTerm, Excluded
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, degrees_behind
+from hil.estimation.local_values import LocalValue
 from hil.estimation.prior import FromPrior
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
@@ -65,6 +66,39 @@ class Parameter(FileModel):
         return degrees_behind(half / self.standard_error if self.standard_error else 0.0)
 
 
+class LocalRecord(FileModel):
+    """One measurement by itself (`hil.estimation.local_values.LocalValue`); axes from 1."""
+
+    id: str
+    kind: str
+    axis: int
+    partner: int
+    q: tuple[float, ...]
+    time: float
+    value: float
+    model: float
+    standard_error: float | None
+    friction: float
+    residual: float
+
+    @classmethod
+    def of(cls, local: LocalValue) -> LocalRecord:
+        """Return what the file holds of a measurement."""
+        error = float(local.standard_error)
+        return cls(
+            id=local.id, kind=local.kind, axis=local.axis + 1, partner=local.partner + 1,
+            q=tuple(local.q.tolist()), time=float(local.time), value=float(local.value),
+            model=float(local.model), standard_error=None if np.isnan(error) else error,
+            friction=float(local.friction), residual=float(local.residual),
+        )  # fmt: skip
+
+    def local(self) -> LocalValue:
+        """Return the measurement."""
+        error = np.nan if self.standard_error is None else self.standard_error
+        own = self.model_dump() | {"q": np.array(self.q), "standard_error": error}
+        return LocalValue(**own | {"axis": self.axis - 1, "partner": self.partner - 1})
+
+
 class ModelFile(FileModel):
     """Content of `model.yaml`; keys that are not listed are fields of `IdentifiedRobot`.
 
@@ -81,6 +115,9 @@ class ModelFile(FileModel):
         stands in `friction`.
     robot_file : str, optional
         The robot file, verbatim.
+    local : tuple of LocalRecord
+        Each measurement by itself, with its friction over time; empty for imports and in files of
+        earlier versions.
     """
 
     format: Literal[1] = 1
@@ -99,6 +136,7 @@ class ModelFile(FileModel):
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
     robot_file: str | None = None
+    local: tuple[LocalRecord, ...] = ()
     torque_effect: tuple[tuple[float, ...], ...] | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
@@ -146,6 +184,7 @@ class ModelFile(FileModel):
             residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
             friction_law=None if model.friction else model.friction_law,
             robot_file=model.robot.text,
+            local=tuple(map(LocalRecord.of, model.local)),
             torque_effect=None if model.torque_effect is None else _rows(model.torque_effect),
             **{name: getattr(model, name) for name in _AS_IDENTIFIED},
         )
@@ -172,6 +211,7 @@ class ModelFile(FileModel):
                 else degrees
             ),
             "residual": np.array([np.nan if r is None else r for r in self.residual]),
+            "local": tuple(each.local() for each in self.local),
             "friction_law": self.friction.law if self.friction else self.friction_law,
             "torque_effect": None if self.torque_effect is None else np.array(self.torque_effect),
             **{name: getattr(self, name) for name in _AS_IDENTIFIED},
@@ -193,11 +233,14 @@ class ModelFile(FileModel):
         """As YAML, the robot file as a block of its own."""
         optional = (
             "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
-            "torque_effect", "excluded", "prior",
+            "torque_effect", "excluded", "prior", "local",
         )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}
+        content = self.model_dump(mode="json", exclude=absent)
+        if "local" in content:
+            content["local"] = [_OneLine(each) for each in content["local"]]
         return yaml.dump(
-            self.model_dump(mode="json", exclude=absent),
+            content,
             Dumper=_Dumper,
             sort_keys=False,
             width=200,
@@ -243,8 +286,12 @@ def file_of(path: Path) -> Path:
     return path if path.suffix and not path.is_dir() else path / NAME
 
 
+class _OneLine(dict[str, Any]):
+    """A record that is written in one line."""
+
+
 class _Dumper(yaml.SafeDumper):
-    """Writes texts of several lines as they are."""
+    """Writes texts of several lines as they are, and some records in one line."""
 
 
 def _written(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
@@ -253,6 +300,12 @@ def _written(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 
 
 _Dumper.add_representer(str, _written)
+_Dumper.add_representer(
+    _OneLine,
+    lambda dumper, record: dumper.represent_mapping(
+        "tag:yaml.org,2002:map", record, flow_style=True
+    ),
+)
 
 
 def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from inspect import signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.errors import InvalidValue
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from hil.model.robot import Robot
     from hil.planning.design.trajectories import ExcitationCriterion
@@ -79,6 +79,45 @@ def designed(kind: str, now: Now = lambda _: None, **options: Any) -> Designed:
             why = _REASONS.get((kind, name), f"it is for {taking or 'no kind of plan'}")
             raise Unsuited(f"{option} does not go with kind {kind}: {why}; leave it out")
     return KINDS[kind](now=now, **options)
+
+
+def plan(robot: Robot | Path | str | None = None, kind: str = "strokes", **options: Any) -> Plan:
+    """Plan measurements.
+
+    Parameters
+    ----------
+    robot : Robot, path or str, optional
+        A built-in robot or a robot file; a run states it with `refine` and of kind ``load``.
+    kind : {"strokes", "friction", "trajectory", "load"}
+        Strokes for base parameters, sweeps for friction, a periodic trajectory, or slow strokes
+        that weigh a load.
+    **options
+        As of ``hil plan``, with underscores. Of strokes: ``gravity``, ``inertia``, ``coupling``,
+        ``minutes``, ``with_trajectories``, ``distinguish``, ``refine``, ``noise_from``,
+        ``warm_up`` [s], ``workspace``; of friction: ``experiment``, ``axis`` (a list, from 1),
+        ``workspace``; of a trajectory: ``minutes``, ``period`` [s], ``criterion``, ``harmonics``,
+        ``seed``, ``warm_up``, ``drives``; of a load: ``model`` (a run), ``minutes``, ``at_most``
+        [kg], ``pose`` (axes from 0 and positions), ``refine``.
+
+    Returns
+    -------
+    Plan
+        `hil.dry_run` checks it, `hil.measure` measures it.
+
+    Raises
+    ------
+    InvalidValue
+        Options that do not go together, or values with which there is no plan.
+    """
+    from hil.model.robot import Robot, load_robot, refuse_unknown
+    from hil.planning.workspace_check import load_workspace
+
+    if robot is not None:
+        robot = robot if isinstance(robot, Robot) else load_robot(robot)
+        refuse_unknown(robot)
+        if isinstance(place := options.get("workspace"), (str, Path)):
+            options["workspace"] = load_workspace(Path(place), robot)
+    return designed(kind, robot=robot, **options).plan
 
 
 def _refuse(*cases: tuple[object, str]) -> None:

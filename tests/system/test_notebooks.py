@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -44,12 +46,23 @@ def test_gravity_of_a_recorded_head_is_found_and_taken_away(
     assert list((place / "exported").glob("*.c"))
 
 
+@pytest.mark.parametrize("path", sorted(NOTEBOOKS.glob("*.py")), ids=lambda path: path.stem)
+def test_a_notebook_imports_hil_by_its_public_names_alone(path: Path) -> None:
+    imported = re.findall(r"(?m)^(?:from|import) (\S+)", path.read_text(encoding="utf-8"))
+    assert [name for name in imported if name.split(".")[0] in {"hil", "drivers"}] == ["hil"]
+
+
 def test_a_notebook_becomes_a_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(DOCS / "site"))
     monkeypatch.delitem(sys.modules, "notebooks", raising=False)
-    from notebooks import page
+    from notebooks import carried_out, cells, notebook, page
 
-    cells = "# %% [markdown]\n# # Head\n#\n# Prose.\n\n# %%\nx = 1  # one\n"
-    assert page(cells) == "# Head\n\nProse.\n\n```python\nx = 1  # one\n```\n"
+    source = "# %% [markdown]\n# # Head\n#\n# Prose.\n\n# %%\nx = 1  # one\n"
+    assert page(source) == "# Head\n\nProse.\n\n```python\nx = 1  # one\n```\n"
+    found = carried_out(cells(source + "# %%\nprint(x)\nx + 1\n"))
+    assert page(source, found).endswith("```text\n1\n```\n\n```text\n2\n```\n")
+    *_, last = json.loads(notebook(found))["cells"]
+    assert [each["output_type"] for each in last["outputs"]] == ["stream", "execute_result"]
+    assert last["outputs"][1]["data"] == {"text/plain": "2"}
     with pytest.raises(ValueError, match="begin with # %%"):
         page("x = 1\n# %%\n")

@@ -17,7 +17,6 @@ from small_run import write_run
 
 from checked_files.yaml_file import FileError
 from hil.cli import main
-from hil.cli.run_session import prepare_folder
 from hil.estimation.identify import estimate
 from hil.measuring.campaign import Background, run_campaign
 from hil.measuring.events import Finished, Recorded
@@ -28,6 +27,7 @@ from hil.results.model import Model
 from hil.runs.pooling import recorded
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
+from hil.tasks.measuring import prepared_folder
 
 ROOT = Path(__file__).parents[2]
 DRIVES = "axes: []\n"
@@ -189,7 +189,7 @@ def test_a_folder_whose_making_was_killed_is_made_anew(
     (path / "recordings").mkdir(parents=True)
     for name in left.split():
         (path / name).write_text("half a fi")
-    folder = prepare_folder(path, small_plan, manutec, DRIVES, resume)
+    folder, _ = prepared_folder(path, small_plan, manutec, DRIVES, resume=resume)
     assert RunFolder.open(path).plan == small_plan
     assert len(folder.missing) == 3
 

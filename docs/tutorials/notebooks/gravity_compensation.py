@@ -4,9 +4,10 @@
 # A robot that is described by a URDF was moved by somebody else's controller, which logged angles
 # and motor currents into a CSV file. From these two files comes a model, and from the model the
 # torque that holds the robot against gravity: what a controller must add so that an arm can be
-# led by hand. It is {download}`a Python file <gravity_compensation.py>` whose cells begin with
-# `# %%`. Called in a checkout, it finds the recordings of `examples/pan_tilt`, a head that pans and
-# tilts; put your own in their place. A test carries it out.
+# led by hand. It is {download}`a notebook <gravity_compensation.ipynb>`, and
+# {download}`a Python file <gravity_compensation.py>` whose cells begin with `# %%`. Called in a
+# checkout, it finds the recordings of `examples/pan_tilt`, a head that pans and tilts; put your own
+# in their place.
 
 # %%
 import os
@@ -32,7 +33,7 @@ for note in run.journal.sessions[0].notes:
 # %%
 model = hil.identify(run)
 print(model.outcome)
-print(model.summary())
+model
 
 # %% [markdown]
 # ## Judged by another recording
@@ -40,13 +41,10 @@ print(model.summary())
 # A model is worth what it predicts of motions that it has not seen.
 
 # %%
-from hil.results.predicted_torques import predicted_torques
-from hil.results.validation import validate
-from hil.runs.pooling import pooled
-
 other = hil.import_recordings([EXAMPLES / "other.yaml"], "runs/other")
-judgement = validate(model, predicted_torques(model, pooled([other])))
+judgement = hil.validate(model, other)
 print(judgement)
+hil.plot_torque(model, other)
 
 # %% [markdown]
 # ## The torque that holds the head
@@ -80,10 +78,6 @@ print(f"with friction at rest, at 95 %: {low:.2f} to {high:.2f} N m")
 # As C without any library, or as Python, URDF and more ([export](../../how-to/export.md)):
 
 # %%
-from hil.export.exported import origin, write_exported
-from hil.export.formats import export
-
 model.save("runs/head/model.yaml")
-exported = export(model, "c", origin(model, Path("runs/head")))
-for path in write_exported(exported, Path("exported")):
+for path in hil.export("runs/head", "c", "exported"):
     print(path)

@@ -3,13 +3,11 @@
 #
 # The tutorial [a virtual robot in ten minutes](../virtual-robot.md) once more, by calls instead of
 # commands: plan, measure over CANopen, identify, and set the result against the truth. It is
-# {download}`a Python file <virtual_robot.py>` whose cells begin with `# %%`, as JupyterLab (with
-# jupytext), VS Code and Spyder open it as a notebook. A test carries it out; it takes a quarter of
-# a minute.
+# {download}`a notebook <virtual_robot.ipynb>`, and
+# {download}`a Python file <virtual_robot.py>` whose cells begin with `# %%`, as VS Code and Spyder
+# open it. It takes a quarter of a minute.
 
 # %%
-from pathlib import Path
-
 import numpy as np
 
 import hil
@@ -26,11 +24,8 @@ for name, unit, expression in zip(base.names, base.units, base.expressions, stri
 # moves.
 
 # %%
-from hil.planning.design.by_counts import design
-from hil.planning.dry_run import dry_run
-
-plan = design(robot, {"gravity": 9, "inertia": 20, "coupling": 3})
-checked = dry_run(plan, robot)
+plan = hil.plan(robot, gravity=9, inertia=20, coupling=3)
+checked = hil.dry_run(plan)
 assert not checked.problems
 print(f"{len(plan.measurements)} measurements, {checked.duration / 60:.1f} min of robot time")
 
@@ -38,24 +33,11 @@ print(f"{len(plan.measurements)} measurements, {checked.duration / 60:.1f} min o
 # ## Measuring
 #
 # The six drives of the virtual plant answer on the channel `manutec-r15` of the python-can
-# interface `sim_plant`, over frames as on a wire. A real robot is measured by `hil run`, which asks
-# the operator, watches the keyboard and puts back what the drives held before.
+# interface `sim_plant`, over frames as on a wire. A real robot is better measured by `hil run`,
+# where any key stops it.
 
 # %%
-from drivers.drives_file import load_drives
-from drivers.opening import open_drive_bus
-from hil.measuring.campaign import run_campaign
-from hil.model.robot import ROBOTS
-from hil.runs.journal import BusName
-from hil.runs.run_folder import RunFolder
-
-drives_file = ROBOTS / "manutec-r15.drives.yaml"
-drives = load_drives(drives_file)
-bus = open_drive_bus(drives, "sim_plant", "manutec-r15")
-folder = RunFolder.create(Path("runs/notebook"), plan, robot, drives_file.read_text())
-for _ in run_campaign(folder, bus, BusName("sim_plant", "manutec-r15")):
-    pass
-run = hil.Run.open("runs/notebook")
+run = hil.measure(plan, "runs/notebook")
 run
 
 # %% [markdown]
@@ -64,7 +46,7 @@ run
 # %%
 model = hil.identify(run)
 print(model.outcome)
-print(model.summary())
+model
 
 # %% [markdown]
 # ## Is it true?
@@ -73,12 +55,25 @@ print(model.summary())
 # all must hold it.
 
 # %%
-from hil.ground_truth.true_parameters import true_parameters
-
-truth = true_parameters(robot, "manutec-r15")
+comparison = hil.compare(model, "manutec-r15")
 low, high = model.interval(0.95).T
-inside = (low <= truth) & (truth <= high)
-print(f"{inside.sum()} of {len(truth)} intervals hold the truth")
+inside = (low <= comparison.others) & (comparison.others <= high)
+print(f"{inside.sum()} of {len(inside)} intervals hold the truth")
+comparison
+
+# %% [markdown]
+# ## A look at it
+#
+# Figures are those of the report. Friction over the speed of each axis:
+
+# %%
+hil.plot_friction(model)
+
+# %% [markdown]
+# and the torque of one measurement, as measured and as predicted:
+
+# %%
+hil.plot_torque(model, run)
 
 # %% [markdown]
 # ## Using it

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from hil.cli.plan_view import describe_problems, render
+from hil.cli.plan_view import render
 from hil.measuring.sequencer import measure
 from hil.model.robot import Robot
 from hil.planning.dry_run import BusCycle, dry_run
@@ -15,6 +15,7 @@ from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.plan import Plan, dump_plan
 from hil.planning.prediction.identifiability import group_observations
 from hil.planning.strokes import Partner
+from hil.tasks.measuring import describe_problems
 
 
 def with_(plan: Plan, number: int, **changes: object) -> Plan:

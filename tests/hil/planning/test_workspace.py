@@ -11,7 +11,6 @@ from checked_files.yaml_file import FileError, parse_yaml
 from drivers.drive_bus import LimitExceeded
 from drivers.drives_file import load_drives
 from hil import cli
-from hil.cli.plan_view import describe_problems
 from hil.measuring.sequencer import measure
 from hil.model.capsules import capsules, reaches, segments
 from hil.model.robot import ROBOTS, Robot
@@ -21,6 +20,7 @@ from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, WarmUp, dump_plan, load_plan
 from hil.planning.workspace import Box, Workspace
 from hil.planning.workspace_check import load_workspace, remarks
+from hil.tasks.measuring import describe_problems
 from hil.tasks.robot_drives import narrowed_drives
 
 FLOOR = Box(name="floor", low=(-3, -3, -1.5), high=(3, 3, -0.8), ignore_links=(1,))

@@ -10,10 +10,10 @@ from small_run import write_run
 
 from checked_files.yaml_file import FileError
 from hil import cli
-from hil.cli.run_session import prepare_folder
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
+from hil.tasks.measuring import prepared_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -87,7 +87,7 @@ def test_a_stub_whose_recordings_are_a_link_is_not_completed(
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "recordings").symlink_to(outside)
     with pytest.raises(FileError, match="is there already"):
-        prepare_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", False)
+        prepared_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", resume=False)
 
 
 def test_plots_of_a_diagnosis_are_not_drawn_behind_a_link(

@@ -1,0 +1,198 @@
+"""Charts of models and recordings as figures that a notebook shows: SVG, as in a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points
+from hil.report.charts.svg import file
+from hil.report.sections.friction_plots import levels
+from hil.results.predicted_torques import predicted_torques
+from hil.runs.atomic_file import write_file
+from hil.runs.run import opened
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.report.charts.chart import Item
+    from hil.results.model import Model
+    from hil.results.recorded_torque import PredictedTorque
+    from hil.runs.run import Run
+
+SPEEDS = 200
+"""Speeds at which a law of friction is drawn."""
+MOST = 2000
+"""Samples of a recording that are drawn: as many as a screen has columns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A chart; a notebook shows it, `save` writes it.
+
+    Attributes
+    ----------
+    chart : Chart
+    """
+
+    chart: Chart
+
+    @property
+    def svg(self) -> str:
+        """The picture."""
+        return file(self.chart).decode()
+
+    def save(self, path: Path | str) -> Path:
+        """Write it as an SVG file, and return its path.
+
+        Raises
+        ------
+        FileError
+            It cannot be written.
+        """
+        write_file(path := Path(path), self.svg.encode())
+        return path
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+    def _repr_html_(self) -> str:
+        return f'<div style="max-width: 1100px; overflow-x: auto">{self.svg}</div>'
+
+    def __repr__(self) -> str:
+        titles = ", ".join(panel.title for panel in self.chart.panels)
+        return f"<Figure: {titles}>"
+
+
+def plot_torque(
+    model: Model, run: Run | Path | str, measurement: str | None = None, level: float = 0.95
+) -> Figure:
+    """Draw measured and predicted torque over time, with the band of the prediction.
+
+    Parameters
+    ----------
+    model : Model
+    run : Run or path
+    measurement : str, optional
+        Its id; by default the first that can be predicted.
+    level : float
+        Share of the samples that the band is to hold.
+
+    Raises
+    ------
+    UnknownName, NotEnoughData
+        No such measurement, or none of use.
+    """
+    from scipy.special import ndtri  # noqa: PLC0415 - loads for half a second
+
+    from hil.errors import NotEnoughData  # noqa: PLC0415
+
+    run = opened(run)
+    recorded = [run[measurement]] if measurement else run
+    parts: list[PredictedTorque] = []
+    for each in recorded:
+        parts = list(predicted_torques(model, [(each.measurement, each.recording)]))
+        if parts:
+            break
+    if not parts:
+        raise NotEnoughData(f"{run.path}: no recording that a model predicts torques of")
+    width = float(ndtri(0.5 + level / 2))
+    return Figure(Chart(tuple(_torque(model, part, width) for part in parts)))
+
+
+def _torque(model: Model, part: PredictedTorque, width: float) -> Panel:
+    every = max(1, len(part.time) // MOST)
+    time, tau, predicted, half = (
+        np.ravel(each)[::every] for each in
+        (part.time, part.measured, part.predicted, width * part.standard_error)
+    )  # fmt: skip
+    axis = part.axes[0]
+    return Panel(
+        (
+            Line(time, predicted - half, MUTED, "interval"),
+            Line(time, predicted + half, MUTED),
+            Line(time, tau, MEASURED, "measured", width=1.0),
+            Line(time, predicted, MODEL, "predicted"),
+        ),
+        title=f"axis {axis + 1}, {part.measurement}",
+        x_label="time [s]",
+        y_label=f"torque [{model.robot.torque_unit(axis)}]",
+        width=520.0,
+    )
+
+
+def plot_friction(model: Model) -> Figure:
+    """Draw the law of friction of each axis over its speed, with the interval of 95 %.
+
+    Raises
+    ------
+    NotEnoughData
+        The model has no law of friction.
+    """
+    robot = model.robot
+    panels = []
+    for axis in range(robot.n_joints):
+        if axis + 1 in model.axes_without_friction:
+            continue
+        top = float(robot.velocity_limit[axis])
+        top = top if np.isfinite(top) else 1.0
+        qd = np.zeros((SPEEDS, robot.n_joints))
+        qd[:, axis] = np.linspace(-top, top, SPEEDS)
+        q = np.zeros_like(qd)
+        tau = model.torque(q, qd, 0.0, ["friction"])[:, axis]
+        low, high = model.torque_interval(q, qd, 0.0, parts=["friction"])[:, axis].T
+        speed = qd[:, axis]
+        panels.append(
+            Panel(
+                (
+                    Line(speed, low, MUTED, "interval of 95 %"),
+                    Line(speed, high, MUTED),
+                    Line(speed, tau, MODEL, "law of friction"),
+                ),
+                title=f"axis {axis + 1}",
+                x_label=f"speed [{robot.position_unit(axis)}/s]",
+                y_label=f"friction [{robot.torque_unit(axis)}]",
+            )
+        )
+    if not panels:
+        model.torque(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # states what is missing
+    return Figure(Chart(tuple(panels)))
+
+
+def plot_friction_over_time(model: Model) -> Figure:
+    """Draw the level of friction in each measurement of a campaign.
+
+    Raises
+    ------
+    NotEnoughData
+        No measurement by itself is known, as of imports and trajectories.
+    """
+    if not model.local:
+        model.friction_over_time(1)  # states what is missing
+    return Figure(levels(model.local, model.robot))
+
+
+def plot_parameters(model: Model, level: float = 0.95) -> Figure:
+    """Draw the parameters of a model in their intervals, relative to their sizes.
+
+    A parameter whose bar reaches zero has no sign that is known.
+    """
+    return Figure(Chart((Panel(
+        tuple(_relative(model, level)),
+        title=f"{model.robot.name}: {level:.0%} intervals",
+        x_label="parameter",
+        y_label="interval / value",
+        ticks=dict(enumerate(model.names, start=1)),
+        width=max(350.0, 36.0 * len(model.names)),
+    ),)))  # fmt: skip
+
+
+def _relative(model: Model, level: float) -> Iterator[Item]:
+    low, high = model.interval(level).T
+    size = np.where(model.values != 0, np.abs(model.values), np.nan)
+    half = np.minimum((high - low) / 2 / size, 1.5)  # beyond one the sign is open, however far
+    x = np.arange(1, len(size) + 1)
+    yield Points(x, np.sign(model.values), "o", MODEL, error=half)

@@ -1,0 +1,133 @@
+"""A model, or the recordings of a run, as files of other tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.errors import InvalidValue
+from hil.estimation.consistent.conditions import BodyBounds
+from hil.estimation.consistent.nearest import SHAPES
+from hil.export.exported import origin, write_exported
+from hil.export.formats import RECORDINGS, SIMULATORS, export_recordings, refuse_unknown
+from hil.export.formats import export as formatted
+from hil.export.urdf_file import bodies_of, given_urdf
+from hil.results.consistency import with_consistent_robot
+from hil.results.model import Model
+from hil.results.model_file import file_of
+from hil.runs.pooling import pooled
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from hil.export.exported import Exported
+    from hil.export.urdf_file import Given
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
+
+
+def export(
+    what: Model | Run | Path | str,
+    to: str,
+    output: Path | str,
+    *,
+    urdf: Path | str | None = None,
+    masses: dict[int, tuple[float, float]] | None = None,
+    force: bool = False,
+) -> tuple[Path, ...]:
+    """Export an identified model, or the recordings of a run, to other tools.
+
+    Parameters
+    ----------
+    what : Model, Run or path
+        A model, a run, or the folder of an identified run.
+    to : str
+        Format: ``c``, ``python``, ``json``, ``friction``, ``ros2``, ``urdf``, ``mjcf`` of a model;
+        ``csv``, ``parquet``, ``mcap`` of recordings.
+    output : path
+        Folder to write into.
+    urdf : path, optional
+        URDF of the robot, whose shapes and names ``urdf`` and ``mjcf`` keep, ``mcap`` its names.
+    masses : dict, optional
+        Bounds on masses of links, from 1, for ``urdf`` and ``mjcf`` [kg].
+    force : bool
+        Export a model even where its identification failed.
+
+    Returns
+    -------
+    tuple of Path
+        What was written.
+
+    Raises
+    ------
+    UnknownName
+        There is no such format.
+    InvalidValue
+        A model where recordings are needed, or one whose identification failed.
+    FileError
+        A file is there already, or cannot be written.
+    """
+    refuse_unknown(to)
+    output = Path(output)
+    urdf = None if urdf is None else Path(urdf)
+    if to in RECORDINGS:
+        if isinstance(what, Model):
+            raise InvalidValue(f"{to} holds recordings; give a run, not a model")
+        run = what if isinstance(what, Run) else Run.open(what)
+        return exported_recordings(run, to, output, urdf)
+    source = Path("model")
+    if not isinstance(what, Model):
+        source = what.path if isinstance(what, Run) else Path(what)
+    model = what if isinstance(what, Model) else Model.load(source)
+    if model.failed and not force:
+        raise InvalidValue(f"its identification {model.outcome}; force=True exports it anyway")
+    bounds = BodyBounds(masses=masses) if masses else None
+    return write_exported(exported_model(model, to, source, urdf, bounds)[1], output)
+
+
+def exported_model(
+    model: Model, to: str, source: Path, urdf: Path | None = None, bounds: BodyBounds | None = None
+) -> tuple[Model, Exported]:
+    """Return a model in a format, and with the bodies that it was given; nothing is written.
+
+    Parameters
+    ----------
+    source : path
+        Its file, or the folder of the run that gave it.
+    bounds : BodyBounds, optional
+        Of its bodies, where they are to be found anew.
+    """
+    given = None if urdf is None else given_urdf(urdf, model.robot)
+    if to in SIMULATORS:
+        model = _with_bodies(model, source, given, bounds)
+    return model, formatted(model, to, origin(model, source), given)
+
+
+def exported_recordings(
+    run: Run,
+    to: str,
+    output: Path,
+    urdf: Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[Path, ...]:
+    """Write the recordings of a run; errors as of `hil.export.formats.export_recordings`."""
+    chain = () if urdf is None else given_urdf(urdf, run.robot).chain.joints
+    return export_recordings(run, to, output, [joint.name for joint in chain], progress)
+
+
+def _with_bodies(
+    model: Model, source: Path, given: Given | None, bounds: BodyBounds | None
+) -> Model:
+    """The model with bodies, found now unless the model has them as they are asked for."""
+    likely = None if given is None else bodies_of(given, model.robot)
+    if model.consistent is not None and bounds is None and likely is None:
+        return model
+    of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
+    return with_consistent_robot(model, _recordings(source), bounds or BodyBounds(), likely, of)
+
+
+def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:
+    """Recordings of the run in whose folder the model lies; none where that is no run."""
+    folder = file_of(source).parent
+    return pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()

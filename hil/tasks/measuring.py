@@ -1,0 +1,256 @@
+"""A plan checked against its robot and drives, and measured into a folder.
+
+This is the one place below the commands that knows both identification and a concrete bus:
+simulation and hardware part at `opener`, by its arguments.
+"""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError, line_of
+from drivers import opening
+from hil.measuring.campaign import run_campaign
+from hil.planning.dry_run import dry_run as checked
+from hil.planning.plan import repeated
+from hil.runs import SIMULATED
+from hil.runs.atomic_file import locked
+from hil.runs.journal import BusName
+from hil.runs.run import Run
+from hil.runs.run_folder import RunFolder
+from hil.tasks.found_settings import keeper_of_run
+from hil.tasks.plan_files import opened_plan
+from hil.tasks.robot_drives import (
+    bus_cycle,
+    following_of,
+    known_drives,
+    load_robots_drives,
+    narrowed_drives,
+    packaged_drives,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from drivers.drive_bus import DriveBus
+    from drivers.drives_file import DrivesFile
+    from drivers.fieldbus import PacingName
+    from drivers.found_settings.keeping import SettingsKeeper
+    from hil.measuring.events import Event
+    from hil.model.robot import Robot
+    from hil.planning.dry_run import DryRun
+    from hil.planning.plan import Plan
+
+
+def dry_run(
+    plan: Plan | Path | str,
+    robot: Robot | Path | str | None = None,
+    *,
+    drives: Path | None = None,
+    bitrate: int | None = None,
+    workspace: Path | None = None,
+) -> DryRun:
+    """Check a plan against all limits, and predict its duration and what it identifies.
+
+    Nothing moves and no bus is opened.
+
+    Parameters
+    ----------
+    plan : Plan or path
+    robot : Robot, path or str, optional
+        By default the one that the plan names.
+    drives : path, optional
+        Drives file; the built-in one of the robot by default, if there is one.
+    bitrate : int, optional
+        Of the bus, in place of that of the drives file [bit/s].
+    workspace : path, optional
+        Workspace file in place of the plan's own.
+
+    Returns
+    -------
+    DryRun
+        Its `problems` are empty where the plan can be measured.
+
+    Raises
+    ------
+    FileError
+        One of the files cannot be used.
+    """
+    the_plan, the_robot = opened_plan(plan, robot, workspace)
+    own = known_drives(the_robot, drives)
+    cycle = bus_cycle(the_plan, the_robot.n_joints, own, bitrate)
+    return checked(the_plan, the_robot, cycle, following_of(own, the_plan.sample_period))
+
+
+def checked_drives(
+    plan: Plan, robot: Robot, drives_file: Path | None, *, feeds: bool = False
+) -> tuple[DrivesFile, str, DryRun]:
+    """Drives of a robot, the text of their file, and what a plan has against it.
+
+    Raises
+    ------
+    FileError
+        No drives file, or one that contradicts the robot.
+    """
+    drives, text = load_robots_drives(drives_file or packaged_drives(robot), robot)
+    drives = narrowed_drives(drives, plan.workspace)
+    cycle = bus_cycle(plan, robot.n_joints, drives, feeds=feeds)
+    following = following_of(drives, plan.sample_period)
+    return drives, text, checked(plan, robot, cycle, following)
+
+
+def refuse_problems(result: DryRun, source: str, text: str = "", most: int = 10) -> None:
+    """Refuse a plan whose dry run has found problems.
+
+    Parameters
+    ----------
+    source : str
+        Names the plan.
+    text : str
+        Its file's content, whose lines are stated.
+
+    Raises
+    ------
+    FileError
+        With the problems.
+    """
+    if result.problems:
+        raise FileError(describe_problems(result, text, source, most))
+
+
+def describe_problems(result: DryRun, text: str, source: str, most: int = 10) -> str:
+    """Return one line for each problem up to `most`, with its place in the plan's `text`."""
+    lines = [
+        f"{source}:{line_of(text, problem.location)}:"
+        f" {'.'.join(map(str, problem.location))}: {problem.message}"
+        for problem in result.problems[:most]
+    ]
+    more = len(result.problems) - most
+    return "\n".join([*lines, f"... and {more} more of that kind"] if more > 0 else lines)
+
+
+def opener(
+    drives: DrivesFile,
+    keeper: SettingsKeeper,
+    interface: str,
+    channel: str,
+    options: Mapping[str, object] | None = None,
+    pacing: PacingName = "auto",
+    frame_log: Path | None = None,
+    *,
+    feeds: bool = False,
+) -> Callable[[], DriveBus]:
+    """Return what opens the bus of the drives."""
+    return lambda: opening.open_drive_bus(
+        drives, interface, channel, dict(options or {}), pacing, frame_log, keeper,
+        feed_forward=feeds,
+    )  # fmt: skip
+
+
+def measure(
+    plan: Plan | Path | str,
+    output: Path | str,
+    robot: Robot | Path | str | None = None,
+    *,
+    drives: Path | None = None,
+    interface: str = SIMULATED,
+    channel: str | None = None,
+    options: Mapping[str, object] | None = None,
+    resume: bool = False,
+    on_event: Callable[[Event], None] = lambda _: None,
+) -> Run:
+    """Measure a plan into a run folder; the robot moves.
+
+    As `hil run` does, without its terminal: nobody is asked and no key stops it. Ctrl-C does, and
+    whatever ends the campaign, the axes stop and are switched off; what was measured stays, and
+    `resume` measures the rest.
+
+    Parameters
+    ----------
+    plan : Plan or path
+    output : path
+        Run folder to write.
+    robot : Robot, path or str, optional
+        By default the one that the plan names.
+    drives : path, optional
+        Drives file; the built-in one of the robot by default.
+    interface, channel : str
+        Of python-can; by default the virtual plant of the robot.
+    options : mapping, optional
+        Further arguments of the interface.
+    resume : bool
+        Continue a run that was stopped.
+    on_event : callable
+        Takes each event of the campaign, such as a recording that is done.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    FileError
+        A plan that cannot be measured, or a folder that holds another run.
+    DriveError
+        Drives or bus failed.
+    """
+    output = Path(output)
+    the_plan, the_robot = opened_plan(plan, robot)
+    own, text, found = checked_drives(the_plan, the_robot, drives)
+    named = Path(plan) if isinstance(plan, (str, Path)) else None
+    content = "" if named is None else named.read_text(encoding="utf-8")
+    refuse_problems(found, str(named or "plan"), content)
+    channel = channel or the_robot.name
+    with keeper_of_run(output, interface, channel) as keeper:
+        folder = prepared_folder(output, repeated(the_plan, 1), the_robot, text, resume=resume)[0]
+        if folder.missing:
+            bus = opener(own, keeper, interface, channel, options)
+            with (
+                locked(folder.path),
+                closing(run_campaign(folder, bus(), BusName(interface, channel))) as happening,
+            ):
+                for event in happening:
+                    on_event(event)
+    return Run.open(output)
+
+
+def refuse_unusable(path: Path, resume: bool) -> None:
+    """Refuse a folder for what is in it, before the plan is gone through.
+
+    Raises
+    ------
+    FileError
+        There is a run already, or none to resume.
+    """
+    if RunFolder.is_stub(path):
+        return
+    if resume or (path / "run.json").exists():
+        folder = RunFolder.open(path)
+        if resume or folder.only_rehearsed:
+            return
+    RunFolder.refuse_taken(path)
+
+
+def prepared_folder(
+    path: Path, plan: Plan, robot: Robot, drives: str, *, resume: bool
+) -> tuple[RunFolder, list[str]]:
+    """Make the folder of a new run, or open that of one to be resumed or only rehearsed so far.
+
+    Returns
+    -------
+    RunFolder, list of str
+        What was set aside for being damaged.
+
+    Raises
+    ------
+    FileError
+        There is a run already, or the one to resume measured something else.
+    """
+    resume = resume and not RunFolder.is_stub(path)
+    folder = RunFolder.open(path) if resume or (path / "run.json").exists() else None
+    if folder is None or not (resume or folder.only_rehearsed):
+        return RunFolder.create(path, plan, robot, drives), []
+    folder.refuse_changes(plan, robot, drives)
+    return folder, list(folder.set_aside_damaged())

@@ -1,0 +1,65 @@
+"""A plan with its robot and its workspace, as commands and Python name them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+from hil.model.robot import Robot, load_robot, refuse_unknown
+from hil.planning.plan import Plan, load_plan, refuse_other_robot
+from hil.planning.workspace_check import load_workspace
+
+if TYPE_CHECKING:
+    from hil.planning.workspace import Workspace
+
+
+def opened_plan(
+    plan: Plan | Path | str,
+    robot: Robot | Path | str | None = None,
+    workspace: Workspace | Path | str | None = None,
+) -> tuple[Plan, Robot]:
+    """Return a plan, its robot and the workspace that holds for it.
+
+    Parameters
+    ----------
+    plan : Plan or path
+    robot : Robot, path or str, optional
+        By default the one that the plan names.
+    workspace : Workspace or path, optional
+        In place of the plan's own.
+
+    Raises
+    ------
+    FileError
+        One of the files cannot be used, or the plan is of another robot.
+    """
+    source = str(plan) if isinstance(plan, (str, Path)) else "plan"
+    the_plan = plan if isinstance(plan, Plan) else load_plan(Path(plan))
+    if not isinstance(robot, Robot):
+        robot = load_robot(robot or _robot_file(the_plan, Path(source)))
+    refuse_unknown(robot)
+    refuse_other_robot(the_plan, robot, source)
+    if workspace is not None:
+        if isinstance(workspace, (str, Path)):
+            workspace = load_workspace(Path(workspace), robot)
+        the_plan = the_plan.model_copy(update={"workspace": workspace})
+    return the_plan, robot
+
+
+def _robot_file(the_plan: Plan, source: Path) -> str | Path:
+    """Name of the plan's robot, or path of its file.
+
+    Raises
+    ------
+    FileError
+        The file is not where the plan says.
+    """
+    if the_plan.robot.file is None:
+        return the_plan.robot.name
+    path = source.parent / the_plan.robot.file
+    if not path.exists():
+        raise FileError(
+            f"{source}: robot.file: {path} is not there; name the robot file with --robot"
+        )
+    return path
