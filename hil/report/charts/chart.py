@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from hil.arrays import Array
-
 
 INK, MUTED, GRID = "#1f2933", "#7b8794", "#e4e7eb"
 MEASURED, MODEL = "#1f5fa8", "#d9730d"
@@ -105,15 +103,7 @@ class Rule:
     dash: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Matrix:
-    """Shares from -1 to 1 as coloured cells, rows and columns by name."""
-
-    values: Array
-    names: Sequence[str]
-
-
-Item = Points | Line | Band | Rule | Matrix
+Item = Points | Line | Band | Rule
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +163,7 @@ class Chart:
         """What is labelled, each label once."""
         labelled: dict[str, Item] = {}
         for item in self.items():
-            if not isinstance(item, Matrix) and item.label:
+            if item.label:
                 labelled.setdefault(item.label, item)
         return labelled
 

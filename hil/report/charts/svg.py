@@ -2,8 +2,7 @@
 
 Text stays text, and colours are classes that the page's style sheet gives for light and dark paper.
 Points of measurements carry the measurement's id (``data-m``), which `report.js` shows and follows.
-A file is for papers: light, with its legend, needing nothing else. Of a matrix of shares from -1 to
-1 the colour of a cell is the sign, its strength the size.
+A file is for papers: light, with its legend, needing nothing else.
 """
 
 from __future__ import annotations
@@ -16,8 +15,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from hil.report.charts.axis import Scale, shown, text_of
-from hil.report.charts.chart import NAMES, Band, Line, Matrix, Points, Rule
-from hil.results.rounding import signed
+from hil.report.charts.chart import NAMES, Band, Line, Points, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -157,46 +155,6 @@ def _colour(colour: str) -> str:
     return f' class="{NAMES[colour]}"' if colour in NAMES else f' color="{colour}"'
 
 
-def matrix_in(
-    matrix: Matrix, left: float, top: float, size: float, explanation: str
-) -> Iterator[str]:
-    """Draw a matrix into a square with its names around, and below it the scale of colours.
-
-    Up to 20 rows leave room for figures.
-    """
-    n = len(matrix.names)
-    few = n <= 20
-    cell = size / n
-    for i, name in enumerate(matrix.names):
-        yield text(left - 5, top + (i + 0.65) * cell, name, "end")
-        if few:
-            yield text(left + (i + 0.5) * cell, top + size + 14, name, "middle")
-    for i, j in np.ndindex(n, n):
-        value = float(matrix.values[i, j])
-        x, y = left + j * cell, top + i * cell
-        if abs(value) >= 0.005:
-            yield _cell(x, y, cell, cell, value)
-        if few and i != j and abs(value) >= 0.05:
-            yield text(x + cell / 2, y + 0.65 * cell, signed(f"{value:.1f}"), "cell")
-    yield from _scale(left + size / 2, top + size + 26, explanation)
-
-
-def _cell(x: float, y: float, width: float, height: float, value: float) -> str:
-    sign = "plus" if value > 0 else "minus"
-    size = f'width="{number(width)}" height="{number(height)}"'
-    strength = f'fill-opacity="{0.85 * abs(value):.2f}"'
-    return f'<rect class="{sign}" x="{number(x)}" y="{number(y)}" {size} {strength}/>'
-
-
-def _scale(middle: float, top: float, explanation: str) -> Iterator[str]:
-    step = 12.0
-    for k in range(-10, 11):
-        yield _cell(middle + (k - 0.5) * step, top, step, 9, k / 10)
-    for value in (-1, -0.5, 0, 0.5, 1):
-        yield text(middle + 10 * value * step, top + 22, signed(f"{value:g}"), "middle")
-    yield text(middle, top + 40, explanation, "middle")
-
-
 RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 24.0, 38.0, 9.0
 """Margins around the field of a panel, beside its own on the left, and of the strip below it."""
 LETTER, BESIDE = 7.6, 28.0
@@ -215,19 +173,12 @@ def legend(chart: Chart) -> list[tuple[Markup, str]]:
 
 def size_of(panel: Panel) -> tuple[float, float]:
     """Width and height of a panel's picture."""
-    if any(isinstance(item, Matrix) for item in panel.items):
-        # the names of the columns and the scale of colours below them take 80
-        return panel.width, TOP + panel.height + 80.0
     strip = 0.0 if panel.below is None else panel.below.height + BETWEEN
     return panel.width, TOP + panel.height + strip + BOTTOM
 
 
 def drawn(panel: Panel) -> Iterator[str]:
     """All elements of a panel."""
-    for item in panel.items:
-        if isinstance(item, Matrix):
-            yield from matrix_in(item, panel.left, TOP, panel.height, panel.x_label)
-            return
     left = _left(panel)
     x = Scale(*_reach(panel), left, panel.width - RIGHT, panel.decades)
     marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart

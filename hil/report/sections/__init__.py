@@ -40,7 +40,6 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     friction.friction,
     elements.torques,
     of_run.drive_trains,
-    parameters.correlations,
     parameters.methods,
     of_run.sessions,
 )

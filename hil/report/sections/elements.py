@@ -7,13 +7,12 @@ wherever both appear. Residuals are drawn over all measurements, and over joint 
 from __future__ import annotations
 
 from functools import partial
-from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
-from hil.report.charts.chart import MODEL, MUTED, Chart, Line, Panel, Points, Rule
+from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, Rule
 from hil.report.section import Plot, Section
 from hil.results.rounding import signed
 from hil.results.tables import parameters as tables
@@ -62,7 +61,7 @@ def _elements_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
 
 
 def torques(run: ReportedRun) -> Section | None:
-    """Residuals of all measurements, over angles too, and predicted torques."""
+    """Residuals of all measurements, over angles too."""
     if run.found.prediction is None:
         return None
     kinds = {value.kind for value in run.estimate.local}
@@ -74,10 +73,7 @@ def torques(run: ReportedRun) -> Section | None:
     return Section(
         "Residuals and torques",
         "torques.html",
-        {
-            "residuals": tables.residuals(run.model),
-            "predicted": tables.predicted(run.found.prediction, run.robot),
-        },
+        {"residuals": tables.residuals(run.model)},
         (_all(run), *over_angles) if kinds else (),
     )
 
@@ -87,11 +83,9 @@ def _all(run: ReportedRun) -> Plot:
     return Plot(
         "residuals",
         partial(residuals, run.estimate, run.robot, planned),
-        "Residuals of all measurements as a share of torque limits, and their normal probability"
-        " plot.",
-        "Left: measured less modelled elements as torques (inertias times the acceleration they"
-        " were measured with), relative to the axis's limit, eq. (16). Right: the same, centred and"
-        " scaled by axis and kind; points far from the line are outliers.",
+        "Residuals of all measurements as a share of torque limits.",
+        "Measured less modelled elements as torques (inertias times the acceleration they were"
+        " measured with), relative to the axis's limit, eq. (16).",
     )
 
 
@@ -150,7 +144,7 @@ def _element(chosen: Sequence[tuple[int, LocalValue]], kind: ElementKind, robot:
 
 
 def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]) -> Chart:
-    """Draw what the model leaves of every measurement, as torque; and how normal that is.
+    """Draw what the model leaves of every measurement, as torque.
 
     Parameters
     ----------
@@ -158,32 +152,20 @@ def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMea
         Measurements by their id.
     """
     number = {value.id: k for k, value in enumerate(estimate.local, start=1)}
-    left, right = [], []
+    points = []
     for name, kind in ELEMENT_KINDS.items():
         values = [value for value in estimate.local if value.kind == name]
-        relative = np.array([_relative(value, robot, planned[value.id]) for value in values])
+        relative = [100 * _relative(value, robot, planned[value.id]) for value in values]
         places, ids = [number[value.id] for value in values], [value.id for value in values]
-        left.append(
-            Points(places, 100 * relative, kind.marker, kind.colour, name, ids=ids, size=2.6)
-        )
-        normal, scaled = _quantiles(relative, [value.axis for value in values])
-        right.append(Points(normal, scaled, kind.marker, kind.colour, ids=ids, size=2.3))
+        points.append(Points(places, relative, kind.marker, kind.colour, name, ids=ids, size=2.6))
     return Chart(
         (
             Panel(
-                (Rule(0.0), *left),
-                title="residuals of all measurements",
+                (Rule(0.0), *points),
                 x_label="measurement, in the plan's order",
                 y_label="measured − modelled [% of torque limit]",
                 whole=True,
-                width=700.0,
-                height=220.0,
-            ),
-            Panel(
-                (Line((-3.0, 3.0), (-3.0, 3.0), MUTED, width=1.0), *right),
-                title="normal probability plot",
-                x_label="quantile of the normal distribution",
-                y_label="residual, centred and scaled by axis",
+                width=1000.0,
                 height=220.0,
             ),
         )
@@ -255,15 +237,3 @@ def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> f
     """Measured less modelled as a torque over the axis's limit, eq. (16)."""
     torque = (value.shown[0] - value.model) * planned.torque_per_element
     return float(torque / robot.torque_limit[value.axis])
-
-
-def _quantiles(residual: Array, axes: Sequence[int]) -> tuple[Array, Array]:
-    """Where residuals of a kind would be were they normal, and they, standardised by axis."""
-    scaled, axis = residual.copy(), np.array(axes)
-    for a in set(axis.tolist()):
-        own = scaled[axis == a]
-        scatter = own.std(ddof=1) if len(own) > 1 else 0.0
-        scaled[axis == a] = (own - own.mean()) / (scatter or 1.0)
-    place = np.empty(len(scaled))
-    place[np.argsort(scaled, kind="stable")] = (np.arange(len(scaled)) + 0.5) / max(len(scaled), 1)
-    return np.array([NormalDist().inv_cdf(each) for each in place]), scaled

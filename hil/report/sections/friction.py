@@ -96,14 +96,6 @@ def models_plot(result: FrictionResult) -> Plot:
 
 
 def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
-    if result.axes:
-        yield Plot(
-            "normalised",
-            partial(plots.normalised, result),
-            "Friction over speed, normalised, one line an axis.",
-            "Friction characteristics of all axes, normalised to speed limit and largest friction"
-            " (the paper's Fig. 1a).",
-        )
     if result.drifts:
         yield Plot(
             "over-time",

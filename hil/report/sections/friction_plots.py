@@ -45,34 +45,11 @@ STYLES = {
 """Colour and line of each model."""
 
 
-def normalised(result: FrictionResult) -> Chart:
-    """Characteristics of all axes over their full speed ranges, normalised: Fig. 1a."""
-    items: list[Item] = []
-    for fit, colour in zip(result.axes, in_turn(len(result.axes)), strict=True):
-        own = sorted(result.of_axis(fit.axis), key=lambda p: p.velocity)
-        limit = float(result.robot.velocity_limit[fit.axis])
-        top = max(max(p.forward, -p.backward) for p in own)
-        items += _characteristic(own, limit, top, colour, f"axis {fit.axis + 1}")
-    return Chart(
-        (
-            Panel(
-                tuple(items),
-                x_label="speed / speed limit",
-                y_label="friction / largest friction",
-                width=640.0,
-                height=260.0,
-            ),
-        )
-    )
-
-
-def _characteristic(
-    own: Sequence[FrictionPoint], limit: float, top: float, colour: str, label: str
-) -> Iterator[Item]:
-    """Friction of both directions over the velocity, both relative to something."""
-    v = np.array([point.velocity for point in own]) / limit
-    forward = np.array([point.forward for point in own]) / top
-    backward = np.array([point.backward for point in own]) / top
+def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> Iterator[Item]:
+    """Friction of both directions over the velocity."""
+    v = np.array([point.velocity for point in own])
+    forward = np.array([point.forward for point in own])
+    backward = np.array([point.backward for point in own])
     x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
     ids = [point.id for point in own]
     yield Line(x, y, colour)
@@ -152,7 +129,7 @@ def _in_operation(result: FrictionResult, axis: int) -> Panel:
     for curve, colour in zip(curves, in_turn(len(curves)), strict=True):
         own = sorted(curve, key=lambda p: p.velocity)
         after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
-        items += _characteristic(own, 1.0, 1.0, colour, after)
+        items += _characteristic(own, colour, after)
     return Panel(
         tuple(items),
         title=f"axis {axis + 1}",

@@ -1,4 +1,4 @@
-"""The identified base parameters: how certain, how correlated, by either method."""
+"""The identified base parameters: how certain, by either method."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ import numpy as np
 from hil.errors import FileError
 from hil.estimation.identify import JOINT
 from hil.model.base_parameters import base_parameters
-from hil.report.charts.chart import MODEL, Chart, Matrix, Panel, Points, Rule
+from hil.report.charts.chart import MODEL, Chart, Panel, Points, Rule
 from hil.report.section import Plot, Section
 from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.tables import parameters as tables
 
 if TYPE_CHECKING:
-    from hil.estimation.estimate import Estimate
-    from hil.model.robot import Robot
     from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
     from hil.results.prediction import Prediction
@@ -76,18 +74,6 @@ def methods(run: ReportedRun) -> Section | None:
     return Section("Improved and published method", "methods.html", values)
 
 
-def correlations(run: ReportedRun) -> Section:
-    """Correlation matrix."""
-    plot = Plot(
-        "correlation",
-        partial(correlation_matrix, run.estimate, run.robot),
-        "Matrix of the correlations between the parameters' errors.",
-        "Correlations of the parameters' errors. Strongly correlated parameters are more certain"
-        " together than apart; the whole covariance is in model.yaml.",
-    )
-    return Section("Correlations of the parameters", "correlations.html", plots=(plot,))
-
-
 def intervals(model: Model, check: Model | None, prediction: Prediction) -> Chart:
     """Draw 95 % intervals of all parameters, and where the published method has them.
 
@@ -123,12 +109,3 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
             ),
         )
     )
-
-
-def correlation_matrix(estimate: Estimate, robot: Robot) -> Chart:
-    """Draw correlations of the parameters' errors, parameters in the order of their groups."""
-    base = base_parameters(robot)
-    order = [k for members in base.groups.values() for k in members]
-    found = Matrix(estimate.correlation[np.ix_(order, order)], [base.names[k] for k in order])
-    size = max(300.0, min(26.0 * len(order), 700.0))
-    return Chart((Panel((found,), x_label="correlation", width=size + 76.0, height=size),))

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
-    from hil.results.prediction import Prediction
     from hil.results.tables.table import Row
 
 
@@ -145,21 +144,6 @@ def residuals(model: IdentifiedRobot) -> Table:
             for axis, (left, limit) in enumerate(each, start=1)
         ),
         "Root mean square of what the local models of inertia and coupling leave of the torque.",
-    )
-
-
-def predicted(prediction: Prediction, robot: Robot) -> Table:
-    """Torques of a free motion and their standard error, joint by joint."""
-    each = zip(prediction.torque.tolist(), prediction.standard_error.tolist(), strict=True)
-    unit = robot.torque_units
-    return table(
-        "Predicted torques",
-        ("axis", *figures(f"rms, {unit}", f"std. error, {unit}", "error, %")),
-        (
-            (str(axis), significant(torque, 3), significant(error, 2), percent(error, torque))
-            for axis, (torque, error) in enumerate(each, start=1)
-        ),
-        "Rigid-body torques on a free motion that uses the limits, and their standard error.",
     )
 
 

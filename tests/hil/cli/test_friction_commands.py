@@ -110,9 +110,9 @@ def test_a_report_of_friction_alone_has_its_figures_and_no_links(folder, tmp_pat
     assert cli("report", folder, "--figures", tmp_path / "figures") == 0
     page = (folder / "report.html").read_text()
     assert "held out" in page
-    assert re.findall(r'<figure id="plot-([^"]+)"', page) == ["normalised", "models"]
+    assert re.findall(r'<figure id="plot-([^"]+)"', page) == ["models"]
     assert not re.search(r'(src|href)="(http|//)', page)
-    assert {p.name for p in (tmp_path / "figures").iterdir()} == {"normalised.svg", "models.svg"}
+    assert {p.name for p in (tmp_path / "figures").iterdir()} == {"models.svg"}
 
 
 def test_friction_alone_identifies_no_base_parameters(folder, capsys):

@@ -40,9 +40,7 @@ PLOTS = {
     *(f"{name}-angles" for name, kind in ELEMENT_KINDS.items() if not kind.pair),
     "friction",
     "residuals",
-    "correlation",
     "intervals",
-    "excluded",
     "torque",
     "friction-law",
 }
