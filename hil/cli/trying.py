@@ -39,6 +39,8 @@ LEARNING = 25.0
 which on a push does not count as scatter (`hil.watching.scatter`)."""
 PERIOD, HARMONICS = 10.0, 4
 """Of the motion that is pushed [s]: slow enough for the mouse to follow."""
+AT_ONCE = 5
+"""Samples that are judged together, every 20 ms: in real time on a busy computer, too."""
 SPEED = 0.3
 """Share of the velocity limit that it uses."""
 
@@ -89,8 +91,9 @@ def try_(
         shown = listeners(Shown(live=port), [f"hand={hand}"], folder / "measured", while_open=True)
         feed = Feed(shown, robot, plan, simulated=True)
         stated = left.enter_context(feed.open(out))
-        if not no_browser:
-            _open_browser(stated)
+        feed.publish("headline", {"text": "Checking the plan; then the drives are switched on"})
+        if no_browser or not _open_browser(stated):
+            say("open this address in a browser; Ctrl-C ends it all")
         model = _measure(robot, plan, folder / "measured", feed, speed)
         found = _push(robot, model, folder, feed, hand, push)
         feed.publish("headline", {"text": f"Done: {found}; both runs are kept in {folder}"})
@@ -196,7 +199,7 @@ def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, durat
         view = WatchView(watcher, robot)
 
     def in_front(bus: DriveBus) -> DriveBus:
-        return WatchingBus(PacedBus(bus, 1.0), watcher, view.take)
+        return WatchingBus(PacedBus(bus, 1.0), watcher, view.take, at_once=AT_ONCE)
 
     how = OnBus(bus_option=[f"hand={hand}"], feed=feed)
     path = folder / "pushed"
@@ -229,8 +232,8 @@ def _remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def _open_browser(stated: Sequence[str]) -> None:
-    """Open the page, where there is a screen: a browser of the terminal would take it over."""
+def _open_browser(stated: Sequence[str]) -> bool:
+    """Open the page where there is a screen: a browser of the terminal would take that over."""
     import os
     import sys
     import webbrowser
@@ -238,7 +241,8 @@ def _open_browser(stated: Sequence[str]) -> None:
 
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     if sys.platform.startswith("linux") and not any(map(os.environ.get, screens)):
-        return
+        return False
     address = stated[0].partition("http")[1:]
     # some browsers are waited for until they are closed
     Thread(target=webbrowser.open, args=("".join(address),), daemon=True).start()
+    return True

@@ -169,12 +169,15 @@ class Feed:
         if watcher.learning is not self._learning:
             self._learning = watcher.learning
             self.publish("headline", {"text": self._state_of(watcher)})
-        for raised in watcher.alarms[self._alarms :]:
+        begun = watcher.alarms[self._alarms :]
+        self._alarms += len(begun)
+        for raised in begun:
             self.publish("alarm", lines.alarm(raised, watcher.unit(raised)))
-            size = f"{raised.torque:.3g}".replace("-", "\N{MINUS SIGN}")
-            push = f"axis {raised.axis}, {size} {watcher.unit(raised)}"
+        if begun:
+            clearest = max(begun, key=lambda each: abs(each.torque) / each.threshold)
+            size = f"{clearest.torque:.3g}".replace("-", "\N{MINUS SIGN}")
+            push = f"axis {clearest.axis}, {size} {watcher.unit(clearest)}"
             self.publish("headline", {"text": f"Push found: {push}"})
-        self._alarms = len(watcher.alarms)
 
     def _state_of(self, watcher: Watcher) -> str:
         if watcher.learning:

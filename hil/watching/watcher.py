@@ -94,10 +94,10 @@ class Watcher:
         self._last: Judged | None = None
         self.trace = Trace(n, period)
 
-    def take(self, sample: Sample) -> tuple[Alarm, ...]:
-        """Take the next sample; return the alarms that begin with it."""
-        q, tau = np.array(sample.q)[np.newaxis], np.array(sample.tau)[np.newaxis]
-        return self.take_all(np.array([sample.time]), q, tau)
+    def take(self, *samples: Sample) -> tuple[Alarm, ...]:
+        """Take the next samples; return the alarms that begin with them."""
+        columns = zip(*((each.time, each.q, each.tau) for each in samples), strict=True)
+        return self.take_all(*map(np.array, columns))
 
     def take_all(self, time: Array, q: Array, tau: Array) -> tuple[Alarm, ...]:
         """Take the next samples, with the same result as one by one; return their alarms.
@@ -303,6 +303,9 @@ class WatchingBus(BusInFront):
     stop : bool
         Stop all axes at the first alarm: it is raised as `Tripped`, and who leaves the bus with it
         has the axes stopped and switched off.
+    at_once : int
+        Samples that are judged together: with the same result, sooner than one by one, but an alarm
+        waits for the last of them.
     """
 
     def __init__(
@@ -312,8 +315,11 @@ class WatchingBus(BusInFront):
         show: Callable[[Alarm | None], None],
         *,
         stop: bool = False,
+        at_once: int = 1,
     ) -> None:
         super().__init__(bus)
+        self._at_once = at_once
+        self._held: list[Sample] = []
         self._watcher = watcher
         self._show = show
         self._stop = stop
@@ -327,7 +333,11 @@ class WatchingBus(BusInFront):
             There is an alarm at which the axes are to be stopped.
         """
         sample = self._bus.sample()
-        alarms = self._watcher.take(sample)
+        self._held.append(sample)
+        alarms: tuple[Alarm, ...] = ()
+        if len(self._held) == self._at_once:
+            alarms = self._watcher.take(*self._held)
+            self._held.clear()
         if alarms and self._stop:
             raise Tripped(f"{in_words(alarms[0], self._watcher.unit(alarms[0]))}; all axes stop")
         for alarm in alarms or (None,):

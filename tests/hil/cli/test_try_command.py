@@ -197,11 +197,11 @@ def test_a_browser_opens_where_there_is_a_screen_and_a_terminal_is_left_alone(
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
         monkeypatch.delenv(name, raising=False)
-    trying._open_browser(["live page: http://127.0.0.1:1234/"])
+    assert not trying._open_browser(["live page: http://127.0.0.1:1234/"])
     time.sleep(0.1)
     assert opened == []
     monkeypatch.setenv("DISPLAY", ":0")
-    trying._open_browser(["live page: http://127.0.0.1:1234/"])
+    assert trying._open_browser(["live page: http://127.0.0.1:1234/"])
     while not opened:
         time.sleep(0.01)
     assert opened == ["http://127.0.0.1:1234/"]

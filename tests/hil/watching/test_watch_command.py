@@ -185,15 +185,20 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
     assert (folder / "watch.html").is_file()
 
 
-def test_samples_one_by_one_show_what_all_together_show(
-    pushed: tuple[Path, Result], model: Path
+@pytest.mark.parametrize("at_once", [1, 5])
+def test_samples_one_by_one_or_in_small_groups_show_what_all_together_show(
+    pushed: tuple[Path, Result], model: Path, at_once: int
 ) -> None:
     recording = Run.open(pushed[0] / "run")["t"].recording
     live, later = (Watcher(Model.load(model), 0.004, 5.0) for _ in range(2))
     times = slice(0, 1500)
     later.take_all(recording.time[times], recording.q[times], recording.tau[times])
-    for t, q, tau in zip(recording.time[times], recording.q, recording.tau, strict=False):
-        live.take(Sample(float(t), tuple(q), tuple(tau), (0,) * 6, reached=False))
+    samples = [
+        Sample(float(t), tuple(q), tuple(tau), (0,) * 6, reached=False)
+        for t, q, tau in zip(recording.time[times], recording.q, recording.tau, strict=False)
+    ]
+    for first in range(0, len(samples), at_once):
+        live.take(*samples[first : first + at_once])
     assert live.torques() == pytest.approx(later.torques(), rel=1e-9)
     for one, all_ in zip(live.sights(), later.sights(), strict=True):
         assert (one.soon, one.late) == pytest.approx((all_.soon, all_.late), rel=1e-9)
