@@ -1,13 +1,20 @@
 """Run folders with known parameters, written in a moment: recordings without a plant."""
 
 import json
+import shutil
+import tempfile
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
+from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.report.charts.chart import Chart
+from hil.results.identification import identify
+from hil.results.model_file import NAME
 from hil.runs.journal import BusName, axis_records
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
@@ -40,6 +47,30 @@ def write_run(path, robot, truth=None, seed=1, more=()):
             folder.write(Measured(measurement, recording, session=session))
             begin = float(recording.time[-1]) + 1.0
     return folder
+
+
+@cache
+def identified_model(seed=1):
+    """The model of `write_run`'s small run of the manutec-r15, estimated once a process."""
+    return identify(RunFolder.open(_identified(seed)))
+
+
+def identified_run(path, seed=1):
+    """Put a copy of that run with its model at `path`; return that."""
+    shutil.copytree(_identified(seed), path)
+    identified_model(seed).save(path / NAME)
+    return path
+
+
+@cache
+def _identified(seed):
+    place = tempfile.TemporaryDirectory()
+    _KEPT.append(place)
+    return write_run(Path(place.name) / "run", load_robot("manutec-r15"), seed=seed).path
+
+
+_KEPT = []
+"""Folders that are there until this process ends."""
 
 
 def as_on_hardware(journal, bus):

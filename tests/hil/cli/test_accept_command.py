@@ -8,9 +8,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 import yaml
-from small_run import write_run
+from small_run import identified_run
 
-from hil.results.identification import identify
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -18,14 +17,10 @@ if TYPE_CHECKING:
 
     from command_line import Hil
 
-    from hil.model.robot import Robot
-
 
 @pytest.fixture(scope="module")
-def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = write_run(tmp_path_factory.mktemp("accept") / "run", manutec)
-    identify(folder).save(folder.path / "model.yaml")
-    return folder.path
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return identified_run(tmp_path_factory.mktemp("accept") / "run")
 
 
 @pytest.fixture

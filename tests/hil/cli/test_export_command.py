@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from small_run import write_run
+from small_run import identified_run, write_run
 
 from hil.export.formats import FORMATS, RECORDINGS, SIMULATORS
-from hil.results.identification import identify
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.model import Model
 from hil.results.model_file import NAME
@@ -31,11 +30,9 @@ HOW_TO_RECORDINGS = GUIDES / "other-tools.md"
 
 
 @pytest.fixture(scope="module")
-def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of an identified run."""
-    folder = write_run(tmp_path_factory.mktemp("export") / "run", manutec)
-    identify(folder).save(folder.path / NAME)
-    return folder.path
+    return identified_run(tmp_path_factory.mktemp("export") / "run")
 
 
 def judged(model: Model, word: str) -> Model:

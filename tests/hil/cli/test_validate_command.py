@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from small_run import empty_plots, write_run
+from small_run import empty_plots, identified_run, write_run
 
 from hil.errors import Mismatch
 from hil.model.robot import parse_robot
@@ -29,10 +29,8 @@ if TYPE_CHECKING:
 def folders(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """An identified run, and another one of the same robot."""
     where = tmp_path_factory.mktemp("runs")
-    first = write_run(where / "first", manutec, seed=1)
-    identify(first).save(first.path / NAME)
     other = write_run(where / "other", manutec, seed=2)
-    return first.path, other.path
+    return identified_run(where / "first"), other.path
 
 
 def test_a_good_model_passes_and_keeps_the_verdict(hil: Hil, folders: tuple[Path, Path]) -> None:

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from small_run import SIMULATED, write_run
+from small_run import SIMULATED, identified_run
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.planning.design.friction import sweep
 from hil.report.reported_run import friction_of_run
 from hil.results.friction import evaluate
 from hil.results.friction_file import write_friction
-from hil.results.identification import identify
 from hil.runs.pooling import recorded
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
@@ -20,10 +19,8 @@ BOUND = 0.31
 
 
 @pytest.fixture(scope="module")
-def model_folder(manutec, tmp_path_factory):
-    run = write_run(tmp_path_factory.mktemp("identified") / "run", manutec)
-    identify(run).save(run.path / "model.yaml")
-    return run.path
+def model_folder(tmp_path_factory):
+    return identified_run(tmp_path_factory.mktemp("identified") / "run")
 
 
 @pytest.fixture

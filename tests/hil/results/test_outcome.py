@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import yaml
-from small_run import write_run
+from small_run import identified_model, write_run
 
 from checked_files.yaml_file import FileError
 from hil.errors import NotIdentifiable
@@ -33,8 +33,8 @@ STATED = {"torque_constant_uncertainty": 0.02, "rotor_inertia_uncertainty": 0.05
 
 
 @pytest.fixture(scope="module")
-def model(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Model:
-    return identify(write_run(tmp_path_factory.mktemp("run") / "run", manutec, seed=1))
+def model() -> Model:
+    return identified_model()
 
 
 def proof(*found: Found) -> Excluded:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from scipy import special
-from small_run import write_run
+from small_run import identified_model, write_run
 
 from hil.estimation.signals import signals
 from hil.results.identification import identify
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture(scope="module")
-def model(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Model:
-    return identify(write_run(tmp_path_factory.mktemp("first") / "run", manutec, seed=1))
+def model() -> Model:
+    return identified_model()
 
 
 @pytest.fixture(scope="module")
