@@ -55,6 +55,27 @@ class SyncManager(NamedTuple):
         return bool(self.control & 0x40)
 
 
+class LogicalPart(NamedTuple):
+    """What of a slave's memory a logical datagram has to do with.
+
+    Attributes
+    ----------
+    place, first, size : int
+        Where it begins in memory and in the datagram's data, and its length [bytes].
+    is_written, is_read : bool
+        By the master.
+    is_bytewise : bool
+        It is one of whole bytes.
+    """
+
+    place: int
+    first: int
+    size: int
+    is_written: bool
+    is_read: bool
+    is_bytewise: bool
+
+
 class _Fmmu(NamedTuple):
     """Where a part of memory stands in logical memory."""
 
@@ -104,6 +125,22 @@ class Controller:
         if self._managers is None:
             self._load()
         return self._managers or []
+
+    @property
+    def set_up(self) -> list[SyncManager] | None:
+        """The very list of sync managers, a new one after every change; None while it is stale."""
+        return self._managers
+
+    def parts(self, logical: int, size: int) -> list[LogicalPart]:
+        """Return what a logical datagram touches."""
+        if self._managers is None:
+            self._load()
+        found = [(fmmu, _overlap(fmmu, logical, size)) for fmmu in self._fmmus]
+        return [
+            LogicalPart(*place, bool(fmmu.kind & _WRITE), bool(fmmu.kind & _READ), fmmu.is_bytewise)
+            for fmmu, place in found
+            if place[2] > 0
+        ]
 
     def _load(self) -> None:
         """Take over how sync managers and FMMUs are set; one that is off has no full mailbox."""

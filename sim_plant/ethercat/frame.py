@@ -19,6 +19,7 @@ ETHERTYPE = 0x88A4
 _ETHERNET = 14
 _DATAGRAMS = _ETHERNET + 2
 _HEADER = struct.Struct("<BBHHHH")
+HEADER_SIZE = _HEADER.size
 _COUNTER = struct.Struct("<H")
 _DATAGRAM_TYPE = 1
 """Type in bits 12 to 15 of the frame header: datagrams."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from sim_plant.drive.process_image import AxisImage
 from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.cyclic_frame import CyclicFrame
 from sim_plant.ethercat.frame import (
     BROADCAST,
     LOGICAL,
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 
 _HOP = 300
 """Time from one slave to the next, forwarding and 10 m of cable [ns]."""
+_FIRST = 16
+"""Where the command of the first datagram stands."""
 _SIMULTANEOUS = 1e-6
 """SYNC0 of slaves are taken for one instant if they are not further apart [s]."""
 _LINK_FIRST, _LINK_NEXT = 0x0010, 0x0020
@@ -75,6 +78,7 @@ class Segment(TimedNetwork):
         self._latched: float | None = None
         self._exchanged: set[int] = set()
         self.cuts: set[int] = set()
+        self._usual: CyclicFrame | None = None
         self.nodes: tuple[EthercatSlave, ...] = tuple(
             EthercatSlave(settings, axis, AxisImage(self._image, i), self._timers, self._latch_once)
             for i, (settings, axis) in enumerate(zip(machine.drives, machine.axes, strict=True))
@@ -91,6 +95,13 @@ class Segment(TimedNetwork):
         reached = self._reached()
         if not reached:
             return None
+        usual = self._usual
+        if usual is not None and reached is self.nodes and usual.fits(frame):
+            answer = usual.passed(frame)
+            for node in self.nodes:
+                node.take_outputs()
+            self._finish_cycle()
+            return answer
         self._show_links(len(reached))
         passing = bytearray(frame)
         waits = False
@@ -100,7 +111,16 @@ class Segment(TimedNetwork):
                 self._pass(datagram, reached)
         mark_passed(passing)
         self._work(reached, waits=waits)
+        self._usual = None
+        if reached is self.nodes and self._is_cyclic(frame):
+            usual = CyclicFrame(self.nodes, frame)
+            self._usual = usual if usual.is_plain else None
         return bytes(passing)
+
+    def _is_cyclic(self, frame: bytes) -> bool:
+        """Whether a frame begins with process data, and all slaves exchange them."""
+        logical = frame[_FIRST] in LOGICAL if len(frame) > _FIRST else False
+        return logical and all(node.exchanges for node in self.nodes)
 
     def elapse(self, duration: float) -> None:
         """Let time pass [s]."""

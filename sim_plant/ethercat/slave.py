@@ -155,6 +155,14 @@ class EthercatSlave(Cia402Drive):
             by_alias and position == self.controller.word(reg.ALIAS)
         )
 
+    def take_outputs(self) -> None:
+        """Take note that outputs have come, and nothing else."""
+        self._new_outputs = True
+        if self.controller.managers[OUTPUTS].feeds_watchdog:
+            self._feed()
+        if self.controller.is_full(OUT):
+            self.mailbox.work()
+
     def work(self, forward: int, back: int | None) -> bool:
         """Carry out what the frame has set off; return whether its outputs have come.
 

@@ -1,0 +1,164 @@
+"""A frame with process data that comes again and again: what slaves do with it, worked out once.
+
+Masters send the same datagrams in every cycle, with other data. As long as sync managers, FMMUs and
+cables stay as they are, each byte of such a frame goes to the same place in the memory of the same
+slave, or comes from there. So the first frame is passed datagram by datagram, and those that are
+laid out alike are copied.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, NamedTuple
+
+from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.frame import HEADER_SIZE, LOGICAL, Command, datagrams, mark_passed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sim_plant.ethercat.controller import Controller, LogicalPart, SyncManager
+    from sim_plant.ethercat.frame import Datagram
+    from sim_plant.ethercat.slave import EthercatSlave
+
+_COUNTER = struct.Struct("<H")
+
+
+class _Copy(NamedTuple):
+    """Bytes of a frame that belong to bytes of a slave's memory."""
+
+    controller: Controller
+    place: int
+    start: int
+    end: int
+
+
+class _Shown(NamedTuple):
+    """Registers of all slaves in a datagram, each bit that any has."""
+
+    controllers: Sequence[Controller]
+    place: int
+    start: int
+    end: int
+
+
+class CyclicFrame:
+    """A layout of frames, and what is to be copied.
+
+    Parameters
+    ----------
+    slaves : sequence of EthercatSlave
+        All that a frame reaches.
+    frame : bytes
+        As it comes.
+
+    Attributes
+    ----------
+    is_plain : bool
+        The layout is one of process data for all slaves and of registers that are read: whatever
+        else is to be passed datagram by datagram.
+    """
+
+    def __init__(self, slaves: Sequence[EthercatSlave], frame: bytes) -> None:
+        self._controllers = [slave.controller for slave in slaves]
+        self._managers = [controller.managers for controller in self._controllers]
+        self._size = len(frame)
+        self._written: list[_Copy] = []
+        self._read: list[_Copy] = []
+        self._shown: list[_Shown] = []
+        self._counted: list[tuple[int, int]] = []
+        self.is_plain = True
+        layout, end = "<", 0
+        for datagram in datagrams(bytearray(frame)):
+            layout += f"{datagram.place - end}xBx6s2x{datagram.size}xH"
+            end = datagram.place + HEADER_SIZE + datagram.size + _COUNTER.size
+            if datagram.command in LOGICAL:
+                self._lay(datagram)
+            elif datagram.command is Command.BRD and datagram.offset < reg.PROCESS_MEMORY:
+                self._show(datagram)
+            else:
+                self.is_plain = False
+        self._layout = struct.Struct(layout)
+        self._head = self._layout.unpack_from(frame)
+        self.is_plain &= not any(self._head[2::3])  # counters, which begin at zero
+        self.is_plain &= {id(each.controller) for each in self._written} == {
+            id(controller) for controller in self._controllers
+        } and len(self._written) == len(self._controllers)
+
+    def fits(self, frame: bytes) -> bool:
+        """Whether a frame is laid out alike, and slaves are set up as they were."""
+        if len(frame) != self._size or self._layout.unpack_from(frame) != self._head:
+            return False
+        for controller, managers in zip(self._controllers, self._managers, strict=True):
+            if controller.set_up is not managers:
+                return False
+        return True
+
+    def passed(self, frame: bytes) -> bytes:
+        """Return what becomes of a frame that fits."""
+        passing = bytearray(frame)
+        for controller, place, start, end in self._read:
+            passing[start:end] = controller.memory[place : place + end - start]
+        for controller, place, start, end in self._written:
+            controller.memory[place : place + end - start] = frame[start:end]
+        for controllers, place, start, end in self._shown:
+            bits, size = int.from_bytes(frame[start:end], "little"), end - start
+            for controller in controllers:
+                bits |= int.from_bytes(controller.memory[place : place + size], "little")
+            passing[start:end] = bits.to_bytes(size, "little")
+        for place, count in self._counted:  # working counters, and slaves passed by
+            _COUNTER.pack_into(passing, place, count)
+        mark_passed(passing)
+        return bytes(passing)
+
+    def _lay(self, datagram: Datagram) -> None:
+        data = datagram.place + HEADER_SIZE
+        reads, writes = datagram.command is not Command.LWR, datagram.command is not Command.LRD
+        count = 0
+        for controller in self._controllers:
+            has_read = has_written = False
+            for part in controller.parts(datagram.logical, datagram.size):
+                start, end = data + part.first, data + part.first + part.size
+                if part.is_written and writes:
+                    self._take(controller, part, start, end)
+                    has_written = True
+                if part.is_read and reads:
+                    self._give(controller, part, start, end)
+                    has_read = True
+                self.is_plain &= part.is_bytewise
+            count += has_read + has_written * (2 if reads else 1)
+        self._count(datagram, count)
+
+    def _take(self, controller: Controller, part: LogicalPart, start: int, end: int) -> None:
+        guard = _guard(controller, part)
+        self.is_plain &= guard is not None and guard.is_written
+        self._written.append(_Copy(controller, part.place, start, end))
+
+    def _give(self, controller: Controller, part: LogicalPart, start: int, end: int) -> None:
+        guard = _guard(controller, part)
+        is_register = part.place + part.size <= reg.PROCESS_MEMORY
+        self.is_plain &= is_register or (guard is not None and not guard.is_written)
+        self._read.append(_Copy(controller, part.place, start, end))
+
+    def _show(self, datagram: Datagram) -> None:
+        start = datagram.place + HEADER_SIZE
+        times = datagram.offset + datagram.size > reg.RECEIVE_TIMES
+        self.is_plain &= not (times and datagram.offset < reg.TIME_OFFSET)
+        self._shown.append(_Shown(self._controllers, datagram.offset, start, start + datagram.size))
+        number = len(self._controllers)
+        self._counted.append((datagram.place + 2, (datagram.position + number) & 0xFFFF))
+        self._count(datagram, number)
+
+    def _count(self, datagram: Datagram, count: int) -> None:
+        place = datagram.place + HEADER_SIZE + datagram.size
+        self._counted.append((place, count))
+
+
+def _guard(controller: Controller, part: LogicalPart) -> SyncManager | None:
+    """Return the one sync manager of process data whose part this is as a whole."""
+    end = part.place + part.size
+    found = [m for m in controller.managers if m.is_active and m.start < end]
+    found = [m for m in found if part.place < m.start + m.size]
+    if len(found) != 1 or found[0].is_mailbox:
+        return None
+    return found[0] if (found[0].start, found[0].size) == (part.place, part.size) else None

@@ -1,0 +1,76 @@
+"""Frames that come again and again are passed as any frame is."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+import pytest
+from ethercat_master import Master
+from ideal_machine import IdealMachine
+
+from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.cyclic_frame import CyclicFrame
+from sim_plant.ethercat.frame import Command
+from sim_plant.ethercat.segment import Segment
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+AXES = 3
+
+
+def session(segment: Segment) -> tuple[list[bytes | None], int]:
+    """Return what came back of frames of which many are alike, and how many were so for it."""
+    answers: list[bytes | None] = []
+    alike = 0
+
+    def process(frame: bytes) -> bytes | None:
+        nonlocal alike
+        usual = segment._usual
+        alike += usual is not None and usual.fits(frame)
+        answers.append(segment.process(frame))
+        return answers[-1]
+
+    master = Master(process)
+    master.to_op(*range(AXES))
+
+    def cycle(word: int, target: int) -> None:
+        outputs = struct.pack("<Hiih", word, target, 0, 0)
+        logical = [(Command.LRW, 0x100 * n, 0, outputs + bytes(12)) for n in range(AXES)]
+        master.send(*logical, (Command.BRD, 0, reg.AL_STATUS, bytes(2)))
+
+    for step in range(60):
+        cycle((6, 7, 15)[min(step // 3, 2)], 100 * step)
+        if step == 20:
+            master.upload(1, 0x6064)
+        if step == 30:
+            master.request(2, 4)
+        if step == 40:
+            master.request(2, 8)
+        if step == 50:
+            segment.cuts.add(2)
+        if step == 53:
+            segment.cuts.clear()
+    segment.elapse(0.2)
+    cycle(15, 0)
+    return answers, alike
+
+
+@pytest.fixture
+def switched_on() -> Callable[[], Segment]:
+    def made() -> Segment:
+        segment = Segment(IdealMachine(AXES))
+        segment.power_on()
+        return segment
+
+    return made
+
+
+def test_every_byte_is_the_same(
+    switched_on: Callable[[], Segment], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual, alike = session(switched_on())
+    monkeypatch.setattr(CyclicFrame, "fits", lambda *_: False)
+    assert session(switched_on()) == (usual, 0)
+    assert alike > 40
