@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from drivers.ethercat.objects import CYCLES
+from drivers.commissioning.held_values import assignment_slot
+from drivers.ethercat.objects import ASSIGNED_IN, ASSIGNED_OUT, CYCLES
 from drivers.ethercat.pdo_set_up import MAPPING_IN, MAPPING_OUT, others, set_up_process_data
 from drivers.ethercat.process_layout import Mapped, inputs_of, ours, outputs_of
 from drivers.ethercat.requirements import REQUIREMENTS
@@ -40,7 +41,10 @@ class EthercatCommunication:
     beside: tuple[tuple[Entry, int], ...] = ()
 
     requirements: ClassVar = REQUIREMENTS
-    later: ClassVar[tuple[Entry, ...]] = ()
+    later: ClassVar[tuple[Entry, ...]] = tuple(
+        assignment_slot(index, number) for index in (ASSIGNED_OUT, ASSIGNED_IN) for number in (2, 3)
+    )
+    """What is written where mappings turn out to be fixed."""
 
     @classmethod
     def wanted(cls, axis: AxisDrive, *, feed_forward: bool = False) -> Self:

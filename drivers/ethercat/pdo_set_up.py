@@ -1,9 +1,9 @@
 """Process data set up by explicit SDO, each step read back.
 
 A mapping may be changed while nothing is assigned, and what is assigned in PREOP only: assignment
-0, mapping 0, entries, count n, assignment. Many drives have fixed mappings: then one that carries
-what we need is looked for among those that are assigned, and it is taken as it is. What else such
-a mapping sends to the drive goes on to be what the drive holds.
+0, mapping 0, entries, count n, assignment. A mapping with too little room goes on in the next.
+Many drives have fixed mappings: then those are assigned that carry what we need, as they are. What
+else they send to the drive goes on to be what the drive holds.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from drivers.drive_bus import DriveRefused
 from drivers.ethercat.objects import ASSIGNED_IN, ASSIGNED_OUT
 from drivers.ethercat.process_layout import ROOM, Mapped, inputs_of, mapping_word, ours, outputs_of
 from drivers.fieldbus import Entry
-from drivers.remote_dictionary import ABSENT, FIXED_CODES, Aborted
+from drivers.remote_dictionary import ABSENT, FIXED_CODES, RANGE_CODES, Aborted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from drivers.drives_file import AxisDrive
     from drivers.remote_dictionary import RemoteDictionary
@@ -31,6 +31,10 @@ MAPPING_OUT, MAPPING_IN = 0x1600, 0x1A00
 """Those that we write where they can be written."""
 REFUSALS = FIXED_CODES | ABSENT | {0x06010000, 0x06010003, 0x06040041, 0x06040042, 0x06040043}
 """A drive does not let process data be what we want."""
+NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}
+"""A mapping that can be written takes no further object."""
+CANDIDATES = 8
+"""Mappings that are looked at where they are fixed."""
 LONGEST = 64
 """Most mappings, and objects in one, that are read."""
 
@@ -51,55 +55,90 @@ def set_up_process_data(
 
 
 def _set_up(
-    server: RemoteDictionary, assignment: int, mapping: int, entries: Iterable[Entry]
+    server: RemoteDictionary, assignment: int, mapping: int, entries: Sequence[Entry]
 ) -> Mapped:
     wanted = ours(mapping, entries)
-    if _content(server, assignment) == wanted:
+    if _content(server, _held(server, assignment)) == wanted:
         return wanted
     held = _held(server, assignment)
     try:
-        _write(server, assignment, wanted)
+        _assign(server, assignment, ())
+        room = _write(server, mapping, wanted.words)
+        if room:
+            return _spread(server, assignment, mapping, wanted.words, room)
+        _assign(server, assignment, wanted.mappings)
     except Aborted as error:
         if error.code not in REFUSALS:
             raise
-        return _taken(server, assignment, held, entries, error)
+        return _chosen(server, assignment, mapping, held, entries, error)
     return wanted
 
 
-def _write(server: RemoteDictionary, assignment: int, wanted: Mapped) -> None:
-    (mapping,) = wanted.mappings
-    server.set(mapping_count(assignment), 0)
+def _write(server: RemoteDictionary, mapping: int, words: Sequence[int]) -> int:
+    """Write a mapping; return how many objects it takes if it does not take them all, else 0."""
     server.set(mapping_count(mapping), 0)
-    for number, word in enumerate(wanted.words, start=1):
-        server.set(mapping_slot(mapping, number), word)
-    server.set(mapping_count(mapping), len(wanted.words))
-    server.set(assignment_slot(assignment, 1), mapping)
-    server.set(mapping_count(assignment), 1)
+    for number, word in enumerate(words, start=1):
+        try:
+            server.set(mapping_slot(mapping, number), word)
+        except Aborted as error:
+            if number == 1 or error.code not in NO_ROOM:
+                raise
+            return number - 1
+    server.set(mapping_count(mapping), len(words))
+    return 0
 
 
-def _taken(
+def _spread(
+    server: RemoteDictionary, assignment: int, mapping: int, words: Sequence[int], room: int
+) -> Mapped:
+    """Write objects into as many mappings as they need that take `room` each."""
+    parts = [words[n : n + room] for n in range(0, len(words), room)]
+    for number, part in enumerate(parts):
+        _write(server, mapping + number, part)
+    mappings = tuple(range(mapping, mapping + len(parts)))
+    _assign(server, assignment, mappings)
+    return Mapped(mappings, tuple(words))
+
+
+def _chosen(
     server: RemoteDictionary,
     assignment: int,
+    mapping: int,
     held: tuple[int, ...],
-    entries: Iterable[Entry],
+    entries: Sequence[Entry],
     refusal: Aborted,
 ) -> Mapped:
-    """Return what was assigned, as it was, if that is all that we need."""
-    _assign(server, assignment, held)
-    found = _content(server, assignment)
+    """Return fixed mappings that carry what we need: those that were assigned, or others."""
+    found = _content(server, held)
+    if not found.carries(entries):
+        found = _content(server, _covering(server, mapping, entries))
     if not found.carries(entries):
         missing = [str(e) for e in entries if not found.carries((e,))]
         raise DriveRefused(
-            f"{server.label}: its process data are fixed ({refusal}) and what {assignment:04X}h"
-            f" assigns does not carry {', '.join(missing)}; assign a mapping that does with the"
-            " maker's commissioning tool, or use another drive"
+            f"{server.label}: its process data are fixed ({refusal}) and no mapping from"
+            f" {mapping:04X}h on carries {', '.join(missing)}; map it with the maker's"
+            " commissioning tool, or use another drive"
         )
     if found.size > ROOM:
         raise DriveRefused(
             f"{server.label}: {assignment:04X}h assigns {found.size} bytes of process data, at"
             f" most {ROOM} are exchanged; assign fewer with the maker's commissioning tool"
         )
+    _assign(server, assignment, found.mappings)
     return found
+
+
+def _covering(server: RemoteDictionary, mapping: int, entries: Sequence[Entry]) -> tuple[int, ...]:
+    """Return mappings that carry as much as possible of what we need, each once."""
+    left, chosen = {mapping_word(entry) for entry in entries}, list[int]()
+    for index in range(mapping, mapping + CANDIDATES):
+        if server.find(mapping_count(index)) is None:
+            continue
+        words = set(_content(server, (index,)).words)
+        if words & left:
+            chosen.append(index)
+            left -= words
+    return tuple(chosen)
 
 
 def _assign(server: RemoteDictionary, assignment: int, mappings: tuple[int, ...]) -> None:
@@ -108,7 +147,8 @@ def _assign(server: RemoteDictionary, assignment: int, mappings: tuple[int, ...]
     server.set(mapping_count(assignment), 0)
     for number, mapping in enumerate(mappings, start=1):
         server.set(assignment_slot(assignment, number), mapping)
-    server.set(mapping_count(assignment), len(mappings))
+    if mappings:
+        server.set(mapping_count(assignment), len(mappings))
 
 
 def _held(server: RemoteDictionary, assignment: int) -> tuple[int, ...]:
@@ -116,9 +156,8 @@ def _held(server: RemoteDictionary, assignment: int) -> tuple[int, ...]:
     return tuple(server.get(assignment_slot(assignment, n)) for n in range(1, count + 1))
 
 
-def _content(server: RemoteDictionary, assignment: int) -> Mapped:
-    """Read what is assigned, and what it carries."""
-    mappings = _held(server, assignment)
+def _content(server: RemoteDictionary, mappings: tuple[int, ...]) -> Mapped:
+    """Read what mappings carry."""
     words: list[int] = []
     for mapping in mappings:
         if mapping:  # an assignment without mapping is a gap
