@@ -140,9 +140,7 @@ def _against_truth(
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
-    from hil.results.predicted_torques import predicted_torques
     from hil.results.validation import scores, write_validation
-    from hil.runs.pooling import pooled
     from hil.tasks.judging import validate as judge
 
     with working("predicting the torques of the recordings"):
