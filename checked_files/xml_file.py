@@ -86,6 +86,7 @@ class XmlFile:
         handlers: dict[str, Callable[..., object]] = {
             "StartElementHandler": start,
             "EndElementHandler": builder.end,
+            "CharacterDataHandler": builder.data,
             "EntityDeclHandler": refused,
         }
         for name, handler in handlers.items():

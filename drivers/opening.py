@@ -15,6 +15,7 @@ from drivers.canopen.eds_file import read_eds
 from drivers.canopen.rules import RULES
 from drivers.drive_bus import BusUnavailable
 from drivers.ethercat.bus import EthercatBus
+from drivers.ethercat.esi_file import read_esi
 from drivers.ethercat.rules import RULES as ETHERCAT_RULES
 from drivers.ethercat.wire import RawWire
 from drivers.session.servo_axes import ServoAxes
@@ -38,6 +39,7 @@ __all__ = [
     "open_drive_bus",
     "open_fieldbus",
     "read_eds",
+    "read_esi",
     "rules_of",
 ]
 

@@ -69,6 +69,9 @@ def new(
     eds: Annotated[
         list[Path] | None, typer.Option(help="EDS or DCF file of a drive; may be repeated.")
     ] = None,
+    esi: Annotated[
+        list[Path] | None, typer.Option(help="ESI file of an EtherCAT drive; may be repeated.")
+    ] = None,
     nodes: Nodes = None,
     interface: Annotated[
         str | None,
@@ -82,14 +85,18 @@ def new(
 ) -> None:
     """Write a first drives file from data sheets or from the drives, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
-    from drivers.opening import rules_of
+    from drivers.opening import ETHERCAT, rules_of
     from drivers.operator_tools.draft import draft_drives
     from hil.runs.atomic_file import write_file
 
-    if (eds is None) == (interface is None):
-        raise typer.BadParameter("give data sheets with --eds, or a bus with --interface")
+    if [eds, esi, interface].count(None) != 2:
+        raise typer.BadParameter(
+            "give data sheets with --eds or with --esi, or a bus with --interface"
+        )
     if interface is None:
-        axes = _from_sheets(eds or [], _numbers(nodes))
+        if esi:
+            interface, bitrate = ETHERCAT, bitrate or BITRATE
+        axes = _from_sheets(eds or esi or [], _numbers(nodes), interface)
     else:
         bitrate = bitrate or BITRATE
         axes = _from_bus(interface, channel, bus_option, bitrate, _numbers(nodes))
@@ -113,10 +120,12 @@ for _command in (
     drives_commands.command()(_command)
 
 
-def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedAxis]:
+def _from_sheets(
+    files: Sequence[Path], nodes: tuple[int, ...], interface: str | None
+) -> list[DraftedAxis]:
     """Read data sheets: one for all nodes, or as many as there are nodes."""
     from drivers.dictionary.review import review
-    from drivers.opening import RULES, read_eds
+    from drivers.opening import read_eds, read_esi, rules_of
     from drivers.operator_tools.draft import DraftedAxis
 
     if nodes and len(files) == 1:
@@ -126,10 +135,10 @@ def _from_sheets(files: Sequence[Path], nodes: tuple[int, ...]) -> list[DraftedA
             f"{len(nodes)} nodes and {len(files)} data sheets: give one sheet for all nodes or as"
             " many as nodes"
         )
-    axes = []
+    axes, rules = [], rules_of(interface)
     for number, file in enumerate(files):
-        dictionary = read_eds(file, nodes[number] if nodes else None)
-        axes.append(DraftedAxis(dictionary, review(dictionary, RULES), dictionary.node))
+        dictionary = (read_esi if interface else read_eds)(file, nodes[number] if nodes else None)
+        axes.append(DraftedAxis(dictionary, review(dictionary, rules), dictionary.node))
     return axes
 
 

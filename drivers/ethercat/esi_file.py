@@ -1,0 +1,194 @@
+"""Descriptions of EtherCAT slaves (ESI, ETG.2000), read as data sheets are.
+
+A file may describe many devices and revisions. The one with an object dictionary of profile 402 is
+taken; where there are several the revision decides, the latest one where it is not stated. A file
+without a dictionary says nothing that a draft could be made of: the drive itself does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from checked_files.xml_file import XmlFile
+from checked_files.yaml_file import FileError
+from drivers.dictionary.dictionary import Declared, Dictionary, mapped_objects
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from xml.etree.ElementTree import Element
+
+    from drivers.dictionary.dictionary import Key
+
+_TYPES = {
+    "SINT": "i8", "INT": "i16", "DINT": "i32", "LINT": "i64", "USINT": "u8", "UINT": "u16",
+    "UDINT": "u32", "ULINT": "u64", "REAL": "f32", "BYTE": "u8", "WORD": "u16", "DWORD": "u32",
+    "BITARR8": "u8", "BITARR16": "u16", "BITARR32": "u32",
+}  # fmt: skip
+"""Our names of the types of ETG.2000; texts and bits have none."""
+_ACCESS = {"ro", "wo", "rw"}
+ELEMENTS = 255
+"""Most sub-indices of an object."""
+_PROFILE = 402
+
+
+def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
+    """Read a description of a drive.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    node : int, optional
+        Position on the line.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or describes no drive of CiA 402 with its objects.
+    """
+    file = XmlFile(Path(path))
+    if file.root.tag != "EtherCATInfo":
+        raise FileError(
+            f"{path}: begins with <{file.root.tag}>, not <EtherCATInfo>; give the ESI file of the"
+            " drive's maker (an ENI file describes a network)"
+        )
+    devices = file.root.findall("Descriptions/Devices/Device")
+    described = [each for each in devices if each.find("Profile/Dictionary/Objects") is not None]
+    drives = [each for each in described if _profile(each) == _PROFILE] or described
+    if not drives:
+        raise FileError(
+            f"{path}: none of its {len(devices)} devices has an object dictionary; read the drive"
+            " itself: hil drives new --interface ethercat --channel eth0"
+        )
+    device = max(drives, key=lambda each: _number(_attribute(each, "RevisionNo")) or 0)
+    reading = _Reading(device)
+    entries = reading.entries()
+    proved = mapped_objects(entries)
+    notes = (f"{len(drives)} devices; the latest revision is read",) if len(drives) > 1 else ()
+    return Dictionary(
+        str(path),
+        live=False,
+        entries={k: replace(e, mappable=True) if k in proved else e for k, e in entries.items()},
+        node=node,
+        vendor=_number(file.root.findtext("Vendor/Id")),
+        product=_number(_attribute(device, "ProductCode")),
+        revision=_number(_attribute(device, "RevisionNo")),
+        maker=_text(file.root, "Vendor/Name"),
+        model=_text(device, "Name") or _text(device, "Type"),
+        notes=notes,
+    )
+
+
+def _attribute(device: Element, key: str) -> str | None:
+    kind = device.find("Type")
+    return None if kind is None else kind.get(key)
+
+
+def _profile(device: Element) -> int | None:
+    found = device.findtext("Profile/ProfileNo") or device.findtext("Profile/Channel/ProfileNo")
+    return _number(found)
+
+
+@dataclass(frozen=True)
+class _Member:
+    """One number of an object, as its type has it."""
+
+    subindex: int
+    name: str
+    type: str
+    flags: Element | None
+
+
+class _Reading:
+    """A device's dictionary half read."""
+
+    def __init__(self, device: Element) -> None:
+        dictionary = device.find("Profile/Dictionary")
+        assert dictionary is not None  # noqa: S101 - by the caller
+        self._types: Mapping[str, Element] = {
+            _text(each, "Name"): each for each in dictionary.findall("DataTypes/DataType")
+        }
+        self._objects = dictionary.findall("Objects/Object")
+
+    def entries(self) -> dict[Key, Declared]:
+        """Return all numbers by their place; what has no index is left out."""
+        found: dict[Key, Declared] = {}
+        for each in self._objects:
+            index = _number(each.findtext("Index"))
+            if index is None or not 0x1000 <= index <= 0xFFFF:
+                continue
+            given = each.findall("Info/SubItem")
+            for number, member in enumerate(self._members(each)):
+                information = each.find("Info")
+                if given:
+                    information = given[number].find("Info") if number < len(given) else None
+                key = (index, member.subindex)
+                found[key] = _declared(key, each, member, information)
+        return found
+
+    def _members(self, each: Element) -> Iterator[_Member]:
+        kind = self._types.get(_text(each, "Type"))
+        items = [] if kind is None else kind.findall("SubItem")
+        if not items:
+            yield _Member(0, "", _text(each, "Type"), each.find("Flags"))
+        for item in items:
+            subindex, name = _number(item.findtext("SubIdx")), _text(item, "Name")
+            flags = item.find("Flags")
+            array = self._types.get(_text(item, "Type"))
+            if array is not None and array.find("ArrayInfo") is not None:
+                first = _number(array.findtext("ArrayInfo/LBound")) or 1
+                count = min(_number(array.findtext("ArrayInfo/Elements")) or 0, ELEMENTS)
+                for number in range(first, first + count):
+                    yield _Member(number, name, _text(array, "BaseType"), flags)
+            elif subindex is not None:
+                yield _Member(subindex, name, _text(item, "Type"), flags)
+
+
+def _declared(key: Key, each: Element, member: _Member, information: Element | None) -> Declared:
+    kind = _TYPES.get(member.type)
+    flags = each.find("Flags") if member.flags is None else member.flags
+    access = "" if flags is None else _text(flags, "Access").lower()
+    mapping = "" if flags is None else _text(flags, "PdoMapping").upper()
+    name = " ".join(filter(None, (_text(each, "Name"), member.name)))
+    values = [_value(information, tag, kind) for tag in ("Default", "Min", "Max")]
+    return Declared(
+        *key,
+        name,
+        kind,
+        access=access if access in _ACCESS else None,
+        mappable=bool(mapping) and bool(set(mapping) & set("TR")),
+        default=values[0],
+        low=values[1],
+        high=values[2],
+    )
+
+
+def _value(information: Element | None, tag: str, kind: str | None) -> int | None:
+    """Return a value of its bytes, little endian, or as it is written; None where none is."""
+    if information is None or kind is None or kind.startswith("f"):
+        return None
+    data = information.findtext(f"{tag}Data")
+    if data is not None:
+        try:
+            raw = bytes.fromhex(data.strip())
+        except ValueError:
+            return None
+        return int.from_bytes(raw, "little", signed=kind.startswith("i")) if raw else None
+    return _number(information.findtext(f"{tag}Value"))
+
+
+def _number(text: str | None) -> int | None:
+    """Return a number as ETG.2000 writes it: decimal, or hexadecimal behind #x."""
+    text = (text or "").strip().lower()
+    hexadecimal = text.startswith(("#x", "0x"))
+    try:
+        return int(text[2:], 16) if hexadecimal else int(text)
+    except ValueError:
+        return None
+
+
+def _text(element: Element, path: str) -> str:
+    found = " ".join((element.findtext(path) or "").split())
+    return "".join(letter if letter.isprintable() else "?" for letter in found)
