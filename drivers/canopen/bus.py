@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.remote_dictionary import RemoteDictionary
+    from drivers.session.connection import Place
 
 
 class CanopenBus:
@@ -88,13 +89,13 @@ class CanopenBus:
         return UnpoweredDrives(servers, found, SyncProcessData(network, drives.axes, clock, found))
 
     def servers(
-        self, named: Iterable[tuple[int, str]], timeout: float = SDO_TIMEOUT
+        self, places: Iterable[Place], timeout: float = SDO_TIMEOUT
     ) -> tuple[RemoteDictionary, ...]:
-        """Reach drives by number and name, which may take `timeout` to answer [s]."""
+        """Reach drives by number, which may take `timeout` to answer [s]."""
         # no SYNC is sent, so its period has no effect
         synchronous = choose_sync_clock(self._bus, self._pacing, 1.0).synchronous
         network = PumpedNetwork(self._bus, synchronous=synchronous)
-        return tuple(server_of(network, node, name, timeout) for node, name in named)
+        return tuple(server_of(network, node, name, timeout) for node, name, _ in places)
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find nodes and what they offer (see `drivers.canopen.scan.scan_bus`)."""

@@ -55,6 +55,7 @@ class CanopenConnection(Connection):
     kernel : KernelSync, optional
     """
 
+    silence = "no TPDO for {} SYNCs in a row"
     wiring = "CAN wiring and termination"
     communications: tuple[CanopenCommunication, ...]
     process_data: SyncProcessData

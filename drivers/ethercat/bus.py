@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.ethercat.wire import Wire
     from drivers.fieldbus import PacingName
+    from drivers.session.connection import Place
     from drivers.sync_clock import SyncClock
 
 SDO_TIMEOUT = 1.0
@@ -87,18 +88,17 @@ class EthercatBus:
         return UnpoweredDrives(servers, found, data)
 
     def servers(
-        self, named: Iterable[tuple[int, str]], timeout: float = SDO_TIMEOUT
+        self, places: Iterable[Place], timeout: float = SDO_TIMEOUT
     ) -> tuple[RemoteDictionary, ...]:
-        """Reach drives by position and name, which may take `timeout` to answer [s]."""
+        """Reach drives by position or alias, which may take `timeout` to answer [s]."""
         line = self._line()
         slaves = Slaves(line)
 
-        def drive(node: int, label: str) -> EthercatDrive:
-            return EthercatDrive(partial(slaves.at, node, None), line, label, timeout)
+        def drive(place: Place) -> EthercatDrive:
+            label = f"{place.name} (node {place.node})"
+            return EthercatDrive(partial(slaves.at, place.node, place.alias), line, label, timeout)
 
-        return tuple(
-            _server(drive(node, f"{name} (node {node})"), node, name) for node, name in named
-        )
+        return tuple(_server(drive(place), place.node, place.name) for place in places)
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find slaves and what they offer (see `drivers.ethercat.scan.scan_line`)."""

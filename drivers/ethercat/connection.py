@@ -50,6 +50,7 @@ class EthercatConnection(Connection):
         The drives are to take offsets of velocity and torque.
     """
 
+    silence = "takes no part in the exchange of process data for {} cycles in a row"
     wiring = "the cables and that no other master is on the line"
     communications: tuple[EthercatCommunication, ...]
     process_data: EthercatProcessData

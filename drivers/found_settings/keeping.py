@@ -144,7 +144,7 @@ class SettingsKeeper:
                 f" put back: {differs}; connect that drive and put it back with hil drives restore"
                 f" {self.path}, or remove the file if the drive is gone"
             )
-        kept = FoundDrive(name=axis.name, node=axis.node, identity=identity)
+        kept = FoundDrive(name=axis.name, node=axis.node, alias=axis.alias, identity=identity)
         if earlier is not None:
             if earlier.doubt:
                 server.note(earlier.doubt)

@@ -155,6 +155,8 @@ class FoundDrive(FileModel):
     ----------
     name : str
         Of its axis.
+    alias : int or None
+        By which it is found in place of its number.
     restored : bool
         The drive holds all of them again that it takes back.
     objects : tuple of FoundObject
@@ -163,6 +165,7 @@ class FoundDrive(FileModel):
 
     name: Annotated[Name, Field(min_length=1)]
     node: Annotated[int, Field(ge=1, le=127)]
+    alias: Annotated[int, Field(ge=1, le=0xFFFF)] | None = None
     identity: FoundIdentity
     restored: bool = False
     objects: tuple[FoundObject, ...] = ()
@@ -303,6 +306,7 @@ def _drive_lines(drive: FoundDrive) -> Sequence[str]:
     return [
         f"- name: {_quoted(drive.name)}",
         f"  node: {drive.node}",
+        *([] if drive.alias is None else [f"  alias: {drive.alias}"]),
         f"  identity: {{{identity}}}",
         f"  restored: {_shown(drive.restored)}",
         "  objects:" if drive.objects else "  objects: []",

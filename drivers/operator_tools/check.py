@@ -33,6 +33,7 @@ from drivers.operator_tools.check_reactions import check_reactions
 from drivers.operator_tools.check_scaling import check_scaling
 from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.reset_faults import check_state
+from drivers.session.connection import Place
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
@@ -132,8 +133,8 @@ def _strangers(bus: Fieldbus, drives: DrivesFile) -> Sequence[RemoteDictionary]:
     """Return drives on the bus that the drives file does not name."""
     own = {axis.node for axis in drives.axes}
     found = bus.scan(besides=own).nodes
-    named = [(node, "a drive") for node in found if found[node].dictionary]
-    return bus.servers(named, drives.sdo_timeout)
+    places = [Place(node, "a drive") for node in found if found[node].dictionary]
+    return bus.servers(places, drives.sdo_timeout)
 
 
 def _misnumbered(strangers: Sequence[RemoteDictionary], axis: AxisDrive) -> str:

@@ -35,8 +35,8 @@ class MissingTelegrams:
         Takes telegrams off the bus that are merely late; called after a gap.
     period : float
         Time between two SYNCs [s].
-    wiring : str
-        What to check of the bus.
+    silence, wiring : str
+        What stays away for so many SYNCs, in words, and what to check of the bus then.
 
     Attributes
     ----------
@@ -49,9 +49,10 @@ class MissingTelegrams:
         axes: Sequence[Axis],
         collect_late: Callable[[], None],
         period: float,
-        wiring: str = "wiring",
+        silence: str,
+        wiring: str,
     ) -> None:
-        self._wiring = wiring
+        self._silence, self._wiring = silence, wiring
         self._busy = max(BLIND, math.ceil(BUSY / period))
         self.open = False
         self._axes = axes
@@ -82,6 +83,6 @@ class MissingTelegrams:
         if not blind:
             return None
         return NodeSilent(
-            f"{', '.join(blind)}: no TPDO for {most} SYNCs in a row; check the drive's supply, "
+            f"{', '.join(blind)}: {self._silence.format(most)}; check the drive's supply, "
             f"{self._wiring}"
         )

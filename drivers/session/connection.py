@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from drivers.cia402.power import Power
 
@@ -42,14 +42,15 @@ class Connection(ABC):
 
     Attributes
     ----------
-    wiring : str
-        What to check of the bus where telegrams stay away.
+    silence, wiring : str
+        What stays away for so many SYNCs, in words, and what to check of the bus then.
     power : Power
         Switches drives on and off.
     written : list of RemoteDictionary
         Drives to which something may have been written; grows.
     """
 
+    silence: str
     wiring: str
 
     def __init__(
@@ -145,6 +146,24 @@ class UnpoweredDrives:
             self.process_data.tick()
 
 
+class Place(NamedTuple):
+    """Where a drive is on its bus.
+
+    Attributes
+    ----------
+    node : int
+        Its number.
+    name : str
+        For messages.
+    alias : int or None
+        By which it is found in place of its number, on buses that have such.
+    """
+
+    node: int
+    name: str
+    alias: int | None = None
+
+
 class Fieldbus(Protocol):
     """An open bus with drives on it, and a context manager that closes it.
 
@@ -196,10 +215,8 @@ class Fieldbus(Protocol):
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
         """Reach drives as they are before or after a session."""
 
-    def servers(
-        self, named: Iterable[tuple[int, str]], timeout: float
-    ) -> tuple[RemoteDictionary, ...]:
-        """Reach drives by number and name, which may take `timeout` to answer [s]."""
+    def servers(self, places: Iterable[Place], timeout: float) -> tuple[RemoteDictionary, ...]:
+        """Reach drives, which may take `timeout` to answer [s]."""
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find the nodes of some numbers (by default all) and what they offer, writing nothing.

@@ -106,7 +106,9 @@ class Session:
         self._words: Sequence[int] = ()
         self._late = (-math.inf, 0.0)
         self._samples = SampleReader(axes)
-        self._missing = MissingTelegrams(axes, connection.collect_late, period, connection.wiring)
+        self._missing = MissingTelegrams(
+            axes, connection.collect_late, period, connection.silence, connection.wiring
+        )
         self._profile_position = profile = ProfilePosition(data, axes, period)
         self._trips = Trips(axes, period)
         self._cyclic_position = cyclic = CyclicPosition(

@@ -14,15 +14,19 @@ from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.bus import EthercatBus
 from drivers.ethercat.frames import START, Command
+from drivers.found_settings.keeping import SettingsKeeper
+from drivers.found_settings.settings_file import load_found_settings
+from drivers.operator_tools.put_back import put_back
+from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat.al_states import AlState as PlantState
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from plant_wire import PlantWire
 
     from drivers.drives_file import DrivesFile
-    from drivers.session.servo_axes import ServoAxes
 
     Opening = Callable[..., ServoAxes]
 
@@ -256,3 +260,26 @@ def test_another_master_on_the_line_stops_all_axes(open_bus: Opening, wire: Plan
         with pytest.raises(NodeSilent, match="another master"):
             sample(bus, 8)
     assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES
+
+
+def test_what_drives_of_an_alias_held_is_put_back_wherever_they_are(
+    open_bus: Opening, wire: PlantWire, drives: DrivesFile, tmp_path: Path
+) -> None:
+    for node, alias in zip(wire.segment.nodes, (7, 8, 9, 10, 11, 12), strict=True):
+        node.controller.put(reg.ALIAS, 2, alias)
+    axes = tuple(
+        axis.model_copy(update={"alias": 7 + number, "node": 6 - number})
+        for number, axis in enumerate(drives.axes)
+    )
+    drives = drives.model_copy(update={"axes": axes})
+    found, file = objects(wire), tmp_path / "found-settings.yaml"
+    keeper = SettingsKeeper(file, lambda path, content: path.write_bytes(content))
+    with ServoAxes(EthercatBus(wire, "lock-step"), drives, keeper=keeper) as bus:
+        bus.sample()
+        kept = load_found_settings(file)
+        ours = [node.dictionary.get(0x6065) for node in wire.segment.nodes]
+    for node, window in zip(wire.segment.nodes, ours, strict=True):
+        node.dictionary.set(0x6065, 0, window)
+    assert objects(wire) != found
+    list(put_back(EthercatBus(wire, "lock-step"), kept))
+    assert objects(wire) == found

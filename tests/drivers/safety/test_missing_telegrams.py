@@ -18,7 +18,9 @@ class Watched:
 
     def __init__(self) -> None:
         self.collected = 0
-        self.telegrams = MissingTelegrams(axes_of(drives_file().axes), self._collect, 0.004)
+        self.telegrams = MissingTelegrams(
+            axes_of(drives_file().axes), self._collect, 0.004, "no TPDO for {} SYNCs in a row", ""
+        )
 
     def _collect(self) -> None:
         self.collected += 1
