@@ -6,7 +6,8 @@ with one page: measured faster than in real time, watched in real time.
 
 from __future__ import annotations
 
-from contextlib import ExitStack, suppress
+import time
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -18,12 +19,14 @@ from hil.cli.outputs import new_folder, output_option, say_judgement
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
+
+    from rich.console import Console
 
     from drivers.drive_bus import DriveBus
     from hil.live.feed import Feed
+    from hil.measuring.events import Event
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.results.model import Model
 
@@ -31,18 +34,14 @@ commands = typer.Typer()
 
 ROBOT = "manutec-r15"
 RUNS = Path("runs")
-SHARE = 0.35
-"""Share of the usual number of measurements of each kind: 54 of 14 parameters, some 13 minutes of
-robot time."""
 LEARNING = 25.0
 """Time of motion in which thresholds are learned [s]: every axis has moved for 15 s of it, from
 which on a push does not count as scatter (`hil.watching.scatter`)."""
-PERIOD, HARMONICS = 10.0, 4
-"""Of the motion that is pushed [s]: slow enough for the mouse to follow."""
 AT_ONCE = 5
 """Samples that are judged together, every 20 ms: in real time on a busy computer, too."""
-SPEED = 0.3
-"""Share of the velocity limit that it uses."""
+LONGEST = 285.0
+"""Time after which nothing more is begun [s], whatever load slows the plant: five minutes are said.
+It is more only where a longer time for pushing is asked for."""
 
 
 @commands.command("try")
@@ -73,11 +72,13 @@ def try_(
 
     It ends by itself, by the page's Stop button, when the page is closed, or by Ctrl-C.
     """
+    began = time.monotonic()
     with ExitStack() as left:
         with working("planning the measurements of the virtual robot"):
             from tempfile import TemporaryDirectory
 
             from hil.cli.live import Shown, listeners
+            from hil.cli.try_plans import measured_plan
             from hil.live.feed import Feed
             from hil.model.robot import load_robot
             from hil.terminal.interruption import interruptible
@@ -95,51 +96,10 @@ def try_(
         if no_browser or not _open_browser(stated):
             say("open this address in a browser; Ctrl-C ends it all")
         model = _measure(robot, plan, folder / "measured", feed, speed)
-        found = _push(robot, model, folder, feed, hand, push)
+        ends = max(began + LONGEST, time.monotonic() + LEARNING + push)
+        found = _push(robot, model, folder, feed, hand, push, ends)
         feed.publish("headline", {"text": f"Done: {found}; both runs are kept in {folder}"})
     say(f"{found}\nall of it is in {folder}; go on with: hil report {folder / 'measured'}")
-
-
-def measured_plan(robot: Robot) -> Plan:
-    """Plan that soon shows something of every parameter, whatever the ways between cost."""
-    from hil.planning.design.by_counts import COUNTS, design
-    from hil.planning.plan import as_plan
-
-    counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
-    return as_plan(robot, mixed(design(robot, counts).measurements))
-
-
-def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
-    """Return measurements with kinds, axes and configurations well mixed.
-
-    Of one kind and axis they follow each other by the golden section, which leaves no part of a
-    sequence unvisited for long; kinds and axes go on evenly beside each other.
-    """
-    by_axis: dict[tuple[str, tuple[int, ...]], list[Measurement]] = {}
-    for each in measurements:
-        by_axis.setdefault((each.kind, each.moved), []).append(each)
-    placed = [
-        ((k + 0.5) / len(own), each)
-        for own in by_axis.values()
-        for k, each in enumerate(own[i] for i in _golden(len(own)))
-    ]
-    return [each for _, each in sorted(placed, key=lambda pair: pair[0])]
-
-
-def _golden(n: int) -> list[int]:
-    return sorted(range(n), key=lambda k: k * 0.6180339887 % 1.0)
-
-
-def pushed_plan(robot: Robot, duration: float) -> Plan:
-    """Plan of a slow motion of all axes that no measurement has shown."""
-    import numpy as np
-
-    from hil.planning.design.trajectories import Basis
-    from hil.planning.plan import as_plan
-
-    basis = Basis(robot, PERIOD, HARMONICS, SPEED * robot.velocity_limit)
-    drawn = basis.random(np.random.default_rng(2))
-    return as_plan(robot, [basis.trajectory(drawn, max(1, round(duration / PERIOD)), "motion")])
 
 
 def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -> Model:
@@ -184,30 +144,64 @@ def _shown(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]
         yield "headline", {"text": f"Identified: predicted torque within {within}"}
 
 
-def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, duration: float) -> str:
-    """Watch the arm while it can be pushed; return what was found."""
+class _TimeUp(Exception):
+    """The time is over; the axes stand between two motions."""
+
+
+def _push(
+    robot: Robot,
+    model: Model,
+    folder: Path,
+    feed: Feed,
+    hand: str,
+    duration: float,
+    ends: float,
+) -> str:
+    """Watch the arm while it can be pushed; return what was found.
+
+    Parameters
+    ----------
+    duration : float
+        [s] of robot time.
+    ends : float
+        Instant of the monotonic clock after which no further motion is begun [s].
+    """
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch
         from hil.cli.measuring import OnBus, measure
+        from hil.cli.try_plans import pushed_plan
         from hil.cli.watch_view import WatchView
+        from hil.measuring.events import Recorded
         from hil.measuring.pacing import PacedBus
         from hil.results import model_file
         from hil.watching.watcher import Watcher, WatchingBus
 
-        plan = pushed_plan(robot, LEARNING + duration)
+        plan, rounds = pushed_plan(robot, LEARNING + duration)
         watcher = Watcher(model, plan.sample_period, LEARNING)
         view = WatchView(watcher, robot)
 
     def in_front(bus: DriveBus) -> DriveBus:
         return WatchingBus(PacedBus(bus, 1.0), watcher, view.take, at_once=AT_ONCE)
 
+    @contextmanager
+    def display(console: Console) -> Iterator[Callable[[Event], None]]:
+        with view.display(console) as show:
+
+            def take(event: Event) -> None:
+                show(event)
+                if isinstance(event, Recorded) and time.monotonic() > ends:
+                    raise _TimeUp
+
+            yield take
+
     how = OnBus(bus_option=[f"hand={hand}"], feed=feed)
     path = folder / "pushed"
     try:
-        measure(
-            plan.model_copy(update={"attempts": 1}), robot, Path("the motion"), path / "run", how,
-            in_front=in_front, display=view.display, watcher=watcher,
-        )  # fmt: skip
+        with suppress(_TimeUp):
+            measure(
+                plan, robot, Path("the motion"), path / "run", how,
+                in_front=in_front, display=display, rounds=rounds, watcher=watcher,
+            )  # fmt: skip
     finally:
         keep_watch(path, plan, watcher, str(folder / "measured" / model_file.NAME))
     pushes = "1 push" if len(watcher.alarms) == 1 else f"{len(watcher.alarms) or 'no'} pushes"

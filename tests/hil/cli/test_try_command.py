@@ -17,7 +17,7 @@ import pytest
 from live_page import PUSH, STOP, Served, events, watching
 
 from checked_files.yaml_file import load_yaml
-from hil.cli import trying
+from hil.cli import try_plans, trying
 from hil.live.listener import Listener
 from hil.results.model import Model
 from hil.results.watch import NAME, Watched
@@ -70,12 +70,13 @@ def free_port() -> int:
 def test_it_measures_identifies_predicts_and_is_pushed(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trying, "SHARE", 0.26)
+    monkeypatch.setattr(try_plans, "SHARE", 0.26)
     monkeypatch.setattr(trying, "LEARNING", 8.0)
+    monkeypatch.setattr(trying, "LONGEST", 0.0)  # the second of two motions is not begun
     folder, visitor = tmp_path / "all", Visitor(free_port())
     visitor.start()
     call = ("try", "--no-browser", "--port", visitor.page.port, "-o", folder)
-    status, out, err = hil(*call, "--speed", 1000, "--push", 12)
+    status, out, err = hil(*call, "--speed", 1000, "--push", 13)
     visitor.join(30)
     assert (status, err) == (0, "")
     assert f"go on with: hil report {folder / 'measured'}" in out
@@ -112,7 +113,8 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert [each.axis for each in found.alarms] == [each["axis"] + 1 for each in alarms]
     model = Model.load(folder / "measured")
     assert model.provenance.measurements == first["measurements"] < 45
-    assert Run.open(folder / "pushed" / "run").missing == ()
+    motions = Run.open(folder / "pushed" / "run")
+    assert (motions.ids, len(motions.missing)) == (("motion-1",), 1)
 
 
 class Tried:

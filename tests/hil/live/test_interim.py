@@ -11,7 +11,7 @@ import pytest
 from small_run import write_run
 from synthetic import TABLE_3_A
 
-from hil.cli.trying import mixed
+from hil.cli.try_plans import mixed
 from hil.live import estimator
 from hil.live.interim import Interim
 from hil.runs.run import Run

@@ -1,0 +1,70 @@
+"""Plans of `hil try`: measurements that soon show something of all parameters; a slow motion."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.design.by_counts import COUNTS, design
+from hil.planning.design.trajectories import Basis
+from hil.planning.plan import as_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+
+SHARE = 0.35
+"""Share of the usual number of measurements of each kind: 54 of 14 parameters, some 13 minutes of
+robot time."""
+PERIOD, HARMONICS = 10.0, 4
+"""Of the motion that is pushed [s]: slow enough for the mouse to follow."""
+CYCLES = 2
+"""Periods of one recording: what is stopped keeps those before."""
+SPEED = 0.3
+"""Share of the velocity limit that it uses."""
+GOLDEN = 0.6180339887
+"""Golden section: multiples of it, less whole numbers, are spread most evenly at any length."""
+
+
+def measured_plan(robot: Robot) -> Plan:
+    """Plan that soon shows something of every parameter, whatever the ways between cost."""
+    counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
+    return as_plan(robot, mixed(design(robot, counts).measurements))
+
+
+def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
+    """Return measurements with kinds, axes and configurations well mixed.
+
+    Of one kind and axis they follow each other by the golden section, which leaves no part of a
+    sequence unvisited for long; kinds and axes go on evenly beside each other.
+    """
+    by_axis: dict[tuple[str, tuple[int, ...]], list[Measurement]] = {}
+    for each in measurements:
+        by_axis.setdefault((each.kind, each.moved), []).append(each)
+    placed = [
+        ((k + 0.5) / len(own), each)
+        for own in by_axis.values()
+        for k, each in enumerate(own[i] for i in _golden(len(own)))
+    ]
+    return [each for _, each in sorted(placed, key=lambda pair: pair[0])]
+
+
+def _golden(n: int) -> list[int]:
+    return sorted(range(n), key=lambda k: k * GOLDEN % 1.0)
+
+
+def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:
+    """Plan of a slow motion of all axes that no measurement has shown; how often it is passed.
+
+    There is one attempt: a push is the result, and no reason to repeat.
+    """
+    basis = Basis(robot, PERIOD, HARMONICS, SPEED * robot.velocity_limit)
+    drawn = basis.random(np.random.default_rng(2))
+    plan = as_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])
+    rounds = ceil(duration / (CYCLES * PERIOD))
+    return plan.model_copy(update={"attempts": 1}), rounds
