@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, Rule
 from hil.report.charts.svg import file
 from hil.report.sections.friction_plots import levels
 from hil.results.predicted_torques import predicted_torques
@@ -16,9 +16,6 @@ from hil.runs.atomic_file import write_file
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from hil.report.charts.chart import Item
     from hil.results.model import Model
     from hil.results.recorded_torque import PredictedTorque
     from hil.runs.run import Run
@@ -175,24 +172,21 @@ def plot_friction_over_time(model: Model) -> Figure:
     return Figure(levels(model.local, model.robot))
 
 
-def plot_parameters(model: Model, level: float = 0.95) -> Figure:
-    """Draw the parameters of a model in their intervals, relative to their sizes.
+def plot_parameters(model: Model) -> Figure:
+    """Draw the standard error of each base parameter as a share of its value.
 
-    A parameter whose bar reaches zero has no sign that is known.
+    Beyond 100 % not even the sign is known, as of parameters that are zero.
     """
-    return Figure(Chart((Panel(
-        tuple(_relative(model, level)),
-        title=f"{model.robot.name}: {level:.0%} intervals",
-        x_label="parameter",
-        y_label="interval / value",
-        ticks=dict(enumerate(model.names, start=1)),
-        width=max(350.0, 36.0 * len(model.names)),
-    ),)))  # fmt: skip
-
-
-def _relative(model: Model, level: float) -> Iterator[Item]:
-    low, high = model.interval(level).T
     size = np.where(model.values != 0, np.abs(model.values), np.nan)
-    half = np.minimum((high - low) / 2 / size, 1.5)  # beyond one the sign is open, however far
-    x = np.arange(1, len(size) + 1)
-    yield Points(x, np.sign(model.values), "o", MODEL, error=half)
+    share = 100 * model.standard_errors / size
+    known = np.isfinite(share)
+    rows = -np.arange(len(size), dtype=float)
+    return Figure(Chart((Panel(
+        (Rule(100.0, upright=True), Points(share[known], rows[known], "o", MODEL)),
+        title=f"{model.robot.name}: {model.provenance.measurements} measurements",
+        x_label="standard error [% of the value]",
+        rows=dict(zip(rows.tolist(), model.names, strict=True)),
+        y_range=(-len(size) + 0.5, 0.5),
+        decades=True,
+        height=16.0 * len(size),
+    ),)))  # fmt: skip
