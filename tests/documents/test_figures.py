@@ -20,6 +20,7 @@ MEASURED = re.compile(r"\d[\d.]* (?:%|us|ms|mrad|kg|times)(?!\w)")
 STATED = (
     "0.4 to 0.8 %", "5 % of the load", "80 % of the velocity limits", "within 20 ms", "95.1 kg",
     "published 95", "three times", "four times", "95 % intervals",
+    "intervals of 95 %", "± 95 %",
 )  # fmt: skip
 """What README states with a unit and nobody here has measured: conditions and published values."""
 

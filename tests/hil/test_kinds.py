@@ -65,6 +65,7 @@ OTHERWISE = {
     ("gravity", "model/robot.py"): "the acceleration of gravity",
     ("gravity", "model/robot_file.py"): "the same",
     ("friction", "report/page.py"): "a title",
+    ("friction", "report/figure.py"): "a part of the torque",
     ("friction", "results/model.py"): "a part of a torque",
     ("friction", "results/findings.py"): "a package of the program",
     ("friction", "report/sections/friction.py"): "a plot of levels in all kinds",

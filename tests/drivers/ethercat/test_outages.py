@@ -13,7 +13,7 @@ HALFWAY = 500
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("length", [pytest.param(0.02, marks=pytest.mark.slow), 0.2])
+@pytest.mark.parametrize("length", [pytest.param(0.02, marks=pytest.mark.long), 0.2])
 def test_every_promise_is_kept(kind: str, length: float) -> None:
     verdict = happen(Outage(1, HALFWAY, length, kind, 3, 0.2, interrupted=False))
     assert not verdict.broken, verdict
@@ -22,7 +22,7 @@ def test_every_promise_is_kept(kind: str, length: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "axis", [1, 4, *(pytest.param(axis, marks=pytest.mark.slow) for axis in (2, 3, 5, 6))]
+    "axis", [1, 4, *(pytest.param(axis, marks=pytest.mark.long) for axis in (2, 3, 5, 6))]
 )
 def test_a_cable_that_is_cut_for_good_stops_what_is_before_it(axis: int) -> None:
     verdict = happen(Outage(2, HALFWAY, 60.0, "cut", axis, 0.0, interrupted=False))

@@ -44,7 +44,7 @@ def held(segment: Segment) -> list[dict[tuple[int, int], int]]:
 
 @pytest.mark.parametrize(
     "name",
-    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SERVED],
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in SERVED],
 )
 def test_drives_move_and_are_left_as_they_were(tmp_path: Path, name: str) -> None:
     segment = segment_of(tmp_path, name)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_data_set_is_the_same(tmp_path: Path) -> None:
     counts = {"gravity": 4, "inertia": 10, "coupling": 1}
     same, total, *_ = same_campaign.compared(counts, tmp_path)

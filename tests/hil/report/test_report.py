@@ -41,6 +41,7 @@ PLOTS = {
     "friction",
     "residuals",
     "intervals",
+    "excluded",
     "torque",
     "friction-law",
 }

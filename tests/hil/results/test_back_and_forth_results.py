@@ -108,6 +108,6 @@ def test_its_bodies_hold_on_a_machine_whose_friction_is_another(run: Run, tmp_pa
 def test_a_whole_and_a_partial_estimate_are_reported(run: Run, partial: Run) -> None:
     whole, part = (report(each).read_text() for each in (run, partial))
     assert "Torque of friction over the speed" in whole
-    assert whole.count("<figure") == 5
+    assert whole.count("<figure") == 4
     assert "not identified" in part
     assert "not identified" not in whole
