@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.ethercat.coe import CoeAccess
+from drivers.ethercat.access import CoeAccess
 from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.connection import EthercatConnection
 from drivers.ethercat.cycle_time import MAX_LOAD, StopwatchWire, cycle_time

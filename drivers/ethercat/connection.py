@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from drivers.cia402.supervision import Supervision
 from drivers.drive_bus import DriveError, NodeSilent
 from drivers.ethercat import registers as reg
+from drivers.ethercat.access import heard
 from drivers.ethercat.al_states import ERROR, MASK, AlState
-from drivers.ethercat.coe import heard
 from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
 from drivers.ethercat.watchdog import OutputsSent

@@ -12,7 +12,7 @@ from drivers.dictionary.found_nodes import Scan
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveRefused
-from drivers.ethercat.coe import CoeAccess
+from drivers.ethercat.access import CoeAccess
 from drivers.ethercat.drive import EthercatDrive
 from drivers.ethercat.rules import RULES
 from drivers.ethercat.slaves import Slaves
