@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, Rule
+from hil.report.charts.chart import (
+    MEASURED,
+    MODEL,
+    Band,
+    Chart,
+    Line,
+    Panel,
+    Points,
+    Rule,
+)
 from hil.report.charts.svg import file
 from hil.report.sections.friction_plots import levels
 from hil.results.predicted_torques import predicted_torques
@@ -109,8 +118,7 @@ def _torque(model: Model, part: PredictedTorque, width: float) -> Panel:
     axis = part.axes[0]
     return Panel(
         (
-            Line(time, predicted - half, MUTED, "interval"),
-            Line(time, predicted + half, MUTED),
+            Band(time, predicted - half, predicted + half, label="interval"),
             Line(time, tau, MEASURED, "measured", width=1.0),
             Line(time, predicted, MODEL, "predicted"),
         ),
@@ -145,8 +153,7 @@ def plot_friction(model: Model) -> Figure:
         panels.append(
             Panel(
                 (
-                    Line(speed, low, MUTED, "interval of 95 %"),
-                    Line(speed, high, MUTED),
+                    Band(speed, low, high, label="95 % interval"),
                     Line(speed, tau, MODEL, "law of friction"),
                 ),
                 title=f"axis {axis + 1}",
