@@ -91,7 +91,7 @@ def new(
 
     if [eds, esi, interface].count(None) != 2:
         raise typer.BadParameter(
-            "give data sheets with --eds or with --esi, or a bus with --interface"
+            "give data sheets with --eds, or a bus with --interface, or descriptions with --esi"
         )
     if interface is None:
         if esi:
