@@ -135,7 +135,7 @@ def read(name: str) -> Kept:
         raise KeyError(f"{name}: there is no {path.relative_to(ROOT)}")
     content = json.loads(path.read_text(encoding="utf-8"))
     figures = {key: Figure(**given) for key, given in content["figures"].items()}
-    return Kept(*(content[name] for name in Kept._fields[:-1]), figures)
+    return Kept(**{name: content[name] for name in Kept._fields[:-1]}, figures=figures)
 
 
 def expanded(text: str) -> str:
@@ -169,6 +169,7 @@ def commits_since(name: str) -> int:
     """
     kept = read(name)
     commit = kept.commit.removesuffix("-dirty")
+    since: tuple[str, ...]
     try:
         since = (f"{_git('rev-parse', '--verify', '--quiet', commit + '^{commit}')}..HEAD",)
     except subprocess.CalledProcessError:
