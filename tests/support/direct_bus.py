@@ -157,6 +157,7 @@ class DirectRules:
 
 
 class DirectConnection(Connection):
+    silence = "no answer for {} cycles in a row"
     wiring = "plugs"
 
     def __init__(self, network: SlaveNetwork, drives: DrivesFile, period: float) -> None:
