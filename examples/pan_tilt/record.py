@@ -35,7 +35,7 @@ def measured(plan: Path) -> np.ndarray:
     """Time [s], positions [deg] and currents [A] of a plan's trajectory, shape (n, 5)."""
     with tempfile.TemporaryDirectory() as place:
         twin, run = Path(place) / "twin", Path(place) / "run"
-        _call("sim_plant", "new", ROBOT, "-o", twin)
+        _call("sim_plant", "twin", ROBOT, "-o", twin)
         plant = ("--channel", HERE / "plant.yaml", "--drives", twin / "drives.yaml")
         _call("hil", "run", plan, "-o", run, *plant)
         (trajectory,) = hil.Run.open(run)

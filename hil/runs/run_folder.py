@@ -121,6 +121,8 @@ class RunFolder(Run):
         """Whether a run folder was killed while it was made: there is nothing to resume."""
         recordings = path / "recordings"
         with file_errors(path, "read"):
+            if not recordings.exists() and not recordings.is_symlink():
+                return _is_empty(path)  # what else is there is somebody's own
             if (path / "run.json").exists() or recordings.is_symlink() or not _is_empty(recordings):
                 return False
             return all(whole_name(entry.name) in _STUB for entry in path.iterdir())

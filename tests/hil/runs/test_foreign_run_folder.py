@@ -90,6 +90,20 @@ def test_a_stub_whose_recordings_are_a_link_is_not_completed(
         prepared_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", resume=False)
 
 
+def test_a_folder_that_a_kill_left_empty_is_begun_and_one_with_somebody_s_plan_is_kept(
+    tmp_path: Path, small_plan: Plan, manutec: Robot
+) -> None:
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "plan.yaml").write_text(MINE)
+    with pytest.raises(FileError, match=r"run\.json: cannot be read"):
+        prepared_folder(own, small_plan, manutec, "axes: []\n", resume=True)
+    assert (own / "plan.yaml").read_text() == MINE
+    (tmp_path / "run").mkdir()
+    found, _ = prepared_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", resume=True)
+    assert found.journal.sessions == ()
+
+
 def test_plots_of_a_diagnosis_are_not_drawn_behind_a_link(
     folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
