@@ -24,6 +24,6 @@ step dry-run "$plan"
 step run "$plan" -o "$run"
 step identify "$run"
 step report "$run"
-step compare "$run" --truth sim_plant/plants/manutec-r15.yaml
+step validate "$run" --truth sim_plant/plants/manutec-r15.yaml
 
 printf '\nreport  %s/report.html\nmodel   %s/model.yaml\n' "$run" "$run"

@@ -14,10 +14,15 @@ ROOT = Path(__file__).parents[2]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SHELL = re.compile(r"(?ms)^```(?:sh|bash|console)?\n(.*?)^```")
 COMMAND = re.compile(r"(?m)^(?:\$ )?hil (.+)$")
+DEMO = ROOT / "examples" / "demo.sh"
+STEP = re.compile(r"(?m)^step (.+)$")
+"""What `make demo` does, line by line."""
 
 
 def commands() -> list[tuple[str, str]]:
-    return [
+    steps = STEP.findall(DEMO.read_text(encoding="utf-8"))
+    assert len(steps) > 1
+    return [(DEMO.name, line) for line in steps] + [
         (document.name, line)
         for document in DOCUMENTS
         for block in SHELL.findall(document.read_text(encoding="utf-8"))
