@@ -6,6 +6,8 @@
 unexport PYTHONDONTWRITEBYTECODE
 .PHONY: help demo test tests test-long pythons lowest coverage vcan docs lint bench figures paper view-bundle release clean
 
+LONG ?= long or hypothesis
+PROFILE ?= ci-long
 VENV := .venv
 BIN := $(VENV)/bin
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
