@@ -50,8 +50,8 @@ tests: $(DEV)
 # longest come first (tests/conftest.py). Property tests draw new examples; what fails is kept in
 # .hypothesis/found.
 test-long: $(DEV)
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m 'long or hypothesis' \
-		--hypothesis-profile=ci-long
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m '$(LONG)' \
+		--hypothesis-profile=$(PROFILE)
 
 # each in an environment of its own, .venv-3.12 and so on; the last line names those that are not here
 pythons:
