@@ -11,9 +11,7 @@ everything lags by a SYNC: it is flagged, for some SYNCs, unless all answers are
 
 from __future__ import annotations
 
-import math
 import struct
-from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import can
@@ -21,10 +19,11 @@ import can
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.cia402.set_point import ENABLED
+from drivers.cycle_data import CODES, CycleData, unpacking
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from drivers.canopen.communication import CanopenCommunication
     from drivers.canopen.network import PumpedNetwork
@@ -37,20 +36,15 @@ SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
 """Frames that are read at most once the time of an answer is up: a node may never fall silent."""
 
-SPEED_TIME = 0.008
-"""Over which speeds are taken at least [s]: positions need not change at every SYNC."""
-
 DOUBT = 5
 """SYNCs with one answer each after which a TPDO that is owed counts as lost."""
 
 _COMMAND, _TARGET = struct.Struct("<iH"), struct.Struct("<i")
 _OFFSETS = struct.Struct("<ih")
-_CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
-"""Types of what is read; bytes of other types are skipped."""
 Data = bytes | bytearray
 
 
-class SyncProcessData:
+class SyncProcessData(CycleData):
     """Process data of all axes, latched at SYNC.
 
     Parameters
@@ -87,20 +81,12 @@ class SyncProcessData:
         clock: SyncClock,
         communications: Sequence[CanopenCommunication],
     ) -> None:
+        super().__init__(len(axes), clock)
         self._network = network
-        self._clock = clock
         self._in_lock_step = clock.synchronous
         self._receive = network.channel.recv
         self._wanted = [(STATUSWORD, POSITION, drive.current.entry) for drive in axes]
         self._slots: dict[int, int] = {}
-        self._regular = (0,) * len(axes)
-        self.flags: tuple[int, ...] = self._regular
-        self.irregular = False
-        self.time = 0.0
-        self._before = self._anchor = (-math.inf, self._regular)
-        self.words: tuple[int, ...] = self._regular
-        self.positions: tuple[int, ...] = self._regular
-        self.currents: Sequence[float] = self._regular
         self.wire(communications)
 
     def wire(self, communications: Sequence[CanopenCommunication]) -> None:
@@ -121,7 +107,7 @@ class SyncProcessData:
         self._sizes = [pdo.size for _, pdo in pdos]
         self._axis_of = [axis for axis, _ in pdos]
         order = self._order(pdos)
-        self._unpack = _unpacking("<" + "".join(layouts), order)
+        self._unpack = unpacking("<" + "".join(layouts), order)
         self._last: list[Data] = [bytes(size) for size in self._sizes]
         self._owed: dict[int, int] = {}
         self._doubt: dict[int, int] = {}
@@ -132,7 +118,7 @@ class SyncProcessData:
     def _order(self, pdos: Sequence[tuple[int, Pdo]]) -> list[int]:
         """Where statusword, position and current of each axis stand among all values."""
         values = [
-            (axis, entry) for axis, pdo in pdos for entry in pdo.entries if entry.type in _CODES
+            (axis, entry) for axis, pdo in pdos for entry in pdo.entries if entry.type in CODES
         ]
         return [
             values.index((axis, entry))
@@ -181,12 +167,11 @@ class SyncProcessData:
             values = self._unpack(b"".join(self._collected(clock)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
-        if self.time - self._anchor[0] >= SPEED_TIME:
-            self._before, self._anchor = self._anchor, (self.time, self.positions)
-        self.time = instant
+        self._pass_to(instant)
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
         if self._found or self.irregular or clock.passed_over:
-            self._publish(passed_over=bool(clock.passed_over))
+            found, self._found = self._found, {}
+            self._publish(found)
         return instant
 
     def _send_again(self, error: Exception) -> None:
@@ -203,39 +188,10 @@ class SyncProcessData:
                 error = again
         raise self._network.unavailable("SYNC cannot be sent", error)
 
-    def now(self) -> float:
-        """Time since the bus was entered [s]."""
-        return self._clock.now()
-
-    @property
-    def skipped(self) -> int:
-        """SYNCs that were left out because we came too late for them."""
-        return self._clock.skipped
-
-    @skipped.setter
-    def skipped(self, number: int) -> None:
-        self._clock.skipped = number
-
-    def miss(self) -> None:
-        """Let a period pass in which the bus took no SYNC."""
-        self._clock.miss()
-
-    def speeds(self) -> list[float]:
-        """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
-
-        An axis whose TPDO is missing has the speed ``inf``: it is not seen.
-        """
-        then, positions = self._before
-        elapsed = self.time - then
-        return [
-            math.inf if flag & SampleFlag.MISSING or elapsed <= 0 else abs(here - there) / elapsed
-            for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
-        ]
-
     def hurry(self, hurried: bool) -> None:
         """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
         self._network.attempts = 1 if hurried else SEND_ATTEMPTS
-        self._clock.hurry(hurried)
+        super().hurry(hurried)
 
     def tick(self) -> None:
         """Let one period pass while the drives send no TPDOs yet."""
@@ -324,21 +280,6 @@ class SyncProcessData:
         axis = self._axis_of[slot]
         self._found[axis] = self._found.get(axis, 0) | flag.value
 
-    def _publish(self, *, passed_over: bool) -> None:
-        found, self._found = self._found, {}
-        all_axes = SampleFlag.SKIPPED.value if passed_over else 0
-        self.irregular = bool(found) or passed_over
-        self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))
-
 
 def _code(entry: Entry) -> str:
-    return _CODES.get(entry.type, "x" * entry.size)
-
-
-def _unpacking(layout: str, order: Sequence[int]) -> Callable[[bytes], tuple[int, ...]]:
-    """Return what unpacks a layout and returns its values in an order."""
-    unpack = struct.Struct(layout).unpack
-    if list(order) == list(range(len(unpack(bytes(struct.calcsize(layout)))))):
-        return unpack
-    pick = itemgetter(*order)
-    return lambda data: pick(unpack(data))
+    return CODES.get(entry.type, "x" * entry.size)

@@ -17,15 +17,16 @@ import math
 import struct
 import time
 from collections import deque
-from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Command as Order
+from drivers.cycle_data import CycleData, unpacking
 from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, at
+from drivers.ethercat.process_layout import picking, places
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
@@ -34,30 +35,25 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive
     from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
+    from drivers.ethercat.process_layout import Place
     from drivers.fieldbus import Entry
     from drivers.sync_clock import SyncClock
 
-SPEED_TIME = 0.008
-"""Over which speeds are taken at least [s]: positions need not change at every cycle."""
 LOGICAL, APART = 0x0001_0000, 0x1000
 """Where the process data of the first drive stand in logical memory, and how far apart."""
 FOREIGN = 3
 """Frames that are not ours: more of them are no chance."""
 _BOTH, _READ = 3, 1
 """Working counter of a drive that took outputs (2) and gave inputs (1), or that was read."""
-_CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
 _VALUES = 5
 """Unpacked of an axis: statusword, position, current, state of the mailbox, working counter."""
 _STOPS = frozenset({Order.QUICK_STOP.value[0], Order.DISABLE_VOLTAGE.value[0]})
-_MISSING, _LATE, _SKIPPED = (
-    flag.value for flag in (SampleFlag.MISSING, SampleFlag.LATE, SampleFlag.SKIPPED)
-)
-_Place = tuple[int, int]
+_MISSING, _LATE = SampleFlag.MISSING.value, SampleFlag.LATE.value
 _WATCHDOGS = Datagram(Command.BRD, reg.WATCHDOG_STATUS << 16, bytes(2))
 """Read where no outputs are sent: what a plant in lock-step takes for a cycle that passes."""
 
 
-class EthercatProcessData:
+class EthercatProcessData(CycleData):
     """Process data of all axes (`drivers.fieldbus.ProcessData`).
 
     Parameters
@@ -92,24 +88,19 @@ class EthercatProcessData:
         drives: Sequence[EthercatDrive],
         clock: SyncClock,
     ) -> None:
-        self._line, self._axes, self._drives, self._clock = line, axes, drives, clock
-        self._regular = (0,) * len(axes)
-        self.words: tuple[int, ...] = self._regular
-        self.positions: tuple[int, ...] = self._regular
-        self.currents: Sequence[float] = self._regular
-        self.flags: tuple[int, ...] = self._regular
-        self.irregular = self.unusual = self.fallen = False
+        super().__init__(len(axes), clock)
+        self._line, self._axes, self._drives = line, axes, drives
+        self.unusual = self.fallen = False
         self.mail: tuple[int, ...] = ()
         self.feeding, self._wired = True, False
         self.time = clock.now()
         self._sent_at = self._latched_at = self.time
-        self._before = self._anchor = (-math.inf, self._regular)
         self._gone: dict[int, float] = {}
         self._fresh: set[int] = set()
         self._queues: dict[int, deque[tuple[int, int]]] = {}
         self._mailboxes: Sequence[int] = self._regular
         self._ticking = line.frame([_WATCHDOGS])
-        self._outputs: list[dict[_Place, _Place]] = [{} for _ in axes]
+        self._outputs: list[dict[Place, Place]] = [{} for _ in axes]
         for axis, drive in enumerate(drives):
             drive.carry = self._carry(axis)
 
@@ -128,8 +119,8 @@ class EthercatProcessData:
             address = LOGICAL + APART * axis
             written.append(Datagram(Command.LRW, address, bytes(size)))
             read.append(Datagram(Command.LRD, address, bytes(size)))
-            self._outputs[axis] = _places(drive, place + HEAD)
-            picked, own = _picking(drive, self._axes[axis])
+            self._outputs[axis] = places(drive.outputs, place + HEAD)
+            picked, own = picking(drive.inputs, self._axes[axis])
             layout += f"{HEAD + drive.outputs.size}x{picked}BH"
             order += [_VALUES * axis + n for n in (*own, 3, 4)]
             place += HEAD + size + TAIL
@@ -147,7 +138,7 @@ class EthercatProcessData:
             False: self._line.frame((*read, *states, _WATCHDOGS)),
         }
         self._size = struct.calcsize(layout)
-        self._unpack = _unpacking(layout, order)
+        self._unpack = unpacking(layout, order)
         self._end = _VALUES * n
         self._fresh.clear()
         self._queues.clear()
@@ -195,7 +186,7 @@ class EthercatProcessData:
             value.to_bytes(entry.size, "little", signed=entry.signed),
         )
 
-    def _store(self, axis: int, place: _Place, data: bytes) -> None:
+    def _store(self, axis: int, place: Place, data: bytes) -> None:
         found = self._outputs[axis].get(place)
         if found is not None:
             start, size = found
@@ -247,9 +238,8 @@ class EthercatProcessData:
         line.send(self._frames[self.feeding])
         instant = self._sent_at = clock.sent()
         answer = line.receive(clock.window())
-        self.time, self._latched_at = self._latched_at, instant
-        if self.time - self._anchor[0] >= SPEED_TIME:
-            self._before, self._anchor = self._anchor, (self.time, self.positions)
+        self._pass_to(self._latched_at)
+        self._latched_at = instant
         if answer is None or len(answer) < self._size:
             self._take_nothing()
             return self.time
@@ -303,33 +293,7 @@ class EthercatProcessData:
         self.unusual, self.fallen = True, False
         self._publish(dict.fromkeys(range(len(self._axes)), _MISSING))
 
-    def _publish(self, found: dict[int, int]) -> None:
-        all_axes = _SKIPPED if self._clock.passed_over else 0
-        self.irregular = bool(found) or bool(all_axes)
-        self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._axes)))
-
     # Time
-
-    def now(self) -> float:
-        """Time since the bus was entered [s]."""
-        return self._clock.now()
-
-    @property
-    def skipped(self) -> int:
-        """Cycles that were left out because we came too late for them."""
-        return self._clock.skipped
-
-    @skipped.setter
-    def skipped(self, number: int) -> None:
-        self._clock.skipped = number
-
-    def miss(self) -> None:
-        """Let a period pass in which the bus took no frame."""
-        self._clock.miss()
-
-    def hurry(self, hurried: bool) -> None:
-        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
-        self._clock.hurry(hurried)
 
     def tick(self) -> None:
         """Let one period pass; a plant in lock-step knows of it."""
@@ -341,18 +305,6 @@ class EthercatProcessData:
         self._line.send(self._ticking)
         self._clock.sent()
         self._line.receive(self._clock.window())
-
-    def speeds(self) -> list[float]:
-        """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
-
-        An axis that took no part has the speed ``inf``: it is not seen.
-        """
-        then, positions = self._before
-        elapsed = self.time - then
-        return [
-            math.inf if flag & SampleFlag.MISSING or elapsed <= 0 else abs(here - there) / elapsed
-            for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
-        ]
 
     # For our sign of life
 
@@ -398,36 +350,3 @@ class EthercatProcessData:
 
 def _state(drive: EthercatDrive) -> Datagram:
     return Datagram(Command.FPRD, at(drive.station.address, reg.AL_STATUS), bytes(2))
-
-
-def _places(drive: EthercatDrive, start: int) -> dict[_Place, _Place]:
-    """Return where in a frame each object stands that the outputs carry in whole bytes."""
-    found = {}
-    for word in drive.outputs.words:
-        index, subindex = word >> 16, word >> 8 & 0xFF
-        place = drive.outputs.place(index, subindex)
-        if index and place is not None:
-            found[index, subindex] = (start + place[0], place[1])
-    return found
-
-
-def _picking(drive: EthercatDrive, axis: AxisDrive) -> tuple[str, list[int]]:
-    """Return the layout of the inputs, and where in it statusword, position and current are."""
-    entries = (objects.STATUSWORD, objects.POSITION, axis.current.entry)
-    places = [drive.inputs.place(entry.index, entry.subindex) for entry in entries]
-    starts = [place[0] if place else 0 for place in places]  # all are there, by `pdo_set_up`
-    order = sorted(range(len(entries)), key=lambda n: starts[n])
-    layout, end = "", 0
-    for n in order:
-        layout += f"{starts[n] - end}x{_CODES[entries[n].type]}"
-        end = starts[n] + entries[n].size
-    return layout + f"{drive.inputs.size - end}x", [order.index(n) for n in range(len(entries))]
-
-
-def _unpacking(layout: str, order: Sequence[int]) -> Callable[[bytes], tuple[int, ...]]:
-    """Return what unpacks a layout and returns its values in an order."""
-    unpack = struct.Struct(layout).unpack_from
-    if list(order) == list(range(len(order))):
-        return unpack
-    pick = itemgetter(*order)
-    return lambda data: pick(unpack(data))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
+from drivers.cycle_data import CODES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from drivers.fieldbus import Entry
 
 COMMAND = (objects.CONTROLWORD, objects.TARGET_POSITION)
+Place = tuple[int, int]
+"""Index and sub-index of an object; or its first byte and its size."""
 STATE = (objects.STATUSWORD, objects.POSITION)
 ROOM = 1024
 """Longest process data of a drive that are taken, in each direction [bytes]."""
@@ -75,3 +78,27 @@ def inputs_of(axis: AxisDrive) -> tuple[Entry, ...]:
 def ours(index: int, entries: Iterable[Entry]) -> Mapped:
     """Return the one mapping as we would have it."""
     return Mapped((index,), tuple(mapping_word(entry) for entry in entries))
+
+
+def places(outputs: Mapped, start: int) -> dict[Place, Place]:
+    """Return where in a frame each object stands that the outputs carry in whole bytes."""
+    found = {}
+    for word in outputs.words:
+        index, subindex = word >> 16, word >> 8 & 0xFF
+        place = outputs.place(index, subindex)
+        if index and place is not None:
+            found[index, subindex] = (start + place[0], place[1])
+    return found
+
+
+def picking(inputs: Mapped, axis: AxisDrive) -> tuple[str, list[int]]:
+    """Return the layout of the inputs, and where in it statusword, position and current are."""
+    entries = inputs_of(axis)
+    places = [inputs.place(entry.index, entry.subindex) for entry in entries]
+    starts = [place[0] if place else 0 for place in places]  # all are there, by `pdo_set_up`
+    order = sorted(range(len(entries)), key=lambda n: starts[n])
+    layout, end = "", 0
+    for n in order:
+        layout += f"{starts[n] - end}x{CODES[entries[n].type]}"
+        end = starts[n] + entries[n].size
+    return layout + f"{inputs.size - end}x", [order.index(n) for n in range(len(entries))]

@@ -283,3 +283,15 @@ def test_what_drives_of_an_alias_held_is_put_back_wherever_they_are(
     assert objects(wire) != found
     list(put_back(EthercatBus(wire, "lock-step"), kept))
     assert objects(wire) == found
+
+
+def test_speeds_are_those_of_the_positions(open_bus: Opening) -> None:
+    """A time that belongs to the positions of the cycle after it would make them greater."""
+    with open_bus() as bus:
+        data, there = bus._session.connection.process_data, 0
+        bus.move({0: Move(bus.sample().q[0] + 0.5, 0.5, 5.0)})
+        for _ in range(100):
+            before, there = there, data.positions[0]
+            bus.sample()
+        speed = (there - before) / bus.period
+        assert data.speeds()[0] == pytest.approx(speed, rel=0.02)

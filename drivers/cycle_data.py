@@ -1,0 +1,101 @@
+"""What process data of any bus have in common: values of all axes, taken cycle by cycle."""
+
+from __future__ import annotations
+
+import math
+import struct
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import SampleFlag
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from drivers.sync_clock import SyncClock
+
+SPEED_TIME = 0.008
+"""Over which speeds are taken at least [s]: positions need not change at every cycle."""
+CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
+"""Types of what is read, as `struct` has them; bytes of other types are skipped."""
+
+
+class CycleData:
+    """The part of `drivers.fieldbus.ProcessData` that no bus does in its own way.
+
+    Parameters
+    ----------
+    n_axes : int
+    clock : SyncClock
+        Where the time of a cycle comes from.
+
+    Attributes
+    ----------
+    words, positions, currents, flags, irregular, time
+        See `ProcessData`.
+    """
+
+    def __init__(self, n_axes: int, clock: SyncClock) -> None:
+        self._clock = clock
+        self._regular = (0,) * n_axes
+        self.words: tuple[int, ...] = self._regular
+        self.positions: tuple[int, ...] = self._regular
+        self.currents: Sequence[float] = self._regular
+        self.flags: tuple[int, ...] = self._regular
+        self.irregular = False
+        self.time = 0.0
+        self._before = self._anchor = (-math.inf, self._regular)
+
+    def now(self) -> float:
+        """Time since the bus was entered [s]."""
+        return self._clock.now()
+
+    @property
+    def skipped(self) -> int:
+        """Cycles that were left out because we came too late for them."""
+        return self._clock.skipped
+
+    @skipped.setter
+    def skipped(self, number: int) -> None:
+        self._clock.skipped = number
+
+    def miss(self) -> None:
+        """Let a period pass in which the bus took no frame."""
+        self._clock.miss()
+
+    def hurry(self, hurried: bool) -> None:
+        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        self._clock.hurry(hurried)
+
+    def speeds(self) -> list[float]:
+        """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
+
+        An axis that took no part in the last cycle has the speed ``inf``: it is not seen.
+        """
+        then, positions = self._before
+        elapsed = self.time - then
+        return [
+            math.inf if flag & SampleFlag.MISSING or elapsed <= 0 else abs(here - there) / elapsed
+            for here, there, flag in zip(self.positions, positions, self.flags, strict=True)
+        ]
+
+    def _pass_to(self, instant: float) -> None:
+        """Let the instant of a cycle [s] come, before its values are taken."""
+        if self.time - self._anchor[0] >= SPEED_TIME:
+            self._before, self._anchor = self._anchor, (self.time, self.positions)
+        self.time = instant
+
+    def _publish(self, found: Mapping[int, int]) -> None:
+        """Set the flags: those of single axes, and of all where cycles were passed over."""
+        all_axes = SampleFlag.SKIPPED.value if self._clock.passed_over else 0
+        self.irregular = bool(found) or bool(all_axes)
+        self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))
+
+
+def unpacking(layout: str, order: Sequence[int]) -> Callable[[bytes], tuple[int, ...]]:
+    """Return what unpacks a layout from the first bytes, and returns its values in an order."""
+    unpack = struct.Struct(layout).unpack_from
+    if list(order) == list(range(len(unpack(bytes(struct.calcsize(layout)))))):
+        return unpack
+    pick = itemgetter(*order)
+    return lambda data: pick(unpack(data))
