@@ -6,6 +6,11 @@ takes run folders of any one machine. What the default method leaves of the torq
 what weighted least squares leaves, of the recordings that both were fitted to and of those that
 neither saw, axis by axis and overall: at most 1.05 times as much overall and 1.2 on any axis.
 
+    python benchmarks/real_machines.py figures FOLDER
+
+keeps the figures of EMPS and TX40: FOLDER holds the runs ``emps`` and ``tx40``, identified, and
+``pulses`` (docs/tutorials/recording.md).
+
     python benchmarks/real_machines.py RUN
 
 compares our model and plain least squares on the same samples of the Staubli TX40. RUN is the
@@ -26,10 +31,12 @@ from __future__ import annotations
 
 import sys
 from importlib.metadata import version
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 from scipy import signal
 
 from hil.model.dynamics import regressor
@@ -78,8 +85,30 @@ def _squares(model: Model, runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray]
     return left, torque
 
 
-def main(folder: str) -> None:
-    """Print what both leave of the torques, of samples taken in either way."""
+def keep_figures(folder: Path) -> None:
+    """Keep what the models of two machines leave of the torques."""
+
+    def left(model: str, run: str) -> Figure:
+        squares, torque = _squares(Model.load(folder / model), [Run.open(folder / run)])
+        return Figure(100 * float(np.sqrt(squares.sum() / torque.sum())), "%")
+
+    carriage, shares = Model.load(folder / "emps"), main(folder / "tx40")
+    low, high = carriage.interval(0.95)[0]
+    kept = {
+        "emps-left": left("emps", "emps"),
+        "emps-other-left": left("emps", "pulses"),
+        "emps-mass": Figure(float(carriage.values[0]), "kg", 3),
+        "emps-mass-interval": Figure((high - low) / 2, "kg", 1),
+        "tx40-left-20-hz": left("tx40", "tx40"),
+        "tx40-left-200-hz": Figure(shares["hil identify"], "%"),
+        "tx40-least-squares": Figure(shares["least squares"], "%", 3),
+    }
+    command = "python benchmarks/real_machines.py figures runs"
+    keep("real-machines", kept, depends=("hil/estimation", "hil/imports"), command=command)
+
+
+def main(folder: Path | str) -> dict[str, float]:
+    """Print what both leave of the torques, of samples taken in either way; return the former."""
     run, model = Run.open(folder), Model.load(folder)
     (recording,) = [measured.recording for measured in run]
     period = recording.period
@@ -89,6 +118,7 @@ def main(folder: str) -> None:
     own = slice(ENDS, -ENDS)
     motion = q[own], qd[own], qdd[own]
     columns, ours = _columns(run, *motion), model.torque(*motion)
+    shares: dict[str, float] = {}
     for way, take, tau in (
         ("decimated", _decimated, recording.tau),
         ("left out", _every, filtered),
@@ -96,9 +126,11 @@ def main(folder: str) -> None:
         print(f"samples between {way}:")
         y, W = take(tau[own]), take(columns)
         x, *_ = np.linalg.lstsq(W.reshape(-1, W.shape[-1]), y.ravel(), rcond=None)
-        _show(f"least squares, {len(x)} unknowns", y - W @ x, y)
+        plain = _show(f"least squares, {len(x)} unknowns", y - W @ x, y)
         _show_figaroh(run.robot, motion, y, take)
-        _show(f"hil identify, {model.method} method", y - take(ours), y)
+        best = _show(f"hil identify, {model.method} method", y - take(ours), y)
+        shares = shares or {"least squares": plain, "hil identify": best}
+    return shares
 
 
 def _low_passed(x: np.ndarray, period: float) -> np.ndarray:
@@ -176,9 +208,11 @@ def _show_figaroh(
     _show(f"figaroh {version('figaroh')}, {len(found)} unknowns", left, tau)
 
 
-def _show(name: str, left: np.ndarray, tau: np.ndarray) -> None:
+def _show(name: str, left: np.ndarray, tau: np.ndarray) -> float:
     rms = " ".join(f"{x:.2f}" for x in np.sqrt(np.mean(left**2, axis=0)))
-    print(f"{name}: rms {rms} N m, {np.linalg.norm(left) / np.linalg.norm(tau):.1%} of all torques")
+    share = 100 * float(np.linalg.norm(left) / np.linalg.norm(tau))
+    print(f"{name}: rms {rms} N m, {share:.1f}% of all torques")
+    return share
 
 
 if __name__ == "__main__":
@@ -186,6 +220,8 @@ if __name__ == "__main__":
     if "--" in arguments:
         end = arguments.index("--")
         compare(arguments[:end], arguments[end + 1 :])
+    elif arguments[:1] == ["figures"]:
+        keep_figures(Path(arguments[1]))
     elif len(arguments) == 1:
         main(*arguments)
     else:
