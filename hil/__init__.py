@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hil import errors
-    from hil.imports.arrays import run_from_arrays as run_from_arrays
     from hil.imports.importing import import_recordings
     from hil.model.base_parameters import base_parameters
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
@@ -79,7 +78,7 @@ __all__ = [
 _LATER = {
     "Model": "hil.results.model",
     "Robot": "hil.model.robot",
-    "Run": "hil.runs.run",
+    "Run": "hil.imports.arrays",
     "available_robots": "hil.model.robot",
     "base_parameters": "hil.model.base_parameters",
     "compare": "hil.tasks.judging",
@@ -100,7 +99,6 @@ _LATER = {
     "regression": "hil.results.problem",
     "regressor": "hil.model.dynamics",
     "report": "hil.report.page",
-    "run_from_arrays": "hil.imports.arrays",
     "validate": "hil.tasks.judging",
 }
 _MODULES = ("errors", "export", "report")

@@ -18,7 +18,7 @@ from hil.imports.statement import Statement
 from hil.planning.free_motion import FreeMotion
 from hil.planning.plan import PlannedRobot, RecordedMotions
 from hil.runs.journal import Journal, Session, now
-from hil.runs.run import MemoryRun
+from hil.runs.run import MemoryRun, Run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,11 +37,10 @@ def run_from_arrays(
     t: ArrayLike | Sequence[ArrayLike],
     q: ArrayLike | Sequence[ArrayLike],
     tau: ArrayLike | Sequence[ArrayLike],
-    qd: ArrayLike | Sequence[ArrayLike] | None = None,
-    *,
-    alone: int | None = None,
-    cut_off: float | None = None,
-    accept: Sequence[str] = (),
+    qd: ArrayLike | Sequence[ArrayLike] | None,
+    alone: int | None,
+    cut_off: float | None,
+    accept: Sequence[str],
 ) -> MemoryRun:
     """Make a run of arrays, in memory; see `hil.Run.from_arrays`."""
     recordings = _recordings(robot, t, q, tau, qd)
@@ -103,6 +102,9 @@ def _map(
     if alone is not None:
         content["kind"] = {"back_and_forth": alone}
     return MapFile(Path("arrays"), "", RecordingMap.model_validate(content))
+
+
+Run.of_arrays = staticmethod(run_from_arrays)
 
 
 def _recordings(

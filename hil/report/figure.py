@@ -8,25 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import (
-    MEASURED,
-    MODEL,
-    Band,
-    Chart,
-    Line,
-    Panel,
-    Points,
-    Rule,
-)
+from hil.errors import NotEnoughData
+from hil.report.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule
 from hil.report.charts.svg import file
 from hil.report.sections.friction_plots import levels
-from hil.results.predicted_torques import predicted_torques
+from hil.report.sections.torques import over_time
+from hil.report.stretches import stretches
 from hil.runs.atomic_file import write_file
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
     from hil.results.model import Model
-    from hil.results.recorded_torque import PredictedTorque
     from hil.runs.run import Run
 
 SPEEDS = 200
@@ -73,10 +65,8 @@ class Figure:
         return f"<Figure: {titles}>"
 
 
-def plot_torque(
-    model: Model, run: Run | Path | str, measurement: str | None = None, level: float = 0.95
-) -> Figure:
-    """Draw measured and predicted torque over time, with the band of the prediction.
+def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = None) -> Figure:
+    """Draw measured and predicted torque over time, with the prediction's interval of 95 %.
 
     Parameters
     ----------
@@ -84,49 +74,18 @@ def plot_torque(
     run : Run or path
     measurement : str, optional
         Its id; by default the first that can be predicted.
-    level : float
-        Share of the samples that the band is to hold.
 
     Raises
     ------
     UnknownName, NotEnoughData
         No such measurement, or none of use.
     """
-    from scipy.special import ndtri  # noqa: PLC0415 - loads for half a second
-
-    from hil.errors import NotEnoughData  # noqa: PLC0415
-
     run = opened(run)
-    recorded = [run[measurement]] if measurement else run
-    parts: list[PredictedTorque] = []
-    for each in recorded:
-        parts = list(predicted_torques(model, [(each.measurement, each.recording)]))
-        if parts:
-            break
-    if not parts:
-        raise NotEnoughData(f"{run.path}: no recording that a model predicts torques of")
-    width = float(ndtri(0.5 + level / 2))
-    return Figure(Chart(tuple(_torque(model, part, width) for part in parts)))
-
-
-def _torque(model: Model, part: PredictedTorque, width: float) -> Panel:
-    every = max(1, len(part.time) // MOST)
-    time, tau, predicted, half = (
-        np.ravel(each)[::every] for each in
-        (part.time, part.measured, part.predicted, width * part.standard_error)
-    )  # fmt: skip
-    axis = part.axes[0]
-    return Panel(
-        (
-            Band(time, predicted - half, predicted + half, label="interval"),
-            Line(time, tau, MEASURED, "measured", width=1.0),
-            Line(time, predicted, MODEL, "predicted"),
-        ),
-        title=f"axis {axis + 1}, {part.measurement}",
-        x_label="time [s]",
-        y_label=f"torque [{model.robot.torque_unit(axis)}]",
-        width=520.0,
-    )
+    for each in [run[measurement]] if measurement else run:
+        if found := stretches(model, [(each.measurement, each.recording)]):
+            shown = [stretch.part(0.0, np.inf, MOST) for stretch in found.values()]
+            return Figure(over_time(shown, model.robot))
+    raise NotEnoughData(f"{run.path}: no recording that a model predicts torques of")
 
 
 def plot_friction(model: Model) -> Figure:
