@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fault_table.stopping_way import allowed_ways, reaction_time
+from fault_table.stopping_way import reaction_time
 from fault_table.trial import drives
 from fault_table.witness import Witness
-from outage_sweep.session import REACH, SHARES, Verdict, moves
+from outage_sweep.session import SHARES, Verdict, judged, moves
 from plant_wire import PlantWire
 
 from drivers.drive_bus import DriveError, MoveFailed
@@ -23,7 +23,6 @@ from drivers.ethercat.frames import START, Command
 from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat.al_states import AlState
 from sim_plant.ethercat.segment import Segment
-from sim_plant.physics import state as st
 from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
@@ -225,16 +224,8 @@ def happen(outage: Outage) -> Verdict:
     except (DriveError, KeyboardInterrupt) as error:
         ended = type(error).__name__
     wire.leave_alone()
-    energised = np.flatnonzero(wire.plant.state[:, st.ENABLED]) + 1  # type: ignore[attr-defined]
-    ways = wire.witness.ways if ended else np.zeros(len(REACH))
-    shares = ways / allowed_ways(wire.witness.speeds, outage.length, drives)
-    return Verdict(
-        ended,
-        tuple(sorted(wire.witness.unwatched)),
-        tuple(energised.tolist()),
-        float(ways.max()),
-        float(shares.max()),
-    )
+    state = wire.plant.state  # type: ignore[attr-defined]
+    return judged(ended, state, wire.witness, outage.length)
 
 
 def results(seed: int, numbers: Sequence[int]) -> list[tuple[Outage, Verdict]]:

@@ -18,6 +18,9 @@ from drivers.drive_bus import DriveError, Move, MoveFailed
 from sim_plant.physics import state as st
 
 if TYPE_CHECKING:
+    from fault_table.witness import Witness
+    from numpy.typing import NDArray
+
     from outage_sweep.draws import Outage
 
 REACH = (1.2, 0.8, 1.2, 1.5, 1.0, 1.5)
@@ -100,6 +103,19 @@ def frames_sent() -> range:
     return range(ours.index(SYNC) + 1, len(ours) + 1)
 
 
+def judged(ended: str, state: NDArray[np.float64], witness: Witness, length: float) -> Verdict:
+    """Judge what came of an outage of so long [s], by the plant's state and its witness."""
+    ways = witness.ways if ended else np.zeros(len(REACH))
+    shares = ways / allowed_ways(witness.speeds, length, drives)
+    return Verdict(
+        ended,
+        tuple(sorted(witness.unwatched)),
+        tuple((np.flatnonzero(state[:, st.ENABLED]) + 1).tolist()),
+        float(ways.max()),
+        float(shares.max()),
+    )
+
+
 def happen(outage: Outage) -> Verdict:
     """Let an outage happen, and judge what came of it."""
     ended = ""
@@ -110,13 +126,4 @@ def happen(outage: Outage) -> Verdict:
         except (DriveError, KeyboardInterrupt) as error:
             ended = type(error).__name__
         bus.leave_alone()
-    energised = np.flatnonzero(bus.plant.state[:, st.ENABLED]) + 1
-    ways = bus.witness.ways if ended else np.zeros(len(REACH))
-    shares = ways / allowed_ways(bus.witness.speeds, outage.length, drives)
-    return Verdict(
-        ended,
-        tuple(sorted(bus.witness.unwatched)),
-        tuple(energised.tolist()),
-        float(ways.max()),
-        float(shares.max()),
-    )
+    return judged(ended, bus.plant.state, bus.witness, outage.length)
