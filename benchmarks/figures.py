@@ -4,8 +4,8 @@ A benchmark ends with `keep`, which writes ``benchmarks/results/NAME.json``: its
 the commit and machine that they were measured at, its seeds, and the code that they depend on. A
 document has::
 
-    <!-- figure: pushes.tenth_seen -->95 %<!-- end -->
-    <!-- number: pushes.tenth_seen -->95<!-- end -->
+    <!-- figure: claims-default.published-inside -->64.6 %<!-- end -->
+    <!-- number: claims-default.published-inside -->64.6<!-- end -->
 
 with unit or, as in a column of a table, without. What stands between is written by ``make figures``
 (``python benchmarks/figures.py``, in README.md and docs/) and by the making of the site;
