@@ -11,7 +11,6 @@ import typer
 
 from checked_files.errors import HilError
 from hil.cli.arguments import RobotName, group_of
-from hil.cli.completion import files
 from hil.cli.outputs import folder_to_write, new_file, output_option
 from hil.terminal.console import out, say, working
 
@@ -113,17 +112,18 @@ def _from_table(
 
 @commands.command()
 def twin(
-    robot: Annotated[
-        Path, typer.Argument(metavar="ROBOT", help="Robot file.", autocompletion=files)
-    ],
+    name: RobotName,
     output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
 ) -> None:
     """Write a virtual plant of a robot and its drives file, to rehearse without it."""
     # the plant is a program of its own, of which nothing is imported here: its model of the arm
     # must not be the one that is tested against it
     with working("scaling a plant to the limits of the robot"):
+        from hil.model.robot import load_robot
+
+        robot = load_robot(name).source
         made = subprocess.run(  # noqa: S603 - our own program, by its own name
-            [sys.executable, "-m", "sim_plant", "twin", str(robot), "--output", str(output)],
+            [sys.executable, "-m", "sim_plant", "twin", robot, "--output", str(output)],
             capture_output=True,
             text=True,
             check=False,
