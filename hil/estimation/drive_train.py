@@ -7,9 +7,16 @@ a share mu_j of what a gear transmits is friction.
 Lags and compliances (`hil.estimation.nuisances`) are found from measurements of inertia and
 trajectories: where the axis that is read does not accelerate neither shows. Both show most at the
 corners of the trapezoids, which the estimate itself leaves out, because there it would have to know
-them. What gears transmit comes from a first solution that takes them for rigid. Errors come from
-the scores of the measurements; what an error of the lags does to the base parameters comes along,
-so that it can be counted with theirs.
+them. Errors come from the scores of the measurements; what an error of the lags does to the base
+parameters comes along, so that it can be counted with theirs.
+
+How far a gear gives way, what it transmits says, and that the motor's torque says: without that of
+the rotor and friction it is what the arm takes, rings of the arm on its gears included, which no
+torque that is calculated from the motors' motion holds. So links are placed by measured torques.
+Compliances are first found by these too. Their noise makes such a column alike to the torque that
+it is to explain, so then all is found again from links in their places, with columns of the torque
+that is calculated from their motion: what is left of noise has nothing to do with it (instrumental
+variables).
 
 A torque that is sampled every T shows a corner of the motion where the next sample is. As long as
 corners fall anywhere between samples, as `hil plan` arranges it, that is noise. What remains of it
@@ -36,6 +43,7 @@ from hil.estimation.nuisances import (
     shift_names,
 )
 from hil.estimation.signals import derivatives
+from hil.friction.equation import SLOW, speed_scale
 from hil.least_squares.solving import inverse
 from hil.least_squares.window import half_window, widened
 from hil.model.base_parameters import base_parameters
@@ -71,6 +79,8 @@ CERTAIN = 5.0
 """Compliance or friction of the load over its standard error from which on it counts."""
 MOST_TWIST = 0.05
 """At the torque limit [rad]: more is no gear, but what few measurements make of their noise."""
+MOST_ROUNDS = 5
+"""Times that all is found from links in their places: gears of 20 Hz need three."""
 PASSES = 2
 """How often everything is smoothed: K holds the fourth derivative of positions, whose noise the
 motor's part shares."""
@@ -106,6 +116,11 @@ class DriveTrain:
     covariance: Array
     p: Array
 
+    @property
+    def soft_compliance(self) -> Array:
+        """That of gears that are soft, shape (n_joints,) [rad/(N m)]; 0 of the others."""
+        return np.where(self.soft, self.compliance, 0.0)
+
     def applied(self, robot: Robot, s: Signals, compliance: Array | None = None) -> Signals:
         """Signals with torques as early as positions, and with links where soft gears let them.
 
@@ -114,14 +129,14 @@ class DriveTrain:
         compliance : ndarray, shape (n_joints,), optional
             Others than those of the gears that are soft.
         """
-        found = s.torque_advanced(self.lag)
-        c = np.where(self.soft, self.compliance, 0.0) if compliance is None else compliance
+        return self.placed(robot, s, compliance).torque_advanced(self.lag)
+
+    def placed(self, robot: Robot, s: Signals, compliance: Array | None = None) -> Signals:
+        """The same with torques as late as they were read."""
+        c = self.soft_compliance if compliance is None else compliance
         if not c.any():
-            return found
-        twist = c * inverse_dynamics(robot, self.p, s.q, s.qd, s.qdd)
-        # what is transmitted is that of the links' own motion, so once more
-        moved = replace(found, twist=twist)
-        return replace(found, twist=c * inverse_dynamics(robot, self.p, *moved.link))
+            return s
+        return replace(s, twist=c * _transmitted(robot, self.p, s.torque_advanced(self.lag), c))
 
 
 class LoadFriction(NamedTuple):
@@ -150,21 +165,48 @@ def compliance_units(robot: Robot) -> str:
     return " or ".join(dict.fromkeys(each))
 
 
-def find_drive_train(robot: Robot, prepared: Prepared, loaded: Mask | None = None) -> DriveTrain:
+def find_drive_train(
+    robot: Robot, prepared: Prepared, loaded: Mask | None = None, start: DriveTrain | None = None
+) -> DriveTrain:
     """Estimate the lag and the compliance of every axis.
 
     Parameters
     ----------
     loaded : ndarray of bool, shape (n_joints,), optional
         Axes whose friction grows with the transmitted torque; none by default.
+    start : DriveTrain, optional
+        Where it is known already what soft gears transmit.
     """
     loaded = np.zeros(robot.n_joints, dtype=bool) if loaded is None else loaded
     accelerated = [(m, s) for m, s in prepared if _shows_lag(m)]
+    placed = np.zeros(robot.n_joints) if start is None else start.soft_compliance
+    found = _found(robot, accelerated, loaded, start)
+    soft = found.soft | (placed != 0.0)
+    for _ in range(MOST_ROUNDS):
+        train = replace(found, soft=soft)
+        change = np.abs(train.soft_compliance - placed)
+        if (change <= np.nan_to_num(train.compliance_error)).all():
+            break  # gears are as soft as links were placed by
+        placed = train.soft_compliance
+        found = _found(robot, accelerated, loaded, train)
+        soft = soft | found.soft  # or two gears might take turns for ever
+    if (soft & ~found.soft).any():
+        again = _found(robot, accelerated, loaded, found)
+        return replace(again, soft=again.soft & found.soft)
+    return found
+
+
+def _found(
+    robot: Robot, accelerated: Prepared, loaded: Mask, before: DriveTrain | None
+) -> DriveTrain:
+    """The same from links that are in their places as far as these are known."""
     if not accelerated:
         return directly_driven(robot)
     period = max(s.period for _, s in accelerated)
     first, last = (round(np.floor(bound / period)) for bound in (EARLIEST, LATEST))
     shifts = np.arange(first - AROUND, last + AROUND + 2)
+    if before is not None:
+        accelerated = [(m, before.placed(robot, s)) for m, s in accelerated]
     stacks = [(s, axes) for m, s in accelerated for axes in _stacked(robot, m, s, shifts)]
     if not stacks:
         return directly_driven(robot)
@@ -178,7 +220,10 @@ def find_drive_train(robot: Robot, prepared: Prepared, loaded: Mask | None = Non
     p = found(condensed_blocks(robot, (axes for _, axes in stacks), late), all_late.soft).p
     rows = _with_gears(robot, stacks, p, loaded)
     blocks = condensed_blocks(robot, rows, late, compliance_names(robot))
-    judged = _judged(robot, found(blocks, ~all_late.soft), accelerated, period)
+    every = found(blocks, ~all_late.soft)
+    if before is not None:
+        every = replace(every, compliance=every.compliance + before.soft_compliance)
+    judged = _judged(robot, every, accelerated, period)
     # columns that nothing calls for make lags uncertain: gears that are not soft lose theirs
     last_one = found(blocks, judged.soft)
     return replace(
@@ -212,9 +257,9 @@ def _with_gears(
     robot: Robot, stacks: Sequence[tuple[Signals, Sequence[Stacked]]], p: Array, loaded: Mask
 ) -> Iterator[list[Stacked]]:
     """The same with columns of load friction where it is, and K behind those of p."""
-    transmitted = [_transmitted(robot, s, p, loaded) for s, _ in stacks]
+    transmitted = [_smooth_load(robot, s, p, loaded) for s, _ in stacks]
     rows = [
-        np.stack([x[each.index] for x in (s.q, s.qd, s.qdd, *twist)])
+        np.stack([x[each.index] for x in (*s.link, *twist)])
         for (s, axes), (twist, _) in zip(stacks, transmitted, strict=True)
         for each in axes
     ]
@@ -232,15 +277,39 @@ def _with_gears(
         yield found
 
 
-def _transmitted(
+def _smooth_load(
     robot: Robot, s: Signals, p: Array, loaded: Mask
 ) -> tuple[tuple[Array, Array, Array], Array]:
     """Torque that gears transmit, smoothed, with two derivatives, and what friction knows of it."""
-    load = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
-    friction = _of_load(s, load) if loaded.any() else load
+    calculated = inverse_dynamics(robot, p, *s.link)
+    load = calculated if s.twist is not None else _transmitted(robot, p, s)
     for _ in range(PASSES):
         load = s.smoothed(load)
+    friction = _of_load(s, calculated) if loaded.any() else calculated
     return (load, *derivatives(load, s.period)), friction
+
+
+def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float = 0.0) -> Array:
+    """Torque that gears transmit, shape (n, n_joints).
+
+    Of a stroke motors' torques say it. From them goes the rotors' part, and friction: half of what
+    torques beside calculated ones differ by between the two directions of an axis, less where it
+    turns round. What moves in one direction alone keeps its friction: a constant twists no gear any
+    faster. Where all axes move at once, noise of all rotors' accelerations would come together in
+    each torque, that of positions in either side of the equation: there it is calculated, from the
+    motion of the links as far as `compliance` says it.
+    """
+    calculated = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
+    if s.group is not None:
+        return inverse_dynamics(robot, p, *replace(s, twist=compliance * calculated).link)
+    found = s.tau - motor_torque(robot, s.q, s.qd, s.qdd)
+    for axis, qd in enumerate(s.smoothed(s.qd).T):
+        beyond = found[:, axis] - calculated[:, axis]
+        direction = np.clip(qd / (SLOW * speed_scale(robot, s, axis)), -1.0, 1.0)
+        forth, back = (beyond[direction == way] for way in (1.0, -1.0))
+        if len(forth) and len(back):
+            found[:, axis] -= (forth.mean() - back.mean()) / 2 * direction
+    return found
 
 
 def _of_load(s: Signals, load: Array) -> Array:

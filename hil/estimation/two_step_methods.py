@@ -130,8 +130,9 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
         # what gears transmit is now known better than from measurements of inertia alone, and so is
         # which of them turn it into friction; a doubtful one would take the lag along, since few
         # measurements of inertia distinguish the two
-        drive_train = as_asked(find_drive_train(robot, raw, loaded), nuisance)
-        drive_train = replace(drive_train, p=solver.solve())
+        known = replace(drive_train, p=solver.solve())
+        drive_train = as_asked(find_drive_train(robot, raw, loaded, known), nuisance)
+        drive_train = replace(drive_train, p=known.p)
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
         solver = SimultaneousFit(robot, prepared)
     return Joint(solver, drive_train, prepared, first.without_load_friction)

@@ -50,12 +50,6 @@ def recordings(
     ]
 
 
-def gentler(m: Measurement) -> Measurement:
-    if m.kind != "inertia":
-        return m
-    return m.model_copy(update={"acceleration": m.acceleration / 2})
-
-
 @pytest.fixture(scope="module")
 def prepared(recorded: Sequence[tuple[Measurement, Recording]]) -> Prepared:
     return [(m, signals(recording)) for m, recording in recorded]
@@ -82,19 +76,11 @@ def soft(manutec: Robot, prepared: Prepared) -> Prepared:
 
 
 class TestSoftGears:
-    def test_they_are_found_with_their_compliance(
-        self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]
-    ) -> None:
-        """At 0.3 of the acceleration limits, to first order: at 0.6 they come out 11 % too large.
-
-        Accelerations jump here.
-        """
-        gentle = recordings(manutec, [gentler(m) for m, _ in recorded])
-        soft = [(m, softened(manutec, signals(r))) for m, r in gentle]
+    def test_they_are_found_with_their_compliance(self, manutec: Robot, soft: Prepared) -> None:
         found = find_drive_train(manutec, soft)
         assert found.soft.tolist() == (COMPLIANCE > 0).tolist()
         own = found.soft
-        assert found.compliance[own] == pytest.approx(COMPLIANCE[own], rel=0.1)
+        assert found.compliance[own] == pytest.approx(COMPLIANCE[own], rel=0.02)
         assert (np.abs(found.compliance - COMPLIANCE)[own] < found.compliance_error[own]).all()
 
     def test_no_rigid_gear_is_taken_for_soft(self, manutec: Robot, prepared: Prepared) -> None:
@@ -103,14 +89,15 @@ class TestSoftGears:
     def test_links_are_where_they_let_them_be(
         self, manutec: Robot, prepared: Prepared, soft: Prepared
     ) -> None:
-        """But for what is faster than the window lets through."""
+        """Where the axis moves: at rest friction may hold any torque."""
         train = replace(
             directly_driven(manutec), p=TABLE_3_A, compliance=COMPLIANCE, soft=COMPLIANCE > 0
         )
         index = next(k for k, (m, _) in enumerate(soft) if m.kind == "inertia" and m.index == 2)
         links, motors = prepared[index][1], soft[index][1]
-        found = motors.smoothed(train.applied(manutec, motors).link[0] - links.q)
-        neglected = motors.smoothed(motors.q - links.q)
+        moves = motors.moving(manutec, 2)
+        found = motors.smoothed(train.applied(manutec, motors).link[0] - links.q)[moves, 2]
+        neglected = motors.smoothed(motors.q - links.q)[moves, 2]
         assert np.abs(found).max() < 0.1 * np.abs(neglected).max()
 
     def test_parameters_come_out_as_with_rigid_ones(self, manutec: Robot, soft: Prepared) -> None:
@@ -118,7 +105,7 @@ class TestSoftGears:
         taken = SimultaneousFit(manutec, [(m, train.applied(manutec, s)) for m, s in soft])
         neglected = SimultaneousFit(manutec, soft)
         error, without = (np.abs(fit.solve() - TABLE_3_A) for fit in (taken, neglected))
-        assert np.linalg.norm(error) < 0.5 * np.linalg.norm(without)
+        assert np.linalg.norm(error) < 0.02 * np.linalg.norm(without)
 
 
 class TestLoadFriction:
