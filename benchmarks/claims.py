@@ -241,8 +241,9 @@ def print_errors(name: str, runs: Sequence[Path]) -> None:
     kept: dict[str, Figure] = {}
     for method in judged[0]:
         found = [each[method] for each in judged]
-        errors = {g: rms([100 * c.group_error[g] for c in found]) for g in GROUPS}
-        errors["torque"] = rms([100 * c.mean_torque_error for c in found])
+        percents = {g: [100 * c.group_error[g] for c in found] for g in GROUPS}
+        percents["torque"] = [100 * c.mean_torque_error for c in found]
+        errors = {what: rms(each) for what, each in percents.items()}
         targets = CASES[name].targets if method == "improved" else {}
         figures = ", ".join(
             f"{what} {error:.3f}" + (f" ({targets[what]:g})" if what in targets else "")
@@ -250,7 +251,8 @@ def print_errors(name: str, runs: Sequence[Path]) -> None:
         )
         inside = 100 * np.mean([c.inside for c in found])
         print(f"{name}, {method}, {len(runs)} seeds: {figures} %; {inside:.1f} % in 95 % intervals")
-        kept |= {f"{method}-{what}": Figure(error, "%") for what, error in errors.items()}
+        scatter = {what: float(np.std(each)) for what, each in percents.items()}
+        kept |= {f"{method}-{k}": Figure(x, "%", scatter=scatter[k]) for k, x in errors.items()}
         kept[f"{method}-inside"] = Figure(inside, "%", 3)
     cause = CASES[name].cause
     first = sum((causes[0] if causes else None) == cause for causes in named)

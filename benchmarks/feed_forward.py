@@ -82,15 +82,15 @@ if __name__ == "__main__":
         )
     medians = np.median(table[:, :, 1] / table[:, :, 2], axis=1)
     print("factor, median over axes:", *(f"{each:.1f}" for each in medians))
-    first = table[:, 0].mean(axis=0)
+    first, scatter = table[:, 0].mean(axis=0), table[:, 0].std(axis=0)
     keep(
         "feed-forward",
         {
             "least-factor": Figure(medians.min()),
             "largest-factor": Figure(medians.max(), digits=3),
             **{
-                f"axis-1-{name}": Figure(x, "mrad", 3)
-                for name, x in zip(PASSES, first, strict=True)
+                f"axis-1-{name}": Figure(x, "mrad", 3, s)
+                for name, x, s in zip(PASSES, first, scatter, strict=True)
             },
         },
         depends=("hil/estimation", "drivers/cia402/feed_forward.py", "sim_plant/physics"),

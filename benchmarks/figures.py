@@ -8,7 +8,8 @@ document has::
     <!-- number: claims-default.published-inside -->64.6<!-- end -->
 
 with unit or, as in a column of a table, without. What stands between is written by ``make figures``
-(``python benchmarks/figures.py``, in README.md and docs/) and by the making of the site;
+(``python benchmarks/figures.py``, in README.md and docs/) and by the making of the site, which has
+a page of all of them over time (`over_time`);
 `tests/documents/test_figures.py` fails where it is anything else, and where figures are older than
 `MOST_COMMITS` of the code that they depend on.
 """
@@ -70,6 +71,12 @@ class Figure:
         """It as it is printed."""
         return f"{self.number} {self.unit}".strip()
 
+    @property
+    def stated(self) -> str:
+        """It with its scatter, where that is known."""
+        scatter = "" if self.scatter is None else f" ± {self.scatter:.1g}"
+        return f"{self.number}{scatter} {self.unit}".strip()
+
 
 class Kept(NamedTuple):
     """What a benchmark has kept; attributes as of `keep`, and where and when it was measured."""
@@ -104,11 +111,9 @@ def keep(
     """
     path = RESULTS / f"{name}.json"
     before = read(name).figures if path.exists() else {}
-    for key, figure in figures.items():
-        if key in before and abs(figure.value - before[key].value) > (before[key].scatter or 0.0):
-            print(f"{name}.{key}: {before[key].text} -> {figure.text}")
+    print(*changes(name, before, figures), sep="\n")
     content = {
-        "commit": _git("describe", "--always", "--dirty", "--abbrev=8", "--exclude=*"),
+        "commit": git("describe", "--always", "--dirty", "--abbrev=8", "--exclude=*"),
         "measured": datetime.now(UTC).date().isoformat(),
         "machine": f"{os.cpu_count()} cores, {platform.machine()}",
         "command": command,
@@ -120,6 +125,17 @@ def keep(
         },
     }
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def changes(name: str, before: Mapping[str, Figure], now: Mapping[str, Figure]) -> list[str]:
+    """Return a line for each figure that has changed by more than its scatter, and their number."""
+    both = {key: (before[key], figure) for key, figure in now.items() if key in before}
+    lines = [
+        f"{name}.{key}: {old.stated} -> {new.stated}"
+        for key, (old, new) in both.items()
+        if abs(new.value - old.value) > max(old.scatter or 0.0, new.scatter or 0.0)
+    ]
+    return [*lines, f"{name}: {len(lines)} of {len(both)} figures have changed"]
 
 
 def read(name: str) -> Kept:
@@ -171,13 +187,14 @@ def commits_since(name: str) -> int:
     commit = kept.commit.removesuffix("-dirty")
     since: tuple[str, ...]
     try:
-        since = (f"{_git('rev-parse', '--verify', '--quiet', commit + '^{commit}')}..HEAD",)
+        since = (f"{git('rev-parse', '--verify', '--quiet', commit + '^{commit}')}..HEAD",)
     except subprocess.CalledProcessError:
         since = (f"--since={kept.measured}T23:59:59Z", "HEAD")
-    return int(_git("rev-list", "--count", *since, "--", *kept.depends))
+    return int(git("rev-list", "--count", *since, "--", *kept.depends))
 
 
-def _git(*arguments: str) -> str:
+def git(*arguments: str) -> str:
+    """Return what git prints in this repository."""
     command = ["/usr/bin/env", "git", *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return done.stdout.strip()

@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parent / "site"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from figures import expanded
 from notebooks import write_pages
+from over_time import page as benchmarks_over_time
 
 project = "Robot identification over CANopen"
 _PROJECT = Path(__file__).parents[1] / "pyproject.toml"
@@ -82,6 +83,11 @@ def _examples(found: re.Match[str]) -> str:
     return "\n".join(["**Examples**:", "", "```console", *lines, "```", ""])
 
 
+def write_benchmarks(_: Sphinx) -> None:
+    """Write the page of figures over time, as git has them."""
+    (REFERENCE / "benchmarks.md").write_text(benchmarks_over_time(), encoding="utf-8")
+
+
 def write_figures(_: Sphinx, __: str, source: list[str]) -> None:
     """Let a page print figures as they were measured last."""
     source[0] = expanded(source[0])
@@ -91,4 +97,5 @@ def setup(app: Sphinx) -> None:
     """Have the generated pages written before any is read."""
     app.connect("source-read", write_figures)
     app.connect("builder-inited", write_commands)
+    app.connect("builder-inited", write_benchmarks)
     app.connect("builder-inited", lambda _: write_pages(NOTEBOOKS))

@@ -7,6 +7,7 @@ import subprocess
 from typing import TYPE_CHECKING
 
 import figures
+import over_time
 import pytest
 from figures import MARKED, MOST_COMMITS, ROOT, Figure, expanded, keep, read
 
@@ -80,4 +81,25 @@ def test_what_is_kept_states_where_it_was_measured_and_what_has_changed(
     assert figures.commits_since("x") == 0
     capsys.readouterr()
     keep("x", {"a": Figure(1.05, "s"), "b": Figure(3.0)}, **how)
-    assert capsys.readouterr().out == "x.b: 2.0 -> 3.0\n"
+    assert capsys.readouterr().out == "x.b: 2.0 -> 3.0\nx: 1 of 2 figures have changed\n"
+
+
+def test_the_page_over_time_has_a_column_a_measurement_with_its_scatter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = tmp_path / "benchmarks" / "results"
+    results.mkdir(parents=True)
+    monkeypatch.setattr(figures, "ROOT", tmp_path)
+    monkeypatch.setattr(figures, "RESULTS", results)
+    figures.git("init", "-q")
+    as_somebody = ("-c", "user.name=x", "-c", "user.email=x")
+    for value in (1.0, 2.0):
+        figures.git(*as_somebody, "commit", "-q", "--allow-empty", "-m", "code")
+        keep("x", {"a": Figure(value, "s", scatter=0.1)}, depends=(), command="python x.py")
+        if value == 1.0:
+            figures.git("add", ".")
+            figures.git(*as_somebody, "commit", "-q", "-m", "figures")
+    assert "| a | 2.0 ± 0.1 s | 1.0 ± 0.1 s |" in over_time.page()
+    capsys.readouterr()
+    over_time.main()
+    assert capsys.readouterr().out.splitlines()[0] == "x.a: 1.0 ± 0.1 s -> 2.0 ± 0.1 s"
