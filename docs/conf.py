@@ -93,9 +93,15 @@ def write_figures(_: Sphinx, __: str, source: list[str]) -> None:
     source[0] = expanded(source[0])
 
 
+def write_notebooks(app: Sphinx) -> None:
+    """Write pages and .ipynb of the notebooks."""
+    write_pages(NOTEBOOKS, carry_out=app.config.carry_out)
+
+
 def setup(app: Sphinx) -> None:
     """Have the generated pages written before any is read."""
+    app.add_config_value("carry_out", True, "env", bool)
     app.connect("source-read", write_figures)
     app.connect("builder-inited", write_commands)
     app.connect("builder-inited", write_benchmarks)
-    app.connect("builder-inited", lambda _: write_pages(NOTEBOOKS))
+    app.connect("builder-inited", write_notebooks)

@@ -126,10 +126,10 @@ def _in_notebook(number: int, cell: Cell) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def write_pages(folder: Path) -> None:
-    """Write page and .ipynb of each notebook of a folder beside it."""
+def write_pages(folder: Path, *, carry_out: bool = True) -> None:
+    """Write page and .ipynb of each notebook of a folder beside it, with what its cells show."""
     for path in sorted(folder.glob("*.py")):
         source = path.read_text(encoding="utf-8")
-        found = carried_out(cells(source))
+        found = carried_out(cells(source)) if carry_out else cells(source)
         path.with_suffix(".md").write_text(page(source, found), encoding="utf-8")
         path.with_suffix(".ipynb").write_text(notebook(found), encoding="utf-8")
