@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns
+from hil.friction.equation import COMMON, FEWEST, LOAD
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import eliminated
@@ -257,7 +257,7 @@ def stack_axis(
     if used.sum() < FEWEST:
         yield from (None for _ in periods)
         return
-    rows, common, friction = term_columns(robot, s, axis)
+    rows, common, friction = s.terms(robot, axis)
     for period in periods:
         index = np.flatnonzero(used & period)[::each]
         if len(index) * each < FEWEST:

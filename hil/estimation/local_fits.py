@@ -30,12 +30,12 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.local_values import LocalFit
-from hil.friction.equation import LOAD, SLOW, own_friction, term_columns
+from hil.friction.equation import LOAD, SLOW, own_friction
 from hil.least_squares.layout import embedded
 from hil.least_squares.solving import orthonormal
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GRAVITY
-from hil.model.dynamics import regressor, regressors
+from hil.model.dynamics import regressors
 from hil.model.motors import motor_torque
 from hil.planning.measurement import Inertia
 
@@ -95,14 +95,13 @@ def believed_fit(
         As of `local_fit`.
     """
     axis = measurement.index
-    rows, columns, _ = term_columns(robot, s, axis)
-    v, load = s.smoothed(s.qd[:, axis]), np.abs(s.smoothed(rows @ p))
-    columns[:, LOAD], columns[:, LOAD + 1] = load * np.sign(v), load
-    still = np.zeros_like(s.q)
-    qdd = s.qdd * np.abs(measurement.unit_acceleration)
-    own = regressor(robot, s.q, still, qdd, joints=[axis])[:, 0]
+    rows, columns, _ = s.terms(robot, axis)
+    weight, element = _at_rest(robot, s, axis, *np.flatnonzero(measurement.unit_acceleration))
+    own = (weight + s.qdd @ np.abs(measurement.unit_acceleration)[:, np.newaxis] * element) @ p
+    rigid, v = rows @ p, s.smoothed(s.qd[:, axis])
+    of_load = np.abs(s.smoothed(rigid)) * (common[LOAD] * np.sign(v) + common[LOAD + 1])
     tau = s.tau.copy()
-    tau[:, axis] -= columns @ common + (rows - own) @ p
+    tau[:, axis] -= columns[:, :LOAD] @ common[:LOAD] + of_load + rigid - own
     seen = replace(s, tau=tau)
     if isinstance(measurement, Inertia):
         return _inertia(robot, measurement, seen, own_friction(s, v / robot.velocity_limit[axis]))
@@ -242,23 +241,31 @@ def _filtered(
 ) -> _Filtered:
     """Pass everything about an axis through the filter, while a joint accelerates or none does."""
     shown = np.array(base_parameters(robot).groups[GRAVITY], dtype=int)
+    weight, element = _at_rest(robot, s, axis, *([] if accelerated is None else [accelerated]))
 
-    def of_motion() -> tuple[Array, Array]:
-        still = np.zeros(robot.n_joints)
-        rates = [(still, still)]
-        if accelerated is not None:
-            rates.append((still, np.eye(robot.n_joints)[accelerated]))
-        rows = [each[:, 0] for each in regressors(robot, s.q, rates, joints=[axis])]
+    def of_motion() -> Array:
         motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-        given = [s.qd[:, axis], motor, rows[0][:, shown], *([] if columns is None else [columns])]
-        return rows[-1] - rows[0], s.filtered(np.column_stack(given))
+        given = [s.qd[:, axis], motor, weight[:, shown], *([] if columns is None else [columns])]
+        return s.filtered(np.column_stack(given))
 
     # columns of a measurement are always the same, as many as there are
     n_columns = 0 if columns is None else columns.shape[1]
-    element, found = s.once((_filtered, robot, axis, n_columns), of_motion)
+    found = s.once((_filtered, robot, axis, n_columns), of_motion)
     k = 2 + len(shown)
     sides = np.column_stack([s.filtered(s.tau[:, axis]), found[:, 1:k]])
     return _Filtered(sides, np.append([0, 1], 2 + shown), found[:, 0], found[:, k:], element)
+
+
+def _at_rest(robot: Robot, s: Signals, axis: int, *accelerated: int) -> tuple[Array, Array]:
+    """Rows of an axis by gravity alone, and by an acceleration of 1 of a joint, if one has any."""
+
+    def of_motion() -> tuple[Array, Array]:
+        still = np.zeros(robot.n_joints)
+        rates = [(still, still), *((still, np.eye(robot.n_joints)[each]) for each in accelerated)]
+        rows = [each[:, 0] for each in regressors(robot, s.q, rates, joints=[axis])]
+        return rows[0], rows[-1] - rows[0]
+
+    return s.once((_at_rest, robot, axis), of_motion)
 
 
 def _away_from_reversals(robot: Robot, s: Signals, axis: int, v: Array) -> NDArray[np.bool_]:
