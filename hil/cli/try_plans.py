@@ -25,10 +25,6 @@ PERIOD, HARMONICS = 10.0, 4
 """Of the motion that is pushed [s]: slow enough for the mouse to follow."""
 CYCLES = 2
 """Periods of one recording: what is stopped keeps those before."""
-SPEED = 0.3
-"""Share of the velocity limit that it uses."""
-GOLDEN = 0.6180339887
-"""Golden section: multiples of it, less whole numbers, are spread most evenly at any length."""
 
 
 def measured_plan(robot: Robot) -> Plan:
@@ -55,7 +51,8 @@ def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
 
 
 def _golden(n: int) -> list[int]:
-    return sorted(range(n), key=lambda k: k * GOLDEN % 1.0)
+    # golden section: multiples of it, less whole numbers, are spread most evenly at any length
+    return sorted(range(n), key=lambda k: k * 0.6180339887 % 1.0)
 
 
 def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:
@@ -63,7 +60,8 @@ def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:
 
     There is one attempt: a push is the result, and no reason to repeat.
     """
-    basis = Basis(robot, PERIOD, HARMONICS, SPEED * robot.velocity_limit)
+    # share of the velocity limit that the motion uses
+    basis = Basis(robot, PERIOD, HARMONICS, 0.3 * robot.velocity_limit)
     drawn = basis.random(np.random.default_rng(2))
     plan = as_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])
     rounds = ceil(duration / (CYCLES * PERIOD))

@@ -37,8 +37,6 @@ RUNS = Path("runs")
 LEARNING = 25.0
 """Time of motion in which thresholds are learned [s]: every axis has moved for 15 s of it, from
 which on a push does not count as scatter (`hil.watching.scatter`)."""
-AT_ONCE = 5
-"""Samples that are judged together, every 20 ms: in real time on a busy computer, too."""
 LONGEST = 285.0
 """Time after which nothing more is begun [s], whatever load slows the plant: five minutes are said.
 It is more only where a longer time for pushing is asked for."""
@@ -181,7 +179,8 @@ def _push(
         view = WatchView(watcher, robot)
 
     def in_front(bus: DriveBus) -> DriveBus:
-        return WatchingBus(PacedBus(bus, 1.0), watcher, view.take, at_once=AT_ONCE)
+        # samples that are judged together, every 20 ms: in real time on a busy computer, too
+        return WatchingBus(PacedBus(bus, 1.0), watcher, view.take, at_once=5)
 
     @contextmanager
     def display(console: Console) -> Iterator[Callable[[Event], None]]:

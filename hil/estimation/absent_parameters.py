@@ -49,8 +49,6 @@ if TYPE_CHECKING:
 
 SIGNIFICANCE = 0.001
 """Chance of any finding at all where nothing is left out."""
-MOST_STEPS = 6
-"""Candidates that are taken in one after the other at most."""
 ALIKE = 0.98
 """Correlation from which on the measurements do not distinguish two candidates."""
 _SEEN = 1e-4
@@ -159,7 +157,8 @@ def examine(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -
     alone = _tested(measured, stated, candidates)
     found: list[Candidate] = []
     basis, rest = stated, alone
-    while rest and rest[0].p_value < threshold and len(found) < MOST_STEPS:
+    # candidates that are taken in one after the other at most
+    while rest and rest[0].p_value < threshold and len(found) < 6:
         found.append(rest[0])
         basis = np.column_stack([basis, rest[0].direction])
         taken = [candidate.names for candidate in found]

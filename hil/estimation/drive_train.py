@@ -68,13 +68,9 @@ if TYPE_CHECKING:
 
 EARLIEST, LATEST = -0.002, 0.012
 """Range of lags that is searched [s]: drives queue a current for a few samples of the bus."""
-UNIDENTIFIABLE = 0.0005
-"""Standard error from which on a lag is taken as zero [s]."""
 RANK = 1e-6
 """Least share of information that counts: measurements of inertia show some combinations of
 parameters so faintly that these would follow the corners of the motion as the lag does."""
-SOFT = 2.0
-"""A compliance over its standard error from which on a gear counts as soft."""
 CERTAIN = 5.0
 """Compliance or friction of the load over its standard error from which on it counts."""
 MOST_TWIST = 0.05
@@ -336,7 +332,8 @@ def _read(robot: Robot, search: Search, state: State) -> DriveTrain:
     fit, n_base = regression.fit("clusters"), len(base_parameters(robot))
     lags = [fit.layout.at(LAG, axis) for axis in range(robot.n_joints)]
     error = np.sqrt(np.diag(fit.covariance).clip(0.0))
-    identifiable = (error[lags] > 0) & (error[lags] < UNIDENTIFIABLE)
+    # standard error from which on a lag is taken as zero [s]
+    identifiable = (error[lags] > 0) & (error[lags] < 0.0005)
     certain = fit.covariance[np.ix_(lags, lags)] * np.outer(identifiable, identifiable)
     effect = _effect(robot, regression)
     compliance, compliance_error = np.full((2, robot.n_joints), np.nan)
@@ -378,6 +375,7 @@ def _judged(robot: Robot, found: DriveTrain, measured: Prepared, period: float) 
     with np.errstate(divide="ignore", invalid="ignore"):
         sampled = period**2 / 24 * np.where(links > 0, (links + motors) / links**2, np.inf)
     error = np.hypot(found.compliance_error, sampled)
-    soft = np.nan_to_num(found.compliance / error) > SOFT
+    # a compliance over its standard error from which on a gear counts as soft
+    soft = np.nan_to_num(found.compliance / error) > 2.0
     soft &= np.nan_to_num(found.compliance) * robot.torque_limit < MOST_TWIST
     return replace(found, compliance_error=error, soft=soft)

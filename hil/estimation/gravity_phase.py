@@ -27,12 +27,8 @@ if TYPE_CHECKING:
     from hil.estimation.local_values import LocalValue
 
 
-SMALL = 0.5
-"""Amplitude below which a sinusoid is no place to read a phase [N m]."""
 SEEN = 0.005
 """Shift below which what was found acts by its inertia only [rad]."""
-ALIKE = 0.8
-"""Share of the largest shift from which on shifts count as alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +97,13 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
         for over in range(errors.complete.n_joints)
         if over != axis
     ]
-    clear = [each for each in largest if each[2].amplitude > SMALL] or largest
+    # amplitude below which a sinusoid is no place to read a phase [N m]
+    clear = [each for each in largest if each[2].amplitude > 0.5] or largest
     shifts = [abs(extended.phase_against(stated)) for *_, stated, extended in clear]
     if max(shifts, default=0.0) < SEEN:
         return None
-    alike = [each for each, s in zip(clear, shifts, strict=True) if s >= ALIKE * max(shifts)]
+    # share of the largest shift from which on shifts count as alike
+    alike = [each for each, s in zip(clear, shifts, strict=True) if s >= 0.8 * max(shifts)]
     value, over, stated, extended = min(alike, key=lambda each: torque_limit[each[0].axis])
     own = [v for v in local if v.axis == value.axis]
     return Phase(

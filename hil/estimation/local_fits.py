@@ -52,10 +52,6 @@ if TYPE_CHECKING:
 
 SETTLING = 0.16
 """Time after a ramp before the axis counts as at constant velocity [s]."""
-STEADY = 0.1
-"""Relative deviation from the profile velocity that still counts as constant."""
-SHORTEST_WINDOW = 0.1
-"""Of constant velocity [s]."""
 FEWEST = 5
 """Samples for each coefficient of a fit."""
 REFERENCE_SPEED = 0.1
@@ -115,7 +111,8 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
     means: tuple[list[Array], list[Array]] = ([], [])
     for stroke in range(m.n_strokes):
         window = _window(m, s, v, stroke)
-        if window.sum() * s.period >= SHORTEST_WINDOW:
+        # shortest window of constant velocity [s]
+        if window.sum() * s.period >= 0.1:
             means[stroke % 2].append(sides[window].mean(axis=0))
     pairs = min(len(means[0]), len(means[1]))
     if not pairs:
@@ -276,7 +273,8 @@ def _away_from_reversals(robot: Robot, s: Signals, axis: int, v: Array) -> NDArr
 def _window(m: Gravity, s: Signals, v: Array, stroke: int) -> NDArray[np.bool_]:
     """Samples at constant velocity, the transient after the ramp left out."""
     wanted = m.velocity if stroke % 2 == 0 else -m.velocity
-    off = (s.stroke != stroke) | (np.abs(v - wanted) > STEADY * m.velocity)
+    # relative deviation from the profile velocity that still counts as constant
+    off = (s.stroke != stroke) | (np.abs(v - wanted) > 0.1 * m.velocity)
     steady: NDArray[np.bool_] = ~off & s.valid
     if steady.any():
         first = int(np.flatnonzero(steady)[0])

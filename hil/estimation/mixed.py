@@ -51,11 +51,6 @@ if TYPE_CHECKING:
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
 
-ROUNDS = 2
-"""Of Gauss and Newton's method for unknown gains: it squares the error of a first gain, which is a
-few percent beside parameters of strokes."""
-
-
 class _Kind:
     """Recordings of one kind, again and again."""
 
@@ -84,7 +79,9 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
         robot, _Kind(recorded, imported=True), VARIANTS[DEFAULT], options, measured.solver.solve()
     )
     unknown = any(each.scaling.unknown for each in imported)
-    for _ in range(ROUNDS if unknown else 0):
+    # two rounds of Gauss and Newton's method for unknown gains: it squares the error of a first
+    # gain, which is a few percent beside parameters of strokes
+    for _ in range(2 if unknown else 0):
         fit = balanced([strokes, *as_kinds(imported)], names).regression.fit("white")
         imported = [each.rescaled(fit) for each in imported]
     both = balanced([strokes, *as_kinds(imported)], names)

@@ -45,11 +45,6 @@ if TYPE_CHECKING:
 
     Prepared = Sequence[tuple[ElementMeasurement, Signals]]
 
-WHITE_SPREAD = 0.3
-"""Standard deviation of the prior of log a."""
-WANDER_SPREAD = 2.0
-"""That of log b: the wander itself is known to a factor of about 3."""
-
 
 class Levels(NamedTuple):
     """Noise as a campaign shows it, its information under it, and base parameters (n_base,)."""
@@ -150,7 +145,8 @@ def _likeliest(sums: Sequence[_Sums], white: float, walk: float) -> tuple[float,
 
     def cost(logs: Array) -> float:
         factors = np.exp(logs)
-        total = (logs[0] / WHITE_SPREAD) ** 2 + (logs[1] / WANDER_SPREAD) ** 2
+        # standard deviations of the priors; the wander, root of b, is known to a factor of about 3
+        total = (logs[0] / 0.3) ** 2 + (logs[1] / 2.0) ** 2
         for each in sums:
             mean = factors[0] * white * each.white + factors[1] * walk * each.wander
             total += each.freedom * (np.log(mean) + each.squares / mean)

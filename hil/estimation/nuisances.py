@@ -54,12 +54,6 @@ if TYPE_CHECKING:
 STEP = 1e-6
 """Compliance for which a column K is calculated, by differences [rad/(N m)]: the angle is far
 above rounding and far below what bends K."""
-CONVERGED = 1e-6
-"""Change of a lag after which the next no longer matters [s]: a hundredth of its standard error."""
-ROUNDS = 12
-"""Rounds of Gauss and Newton's method, at most."""
-SETTLING = 3
-"""Times that lags and weights are found from each other: weights of axes hardly depend on lags."""
 AROUND = 3
 """Shifts that interpolation needs beyond any lag."""
 WORST = 0.2
@@ -174,19 +168,24 @@ class Search:
 
     def converged(self, state: State) -> State:
         """State with lags by Gauss and Newton's method."""
-        for _ in range(ROUNDS if state.late.any() else 0):
+        # rounds of Gauss and Newton's method, at most
+        for _ in range(12 if state.late.any() else 0):
             change = self.lags_of(self.regression(state, total=True).solution) * state.late
             before, state = (
                 state.lag,
                 replace(state, lag=np.clip(state.lag + change, *self._bounds)),
             )
-            if np.abs(state.lag - before).max() < CONVERGED:
+            # change of a lag after which the next no longer matters [s]: a hundredth of its
+            # standard error
+            if np.abs(state.lag - before).max() < 1e-6:
                 break
         return state
 
     def settled(self, state: State) -> State:
         """State with lags and weights found from each other."""
-        for _ in range(SETTLING):
+        # times that lags and weights are found from each other: weights of axes hardly depend on
+        # lags
+        for _ in range(3):
             self.weights = self.weighed(state)
             state = self.converged(state)
         return state

@@ -47,14 +47,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.robot import Robot
 
-FREE = 1e6
-"""Standard deviation, in those of the data, of parameters that no body has: springs, rotors."""
-
-MOST = 0.5
-"""Share f beyond which recordings alone leave a parameter open."""
-LEAST = 1e-6
-"""Information on CAD's whole figure that counts as none: its root is beyond rounding."""
-
 
 class FromPrior(FileModel):
     """What a model has from a prior.
@@ -128,7 +120,8 @@ class Prior:
     def stated(self, names: Sequence[str], share: Array) -> FromPrior:
         """What parameters of some names have from it, by their f."""
         each = zip(names, share.tolist(), strict=True)
-        replaced = {name: f for name, f in each if f > MOST}
+        # share f beyond which recordings alone leave a parameter open
+        replaced = {name: f for name, f in each if f > 0.5}
         return FromPrior(source=self.source, relative=self.relative, replaced=replaced)
 
     @property
@@ -168,13 +161,15 @@ class Prior:
         mean, root = self.of(robot)
         of_none = ~root.any(axis=1)
         mean = np.where(of_none, p, mean)
-        R = np.linalg.cholesky(root @ root.T + np.diag(FREE**2 * np.diag(covariance) * of_none))
+        # standard deviation, in those of the data, of parameters that no body has: springs, rotors
+        R = np.linalg.cholesky(root @ root.T + np.diag(1e6**2 * np.diag(covariance) * of_none))
         values, V = np.linalg.eigh(R.T @ A @ R)
         said = values > self.relative**2
         if said.all():
             return Completed(p, covariance, np.zeros(n))
         u = np.where(said, V.T @ (R.T @ (A @ (p - mean))) / np.where(said, values, 1.0), 0.0)
         rows, variance = R @ V, 1.0 / np.where(said, values, 1.0)
-        alone = rows**2 / np.maximum(values, LEAST * self.relative**2)
+        # information on CAD's whole figure that counts as none: its root is beyond rounding
+        alone = rows**2 / np.maximum(values, 1e-6 * self.relative**2)
         share = alone @ ~said / alone.sum(axis=1)
         return Completed(mean + rows @ u, (rows * variance) @ rows.T, share)

@@ -42,10 +42,6 @@ if TYPE_CHECKING:
 
 ORDERS = range(RIPPLE_ORDERS[-1] + 1, 25)
 """That are looked for: higher ones pass the window only where axes creep."""
-CHANCE = 1e-3
-"""Probability of a single false order among all axes."""
-_ALIKE = 1e-6
-"""Share of both squares below which a cosine and a sine are the same column."""
 
 
 class UnmodelledRipple(NamedTuple):
@@ -75,7 +71,8 @@ def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
         if not own:
             continue
         pieces = [_piece(robot, s, each, solution) for s, each in own]
-        orders, ripple = _found(pieces, CHANCE / (robot.n_joints * len(ORDERS)))
+        # probability of a single false order among all axes
+        orders, ripple = _found(pieces, 1e-3 / (robot.n_joints * len(ORDERS)))
         if not orders:
             continue
         largest[axis] = next(iter(orders.items()))
@@ -108,7 +105,8 @@ class _Piece(NamedTuple):
         on_c, on_s = residual @ c, residual @ s
         apart = cc * ss - cs**2
         square = ss * on_c**2 - 2 * cs * on_c * on_s + cc * on_s**2
-        clear = apart > _ALIKE * cc * ss
+        # share of both squares below which a cosine and a sine are the same column
+        clear = apart > 1e-6 * cc * ss
         return np.divide(square, apart, out=np.zeros_like(cc), where=clear), (cc + ss) / 2
 
     def ripple(self, orders: list[int]) -> Array:

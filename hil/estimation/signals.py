@@ -54,10 +54,6 @@ CUTOFF = 30.0
 """Of the low-pass [Hz]."""
 ORDER = 4
 """Of the filter that runs forth and back."""
-ROUNDING = 1e-9
-"""Share of the largest position that rounding of its decimals may make: a file has ten of them."""
-RINGING = 0.5
-"""After which the filter's response is below rounding [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +134,8 @@ class Signals:
         """Butterworth low-pass along the first axis."""
         if self.period * CUTOFF >= 0.5:
             return x
-        first = round(RINGING / self.period)
+        # time after which the filter's response is below rounding [s]
+        first = round(0.5 / self.period)
         n = fft.next_fast_len(len(x) + 2 * first, real=True)
         ends = [(first, n - len(x) - first)] + [(0, 0)] * (x.ndim - 1)
         spectrum = fft.rfft(np.pad(x, ends, mode="edge").T)
@@ -226,7 +223,8 @@ def _signals(recording: Recording) -> Signals:
 def _least_difference(q: Array) -> float:
     """Least difference of positions that is no rounding, shape (n,); 0 where there is none."""
     apart = np.diff(np.sort(q))
-    apart = apart[apart > ROUNDING * np.abs(q).max()]
+    # share of the largest position that rounding of its decimals may make: a file has ten of them
+    apart = apart[apart > 1e-9 * np.abs(q).max()]
     return float(apart.min(initial=np.inf)) if len(apart) else 0.0
 
 

@@ -54,11 +54,6 @@ from the simplest."""
 LAWS: tuple[Law, ...] = tuple(_FAMILIES)
 GRID = 60
 """Values of a4 that are tried first: a tenth apart over the 2.5 decades of speed of a sweep."""
-TIED = 0.95
-"""Correlation with another parameter from which on both are only known together: alone, each is
-three times as uncertain, 1 / sqrt(1 - 0.95^2)."""
-ALIKE = 0.02
-"""Speeds that differ by less than this share are one speed: drives keep theirs better."""
 
 
 class FrictionModel(FileModel):
@@ -142,7 +137,8 @@ def choose(
     """
     order = np.argsort(velocity)
     speed = np.empty(len(velocity), dtype=np.intp)
-    speed[order] = np.cumsum(np.diff(np.log(velocity[order]), prepend=-np.inf) > ALIKE) - 1
+    # speeds that differ by less than this share are one speed: drives keep theirs better
+    speed[order] = np.cumsum(np.diff(np.log(velocity[order]), prepend=-np.inf) > 0.02) - 1
     kinds = [kind for kind in LAWS if speed.max() + 1 > len(_FAMILIES[kind][0])]
     if not kinds:
         return None
@@ -272,7 +268,9 @@ def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> t
     for k in np.flatnonzero(error[:3] > UNCERTAIN * np.abs(a[:3])):
         others = np.abs(correlated[k]) * (np.arange(len(a)) != k)
         partner = int(np.argmax(others))
-        if others[partner] > TIED:
+        # correlation with another parameter from which on both are only known together: alone,
+        # each is three times as uncertain, 1 / sqrt(1 - 0.95^2)
+        if others[partner] > 0.95:
             found.append(
                 f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of its"
                 f" value, correlation {correlated[k, partner]:.2f} with a{partner + 1}: known"

@@ -19,8 +19,6 @@ STILL = 1e-3
 """Share of an axis's speed below which it has no direction: what a filter rings on at rest."""
 STEP = 1.2
 """Factor of the presliding distance by which its derivative is found."""
-SUCCESSIVE = 0.1
-"""Difference of steps from what velocities say, over their size, up to which they are the same."""
 
 
 class Direction(NamedTuple):
@@ -64,7 +62,8 @@ def are_successive(q: Array, qd: Array) -> bool:
         return False
     period = float(np.sum(step * mean)) / size
     apart = float(np.linalg.norm(step - period * mean))
-    return period > 0 and apart <= SUCCESSIVE * float(np.linalg.norm(step))
+    # difference of steps from what velocities say, over their size, up to which they are the same
+    return period > 0 and apart <= 0.1 * float(np.linalg.norm(step))
 
 
 def friction_direction(q: Array, distance: float) -> Array:

@@ -24,20 +24,18 @@ if TYPE_CHECKING:
 
 RIPPLE_ORDERS = range(1, 7)
 """Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
-BEYOND = 4.0
-"""Least multiple of the joint's angle that counts as ripple: twice that of the fastest torque of
-links."""
-TURNS = 1.0
-"""Turns of a motor over its joint's range below which its orders cannot be distinguished."""
 
 
 def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
     """Orders of `RIPPLE_ORDERS` at which ripple of an axis can be distinguished; axis from 0."""
     gear = float(robot.gear_ratio[axis])
     turns = gear * float(robot.q_max[axis] - robot.q_min[axis]) / math.tau
-    if not (np.isfinite(gear) and turns >= TURNS):
+    # turns of a motor over its joint's range below which its orders cannot be distinguished
+    if not (np.isfinite(gear) and turns >= 1.0):
         return ()
-    least = BEYOND if robot.revolute[axis] else 0.0
+    # least multiple of the joint's angle that counts as ripple: twice that of the fastest torque
+    # of links
+    least = 4.0 if robot.revolute[axis] else 0.0
     return tuple(n for n in RIPPLE_ORDERS if n * gear >= least)
 
 

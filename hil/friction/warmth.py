@@ -63,8 +63,6 @@ TIMES = (
 campaign, a factor of three apart: levels half a factor off are hardly other ones [s]."""
 STEPS = 4
 """Of Gauss and Newton: the slope is a share of the level, and its error is squared in each."""
-LEAST_SPREAD = 0.05
-"""Range of warmth below which its slope would be one of 20 times what was seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,10 +194,11 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
     axis : int
         From 0.
     """
+    # range of warmth below which its slope would be one of 20 times what was seen
     courses = {
         taus: course
         for taus in product(*TIMES)
-        if np.ptp(course := warmth_at(past, axis, *taus, time)) > LEAST_SPREAD
+        if np.ptp(course := warmth_at(past, axis, *taus, time)) > 0.05
     }
     if len(time) < FOLDS or not courses:
         return None

@@ -47,12 +47,6 @@ class Suspicion:
     certain: bool = True
 
 
-EXCERPTS = 24
-"""At most."""
-LENGTH = 10.0
-"""Of each at most [s]."""
-POINTS = 3000
-"""At which motion is fitted, of all excerpts together."""
 HALF_WIDTH = 0.02
 """Of the samples that a fit takes, on either side [s]."""
 _MARGIN = 3
@@ -98,19 +92,22 @@ def _on_grid(instants: Array, values: Array, grid: Array, period: float) -> Arra
 
 def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
     """Excerpts from the middle of some of the pieces, evenly chosen."""
-    chosen = sorted({round(k) for k in np.linspace(0, len(pieces) - 1, min(EXCERPTS, len(pieces)))})
+    # 24 excerpts at most
+    chosen = sorted({round(k) for k in np.linspace(0, len(pieces) - 1, min(24, len(pieces)))})
     parts = [_middle(pieces[k]) for k in chosen]
     whole = sum(part.duration for part in parts)
     found = []
     for part in parts:
         q, tau, qd = even_samples(samples, part)
-        points = max(20, round(POINTS * part.duration / whole))
+        # points at which motion is fitted, of all excerpts together
+        points = max(20, round(3000 * part.duration / whole))
         found.append(Excerpt(part.stretch.period, q, tau, qd, points))
     return found
 
 
 def _middle(piece: Piece) -> Piece:
-    n = min(piece.n, round(LENGTH / piece.stretch.period) + 1)
+    # length of an excerpt at most [s]
+    n = min(piece.n, round(10.0 / piece.stretch.period) + 1)
     return Piece(piece.stretch, piece.first + (piece.n - n) // 2, n)
 
 

@@ -62,18 +62,11 @@ PLACES = {
 
 MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
 """Keys of the map that causes of no joint in particular are about."""
-SURE = 1.0 / 9.0
-"""Share of the mean squares that a reading leaves at most where the map's own is possible, too: a
-third of the residual. On recordings of an arm that no model of it explains others leave 0.22, right
-ones of the maps of `benchmarks/wrong_maps.py` 0.07 at most."""
 NOTHING = 0.8
 """Share of the variance of all axes' torques that is left where they are not of this motion: public
 recordings of five machines have a twentieth at most, noise in place of torques leaves 0.89."""
 LAGS = (0.02, 0.05, 0.1)
 """By which torques may be late [s]: a filter, a stack of software, another computer's clock."""
-UNEXPLAINED = 0.003
-"""Share of the variance of an axis's torque that is left from which on lags are looked for: twins
-of robots leave a third of it, and five times as much where torques are 50 ms late."""
 DEGREE = np.pi / 180.0
 """Factor of positions that are in degrees and stated as radians."""
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
@@ -118,7 +111,9 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
     ]
     tried += [min(likely, key=lambda each: each[0].misfit)] if likely else []
     if not tried:
-        yield from _late(robot, prepared, solver) if (share > UNEXPLAINED).any() else ()
+        # share of the variance of an axis's torque that is left from which on lags are looked for:
+        # twins of robots leave a third of it, and five times as much where torques are 50 ms late
+        yield from _late(robot, prepared, solver) if (share > 0.003).any() else ()
         return
     left, cause, axes, words = min(
         (_left(robot, excerpts, reading, solver), cause, axes, words)
@@ -126,7 +121,10 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
     )
     # torques that follow no motion of their axes contradict the map as what is impossible does
     contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
-    if left <= (LEAVES if contradicted else SURE):
+    # share of the mean squares that a reading leaves at most where the map's own is possible, too:
+    # a third of the residual. On recordings of an arm that no model of it explains others leave
+    # 0.22, right ones of the maps of `benchmarks/wrong_maps.py` 0.07 at most
+    if left <= (LEAVES if contradicted else 1.0 / 9.0):
         yield Suspicion(
             "shape",
             ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],),

@@ -32,18 +32,10 @@ likely."""
 OFTEN, CLOSE = 0.95, 0.05
 """Share of the ordinary steps from sample to sample, and share of such a step that is just beside
 zero: so close that either side of it is as likely."""
-_SMALL = 0.03
-"""Share of a limit or a range that no joint exceeds where all are in another unit, or on another
-side: between 1/57 of degrees or 1/50 of gears and what robots are moved for."""
-WHOLE_TURN = 2.0
-"""Ranges beyond a joint's own from which on its positions are refused: an offset of a whole turn
-exceeds one of half a turn so far, degrees for radians 57 times."""
 EXCEEDED, ABSURD = 1.0 + USUAL_BOUND, 10.0
 """Shares of a limit of speed or torque from which on that is stated, as far as a torque constant is
 usually off, and refused: the geometric mean of 2, which is the peak of a rated torque that a robot
 file states, and 50 of gears or 57 of degrees."""
-GREATEST = 1e6
-"""Speed, torque or force that no robot has [rad/s, m/s, N m or N]."""
 FITS = 0.9
 """Correlation from which on two velocities count as of one joint. That of a sinusoid that a drive's
 filter delays is the cosine of its angle: 36 ms at 2 Hz, as fast as robots turn to and fro."""
@@ -53,10 +45,6 @@ their ratio by as much below 1."""
 OTHER = (2.0 / (1.0 - _NOISE)) ** 0.5
 """Ratio of velocities that is refused: the geometric mean of what noise makes and of 2, the least
 that a wrong unit or instants of every other sample make."""
-ALIKE = 0.05
-"""Share of a torque by which it may differ from a velocity that it is: a parabola through 2 x
-`HALF_WIDTH` of positions takes (w T)^2 / 10 off a sinusoid's, which is that at 5.6 Hz. No robot has
-friction of just 1 N m s/rad and nothing else."""
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 
 
@@ -129,7 +117,10 @@ def misread_torques(
     for joint in np.flatnonzero(evidence.moves).tolist():
         tau, qd = evidence.tau[:, joint], evidence.qd[:, joint]
         for unit, factor in ({"in SI": 1.0} | other_units(robot, joint)).items():
-            if np.linalg.norm(tau - factor * qd) < ALIKE * np.linalg.norm(tau):
+            # share of a torque by which it may differ from a velocity that it is: a parabola
+            # through 2 x `HALF_WIDTH` of positions takes (w T)^2 / 10 off a sinusoid's, which is
+            # that at 5.6 Hz. No robot has friction of just 1 N m s/rad and nothing else
+            if np.linalg.norm(tau - factor * qd) < 0.05 * np.linalg.norm(tau):
                 yield Suspicion(
                     "still",
                     ("joints", joint, "torque"),
@@ -192,7 +183,9 @@ def small(
     """
     shares = most / of
     widest = int(np.argmax(shares))
-    if np.isfinite(shares).all() and evidence.moves.any() and 0 < shares[widest] < _SMALL:
+    # share of a limit or a range that no joint exceeds where all are in another unit, or on
+    # another side: between 1/57 of degrees or 1/50 of gears and what robots are moved for
+    if np.isfinite(shares).all() and evidence.moves.any() and 0 < shares[widest] < 0.03:
         unit = (robot.position_unit if key == "position" else robot.torque_unit)(widest)
         yield Suspicion(
             "range",
@@ -214,7 +207,9 @@ def range_suspicions(
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
         if excess > _usual_zero(robot, joint):
-            far = excess > WHOLE_TURN * (high - low)
+            # ranges beyond a joint's own from which on its positions are refused: an offset of a
+            # whole turn exceeds one of half a turn so far, degrees for radians 57 times
+            far = excess > 2.0 * (high - low)
             yield Suspicion(
                 "range",
                 ("joints", joint, "position"),
@@ -231,7 +226,8 @@ def range_suspicions(
             if key == "torque" and joint in unknown_gains:
                 continue
             most = float(np.abs(values[:, joint]).max())
-            bound = float(np.fmin(limit[joint], GREATEST))
+            # speed, torque or force that no robot has [rad/s, m/s, N m or N]
+            bound = float(np.fmin(limit[joint], 1e6))
             if most > EXCEEDED * bound:
                 yield Suspicion(
                     "range",

@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-FOLLOWS = 0.02
-"""Share of the way of a joint that moves alone by which others may move: servos give way."""
-
-
 def suspicions(
     excerpts: Sequence[Excerpt],
     robot: Robot,
@@ -78,7 +74,8 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
                 " right column, in the right unit?",
                 certain=alone is not None,
             )
-        if alone is not None and joint != alone and moves and way > FOLLOWS * ways[alone]:
+        # share of the way of a joint that moves alone by which others may move: servos give way
+        if alone is not None and joint != alone and moves and way > 0.02 * ways[alone]:
             yield Suspicion(
                 "still",
                 ("kind",),

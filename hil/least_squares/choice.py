@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 
 FOLDS = 12
 """Parts of the groups that are held out in turn."""
-CHANCE = 0.025
-"""Probability of a difference by chance below which it is none: of 5 %, either side."""
-FLIPS = 4096
-"""Draws of signs: the probability is known within 0.0025."""
 NEGLIGIBLE = 0.01
 """Growth of the held-out residual (rms) that means nothing: the filters' corners make up to 0.008
 where friction is Coulomb's and viscous exactly (two axes, white noise)."""
@@ -102,10 +98,12 @@ def folds(n: int) -> list[slice]:
 def _certainly_positive(gains: Array) -> bool:
     """Whether any row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
     n = gains.shape[1]
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(FLIPS, n))
+    # draws of signs: the probability is known within 0.0025
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(4096, n))
     t = float(_t(gains, np.ones((1, n))).max())
     by_chance = _t(gains, signs).max(axis=1) >= t * (1.0 - np.sqrt(np.finfo(float).eps))
-    return t > 0.0 and bool(by_chance.mean() <= CHANCE)
+    # probability of a difference by chance below which it is none: of 5 %, either side
+    return t > 0.0 and bool(by_chance.mean() <= 0.025)
 
 
 def _t(gains: Array, signs: Array) -> Array:

@@ -44,8 +44,6 @@ SILENT = 1e-12
 """Length of a column, as share of the longest, that rounding alone may leave of zero."""
 RIDGE = 1e-12
 """Added to the unit diagonal of R, so that unknowns without excitation stay zero."""
-_PART = 1e-3
-"""Part of an unknown in directions that are not determined, from which on it is not either."""
 
 
 def solved(N: Array, side: Array) -> Array:
@@ -109,7 +107,8 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> NDA
     """Unknowns with a part in directions that are not determined, shape (n,)."""
     _, values, vectors = _scaled(N, size)
     part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
-    found: NDArray[np.bool_] = part > _PART
+    # part of an unknown in directions that are not determined, from which on it is not either
+    found: NDArray[np.bool_] = part > 1e-3
     return found
 
 

@@ -23,9 +23,6 @@ SPAN = 0.1
 """Of a parabola [s]: motion up to 3 Hz, led by hand or by a trajectory, departs from it by 2 %."""
 FEWEST = 5
 """Samples of a span: two more than a parabola takes up."""
-BAND = 10.0
-"""Width of the band that noise alone fills, in standard deviations: 5 to either side, which one of
-two million samples exceeds."""
 CARRIED = 1e-4
 """Share of the widest range of all axes that an axis which stands yields to what others do: servos
 hold arms to some 0.1 mrad while others move by some rad (the twins of `tests/robots`)."""
@@ -58,7 +55,9 @@ def moving(extents: Sequence[Extent]) -> NDArray[np.bool_]:
     """Axes that move, of the extents of all recordings: shape (n_joints,)."""
     low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
     reach = high.max(axis=0) - low.min(axis=0)
-    return np.asarray(reach > np.maximum(BAND * noise.max(axis=0), CARRIED * reach.max()))
+    # width of the band that noise alone fills, in standard deviations: 5 to either side, which one
+    # of two million samples exceeds
+    return np.asarray(reach > np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max()))
 
 
 def _increment(x: Array) -> float:

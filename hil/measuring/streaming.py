@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from hil.planning.trajectory import Trajectory
     from hil.runs.recording import Recording
 
-AT_ONCE = 1.0
-"""SYNC periods by which a drive without delay shows its set-points later than they act: it goes to
-each in the period after the SYNC from which it acts."""
 ASTRAY = 0.05
 """How far an axis may be from its set-point at the same SYNC [rad or m]."""
 
@@ -73,7 +70,9 @@ def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
 
 def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterator[Finding]:
     """Find where an axis did not follow the path."""
-    t = path_time(recording, AT_ONCE)
+    # SYNC periods by which a drive without delay shows its set-points later than they act: it goes
+    # to each in the period after the SYNC from which it acts
+    t = path_time(recording, 1.0)
     away = np.abs(recording.q - trajectory.motion(trajectory.within(t))[0])
     worst = np.nan_to_num(away).max(axis=0)
     axis = int(worst.argmax())

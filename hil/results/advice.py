@@ -54,20 +54,7 @@ if TYPE_CHECKING:
     from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
 
-OF_NOISE = 0.25
-"""Share of the scatter, in torques, that white noise makes where motion excites too little: torques
-that wander with friction scatter up to four times as much as white noise of their size."""
-NAMED = 0.1
-"""Share of the sum of squares from which on a cause is named: a third of the error, sqrt(0.1)."""
-CORRELATED = 0.9
-"""Correlation from which on two parameters count as hard to distinguish: each is then 2.3 times as
-uncertain as it were if the other was known, 1 / sqrt(1 - 0.9^2)."""
 UNLIKE = "friction that differs by direction"
-OUTLIER = 4.0
-"""Scatter inside a measurement over that of its axis's others from which on it stands out.
-
-In the whole campaign of benchmarks/golden.py, in which nothing is wrong, the most is 2.8 times.
-"""
 
 
 def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
@@ -96,20 +83,24 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
     if rest > NOTABLE and rest**2 > square:
         n, none = len(estimate.p), np.zeros_like(estimate.p)
-        weak = scatter(estimate.joint.solver.noise_covariance[:n, :n]) > OF_NOISE * rest
+        # share of the scatter, in torques, that white noise makes where motion excites too little:
+        # torques that wander with friction scatter up to four times as much as white noise of
+        # their size
+        weak = scatter(estimate.joint.solver.noise_covariance[:n, :n]) > 0.25 * rest
         cause = "weak excitation" if weak else "measurements that disagree"
         detail = f"torques are uncertain by {100 * rest:.2g} %"
         every.append(Effect(cause, (), detail, none, estimate.covariance))
         torques.append(rest)
         rest = 0.0
     total = rest**2 + sum(torque**2 for torque in torques)
+    # share of the sum of squares from which on a cause is named: a third of the error, sqrt(0.1)
     terms = [
         ErrorTerm(
             cause=each.cause, axes=tuple(axis + 1 for axis in each.axes), found=each.detail,
             torque=torque, share=torque**2 / total, accounted=CAUSES[each.cause].accounted,
         )
         for each, torque in zip(every, torques, strict=True)
-        if torque**2 > NAMED * total
+        if torque**2 > 0.1 * total
     ]  # fmt: skip
     return tuple(sorted(terms, key=lambda term: -term.share))
 
@@ -204,7 +195,10 @@ def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
     for kind, axis, partner in sorted({(v.kind, v.axis, v.partner) for v in local}):
         alike = [v for v in local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
         usual = float(np.median([v.residual for v in alike]))
-        for value in (v for v in alike if v.residual > OUTLIER * usual > 0):
+        # scatter inside a measurement over that of its axis's others from which on it stands out.
+        # In the whole campaign of benchmarks/golden.py, in which nothing is wrong, the most is 2.8
+        # times
+        for value in (v for v in alike if v.residual > 4.0 * usual > 0):
             yield doubtful(
                 f"scatters by {value.residual:.2g} {campaign.robot.torque_unit(axis)},"
                 f" {value.residual / usual:.0f} times as much as {kind} measurements of axis"
@@ -285,7 +279,9 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
 
 def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
     names, found = base_parameters(campaign.robot).names, campaign.estimate.correlation
-    for i, j in np.argwhere(np.triu(np.abs(found) > CORRELATED, 1)):
+    # correlation from which on two parameters count as hard to distinguish: each is then 2.3 times
+    # as uncertain as it were if the other was known, 1 / sqrt(1 - 0.9^2)
+    for i, j in np.argwhere(np.triu(np.abs(found) > 0.9, 1)):
         yield doubtful(
             f"correlation {signed(f'{found[i, j]:.2f}')}: more certain together than apart",
             "configurations in which they act differently (hil robot shows where they occur)",

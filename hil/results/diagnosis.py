@@ -76,8 +76,6 @@ def diagnose(run: Run) -> Diagnosis:
 
 
 NAME = "diagnosis.yaml"
-NEEDLESS = 0.05
-"""p-value above which a stated parameter may as well be zero."""
 AS_TESTED = ("names", "value", "standard_error", "t", "p_value")
 """What is kept of a candidate as it was tested."""
 SHOWN = 8
@@ -222,7 +220,7 @@ def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
         needless=tuple(
             Needless(name=base.names[k], expression=base.expressions[k], p_value=float(p_value))
             for k, p_value in enumerate(errors.p_values)
-            if p_value > NEEDLESS
+            if p_value > 0.05  # above which a stated parameter may as well be zero
         ),
         absorbed=errors.absorbed,
         unmeasured=errors.unmeasured,

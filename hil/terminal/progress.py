@@ -60,10 +60,6 @@ def shown(console: Console) -> Iterator[Callable[[Event], None]]:
         yield move_bar
 
 
-RECENT = 10.0
-"""Time over which it is seen how fast robot time passes [s]: a computer's load changes."""
-
-
 class Pace:
     """How long the rest takes on the wall's clock."""
 
@@ -74,7 +70,8 @@ class Pace:
         """Time left by the wall's clock [s]."""
         now, seen = time.monotonic(), self._seen
         seen.append((now, event.time))
-        while len(seen) > 2 and now - seen[1][0] > RECENT:
+        # time over which it is seen how fast robot time passes [s]: a computer's load changes
+        while len(seen) > 2 and now - seen[1][0] > 10.0:
             seen.popleft()
         wall, robot = now - seen[0][0], event.time - seen[0][1]
         return event.remaining * (wall / robot if robot > 0 else 1.0)

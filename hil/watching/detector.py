@@ -55,8 +55,6 @@ if TYPE_CHECKING:
 
 SLOW = 0.01
 """Share of the velocity limit below which an axis may be at rest."""
-NORMAL = 1.96
-"""Standard deviations within which 95 % of what is normal lies."""
 
 
 class Judged(NamedTuple):
@@ -212,8 +210,9 @@ class Detector:
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
         scatter = self._scatter.bound
+        # standard deviations within which 95 % of what is normal lies
         threshold, band = (
-            np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, NORMAL)
+            np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, 1.96)
         )
         threshold[threshold > 2.0] = np.inf  # twice the torque limit: nothing is seen
         moving = speed > SLOW

@@ -50,12 +50,6 @@ if TYPE_CHECKING:
     from hil.planning.free_motion import FreeMotion
     from hil.runs.recording import Recording
 
-STILL = 0.02
-"""Share of the distance of the axis that is to move alone up to which another axis counts as still:
-what its controller lets it give way."""
-LEVELS = 8
-"""Speeds between which the curve of friction is interpolated, at most: one for each of the fewest
-bins of position (`hil.estimation.back_and_forth.pairs.BINS`)."""
 COMMON = ("offset", "asymmetric", *RIPPLE)
 """What else is the same forth and back, alike in all recordings of an axis: a constant, a part in
 proportion to the speed, ripple over the motor's angle."""
@@ -210,7 +204,9 @@ def _levels(u: Array, pairs: Pairs) -> Array:
     Their rank may be less.
     """
     knots: list[float] = []
-    for speed in np.quantile(np.abs(u[pairs.used]), np.linspace(0.0, 1.0, LEVELS)).tolist():
+    # speeds between which the curve of friction is interpolated, at most: one for each of the
+    # fewest bins of position (`hil.estimation.back_and_forth.pairs.BINS`)
+    for speed in np.quantile(np.abs(u[pairs.used]), np.linspace(0.0, 1.0, 8)).tolist():
         # closer ones would resolve less than half of what friction bends over
         if not knots or speed >= knots[-1] + BEND / 2:
             knots.append(speed)
@@ -229,7 +225,9 @@ def _others_still(motion: Motion, axis: int) -> tuple[Mask, Motion]:
     make base parameters seem to be excited that are not.
     """
     ways = np.ptp(motion.q, axis=0)
-    still = ways <= STILL * ways[axis]
+    # share of the distance of the axis that is to move alone up to which another axis counts as
+    # still: what its controller lets it give way
+    still = ways <= 0.02 * ways[axis]
     mean = np.where(still, motion.q.mean(axis=0), motion.q)
     qd, qdd = (np.where(still, 0.0, x) for x in (motion.qd, motion.qdd))
     return still, replace(motion, q=mean, qd=qd, qdd=qdd)

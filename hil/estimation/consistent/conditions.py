@@ -37,8 +37,6 @@ THICKNESS = 1e-3
 """Least spread of a link's mass in every direction, root mean square about its centre [m]."""
 LEAST_MASS, MOST_MASS = 1e-3, 1e3
 """Of a link, unless other bounds are given [kg]."""
-ROOM = 1e-6
-"""By which masses, first moments and rotor inertias stay off their bounds [kg, kg m, kg m^2]."""
 LARGEST, ROBOTS = 2.0, 2.0
 """Radius within which a link's mass lies: this [m], or so many lengths of the robot if more."""
 _MASS, _MOMENT = 9, slice(6, 9)
@@ -142,9 +140,10 @@ def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
 def tightened(robot: Robot, bounds: BodyBounds) -> list[Condition]:
     """The same with room to spare: twice the thickness, and a little of everything else."""
     wide = conditions(robot, replace(bounds, thickness=2.0 * bounds.thickness))
+    # distance of masses, first moments and rotor inertias from their bounds [kg, kg m, kg m^2]
     return [
         each if each.link is not None
-        else replace(each, constant=each.constant - ROOM * np.eye(len(each.constant)))
+        else replace(each, constant=each.constant - 1e-6 * np.eye(len(each.constant)))
         for each in wide
     ]  # fmt: skip
 

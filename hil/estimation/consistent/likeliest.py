@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 
     _Blocks = Sequence[tuple[Inequality, float]]
 
-BARRIER = 1e-3
-"""Weight of a scalar condition's logarithm, against 1 of a body's log det."""
-STEPS = 200
-"""Of Newton's method, at most."""
 _DECREMENT = 1e-9
 _RIDGE = 1e-13
 _ROUNDING = 1e-9
@@ -59,7 +55,8 @@ def likeliest(
     z : ndarray, shape (n_free,)
         Start.
     """
-    weights = [1.0] * len(bodies) + [BARRIER] * len(others)
+    # weight of a scalar condition's logarithm, against 1 of a body's log det
+    weights = [1.0] * len(bodies) + [1e-3] * len(others)
     slope = np.sum([np.einsum("kkn->n", each.weights) for each in bodies], axis=0)
     inside = [_entered(each, z) for each in (*bodies, *others)]
     return _newton(list(zip(inside, weights, strict=True)), slope, pull, z)
@@ -87,7 +84,8 @@ def _entered(block: Inequality, z: Array) -> Inequality:
 
 def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
     """Minimum of ``slope z + pull z^2 / 2 - sum weight log det``."""
-    for _ in range(STEPS):
+    # steps of Newton's method, at most
+    for _ in range(200):
         gradient, hessian = slope + pull * z, np.diag(pull)
         for block, weight in blocks:
             inverse = np.linalg.inv(block.constant + block.weights @ z)

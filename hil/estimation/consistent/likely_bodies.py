@@ -27,8 +27,6 @@ SLENDERNESS, STOUTEST = 0.25, 0.1
 """Radius of a link over its length, and least one over the robot's length."""
 SHORTEST = 0.3
 """Length of a robot whose axes all meet, and least of any [m]."""
-DENSITY = 1000.0
-"""Of all links [kg/m^3]."""
 
 
 def likely_bodies(robot: Robot) -> Array:
@@ -75,7 +73,8 @@ def reach_of(robot: Robot) -> float:
 def _rod(begin: Array, end: Array, radius: float) -> Array:
     """Standard parameters of a rod with rounded ends."""
     along, centre = end - begin, (begin + end) / 2
-    mass = DENSITY * np.pi * radius**2 * (np.linalg.norm(along) + 4 * radius / 3)
+    # density of all links [kg/m^3]
+    mass = 1000.0 * np.pi * radius**2 * (np.linalg.norm(along) + 4 * radius / 3)
     spread = np.outer(along, along) / 12 + radius**2 / 4 * np.eye(3)
     body = np.ones((4, 4))
     body[:3, :3] = spread + np.outer(centre, centre)

@@ -50,14 +50,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-BINDING = 1e-6
-"""Share of the greatest multiplier from which on a condition binds."""
-INSIDE = 1e-4
-"""Distance d below which the estimate meets all conditions as it is."""
-_ROUNDED = 0.25
-"""Share of the thickness that rounding must leave; it takes some of links of a few grams."""
-
-
 SHAPES = "the links' shapes"
 """Where likely bodies come from by default."""
 
@@ -98,12 +90,14 @@ def nearest_robot(
     phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
     bodies = phi[: 10 * robot.n_joints].reshape(-1, 10)
     thickness = np.array([thickness_of(body) for body in bodies])
-    if thickness.min() < _ROUNDED * bounds.thickness:
+    # share of the thickness that rounding must leave; it takes some of links of a few grams
+    if thickness.min() < 0.25 * bounds.thickness:
         raise NotRealisable(
             f"the bodies that were found are {1e3 * thickness.min():.2g} mm thick instead of"
             f" {1e3 * bounds.thickness:.2g} mm: the estimate is too far from any bodies"
         )
-    outside = distance > INSIDE**2
+    # distance d below which the estimate meets all conditions as it is
+    outside = distance > 1e-4**2
     binding, degrees = _binding(space, asked, first) if outside else ((), 0)
     return ConsistentRobot(
         values=tuple(nearest.tolist()),
@@ -144,7 +138,8 @@ def _binding(
     greatest = max(values[-1] for values in spectra)
     found, degrees = [], 0
     for each, values in zip(asked, spectra, strict=True):
-        if rank := int(np.sum(values > BINDING * greatest)):
+        # share of the greatest multiplier from which on a condition binds
+        if rank := int(np.sum(values > 1e-6 * greatest)):
             without = _distance(space, [other for other in asked if other is not each])
             found.append(BindingCondition(name=each.name, distance_without=without))
             degrees += rank * (rank + 1) // 2

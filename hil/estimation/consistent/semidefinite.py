@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 TOLERANCES = 1e-10, 1e-8
 """Of residuals and gap, relative; the second where the first is not reached."""
-HELD = 1e-7
-"""By which an inequality may fail, over its greatest element."""
 _NOISE = 1e-12
 
 
@@ -97,8 +95,9 @@ def _solved(
 def _hold(inequalities: Sequence[Inequality], u: Array) -> bool:
     """Whether all inequalities hold to the solver's precision."""
     matrices = [each.constant + each.weights @ u for each in inequalities]
+    # share by which an inequality may fail, over its greatest element
     return all(
-        np.linalg.eigvalsh(each)[0] > -HELD * max(1.0, float(np.abs(each).max()))
+        np.linalg.eigvalsh(each)[0] > -1e-7 * max(1.0, float(np.abs(each).max()))
         for each in matrices
     )
 

@@ -26,13 +26,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
-SCALINGS = 20
-"""Times that bodies and the scale of the likely ones are found from each other, at most."""
 _SAME_SCALE = 0.01
 _RANK = 1e-9
 _NEGLIGIBLE = 1e-13
-_PULL = 1e-6
-"""Of added parameters towards zero, in units of the links' inertia."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +99,8 @@ class Space:
         """
         z, space, n = solved.u[self.root.shape[1] :], self, self.likely.size
         start = self.placement @ self.moved(solved)
-        for _ in range(SCALINGS if scaled else 1):
+        # times that bodies and the scale of the likely ones are found from each other, at most
+        for _ in range(20 if scaled else 1):
             z = space._chosen(asked, self.moved(solved), z)
             scale = rescaled(space.likely, (start + self.free @ z)[:n].reshape(-1, 10))
             if np.allclose(scale[:, -1], space.likely[:, -1], rtol=_SAME_SCALE):
@@ -120,7 +117,8 @@ class Space:
         bodies = [each for each, of in zip(every, asked, strict=True) if of.link is not None]
         others = [each for each, of in zip(every, asked, strict=True) if of.link is None]
         added = self.free[n:] / self._unit[n:, np.newaxis]
-        pull = _PULL * (1.0 + np.sum(added**2, axis=0))
+        # pull of added parameters towards zero, in units of the links' inertia
+        pull = 1e-6 * (1.0 + np.sum(added**2, axis=0))
         return likeliest(bodies, others, pull, z)
 
     @property

@@ -40,12 +40,6 @@ if TYPE_CHECKING:
 
 SPEEDS = (0.02, 0.05, 0.1)
 """Bounds of the classes of speed, as shares of the axis's speed: dead zones that are tried."""
-PIECES = 120
-"""Pieces of all recordings together, about."""
-SHORTEST = 10.0
-"""Of a piece, in periods of the equation's cut-off frequency."""
-CELLS = 60
-"""Of the space of states."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +130,8 @@ def division(processing: Processing, duration: float, stretches: Sequence[Motion
         All stretches are shorter than the filter's reach.
     """
     n = 2 * len(processing.speed)
-    piece = max(duration / PIECES, SHORTEST / processing.band)
+    # about 120 pieces of all recordings, none shorter than 10 periods of the cut-off frequency
+    piece = max(duration / 120, 10.0 / processing.band)
     if not stretches:
         return Division(piece, np.zeros((0, n)), np.ones(n))
     states = np.vstack([_states(motion)[motion.used] for motion in stretches])
@@ -152,7 +147,8 @@ def _states(motion: Motion) -> Array:
 
 def _middles(states: Array) -> Array:
     """States that cover the motion: drawn evenly in time, then moved to their cells' means."""
-    found: Array = states[np.linspace(0, len(states) - 1, min(CELLS, len(states))).astype(int)]
+    # 60 cells of the space of states
+    found: Array = states[np.linspace(0, len(states) - 1, min(60, len(states))).astype(int)]
     some = states[:: max(1, len(states) // 5000)]
     for _ in range(5):
         nearest = _nearest(found, some)

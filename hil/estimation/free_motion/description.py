@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 SHORT = 30.0
 """Duration of all recordings below which a remark is made [s]."""
-SURE = 2.0
-"""Standard errors by which friction drives an axis before that counts."""
 
 
 def axis_friction(
@@ -254,7 +252,8 @@ def driving_axes(fit: Fit) -> tuple[int, ...]:
         own = _places(fit, axis, fit.layout.own)
         V = fit.covariance[np.ix_(own, own)]
         error = np.sqrt(np.einsum("nk,kl,nl->n", braking, V, braking).clip(0.0))
-        if (braking @ fit.x[own] < -SURE * error).any():
+        # standard errors by which friction drives an axis before that counts
+        if (braking @ fit.x[own] < -2.0 * error).any():
             found.append(axis + 1)
     return tuple(found)
 

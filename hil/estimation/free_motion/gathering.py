@@ -51,10 +51,6 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
-ALIKE = 1.5
-"""Ratio of sampling periods up to which recordings count as of one rate: a filter is chosen by it,
-and clocks that ought to agree differ by less."""
-
 
 class FreeMotions:
     """Free motions among recordings, again and again, one at a time.
@@ -234,7 +230,9 @@ def _by_rate(motions: FreeMotions) -> list[Iterable[tuple[RecordedMotion, Record
             return [motions]
         firsts.append(recording.period)
     firsts.sort()
-    limits = [b for a, b in pairwise(firsts) if b > ALIKE * a]
+    # ratio of sampling periods up to which recordings count as of one rate: a filter is chosen by
+    # it, and clocks that ought to agree differ by less
+    limits = [b for a, b in pairwise(firsts) if b > 1.5 * a]
     return [_Between(motions, *ends) for ends in pairwise([0.0, *limits, np.inf])]
 
 

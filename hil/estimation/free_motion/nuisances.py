@@ -46,14 +46,6 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.survey import Survey
     from hil.model.robot import Robot
 
-MOST = 0.03
-"""Largest lag, either way [s]: beyond, a log's columns do not belong together."""
-SHARE = 0.5
-"""Largest lag as a share of a period of the equation's cut-off frequency: beyond, Gauss and
-Newton's method may end a period off."""
-SHIFTS = 8.0
-"""Condensed shifts of the torque in a period of the cut-off frequency: six of them interpolate the
-torque at it within 1e-4."""
 SURE = 3.0
 """Standard errors that a lag or a compliance is at least: every axis is tried, and each looks like
 the other."""
@@ -104,7 +96,9 @@ def find_nuisances(
     )
     plain = usual(products.pieces[0])
     slowest = max(dead_zone_of(products, plain.weights), 1)
-    most = min(MOST, SHARE / processing.band)
+    # largest lag, either way: beyond 0.03 s a log's columns do not belong together, beyond half a
+    # period of the equation's cut-off frequency Gauss and Newton's method may end a period off
+    most = min(0.03, 0.5 / processing.band)
     first = plain.solution[: len(first)]
     times = _times(processing.band, most)
     gears = tuple(range(robot.n_joints)) if "compliance" in wanted else ()
@@ -209,7 +203,9 @@ def _condensed(
 
 def _times(band: float, most: float) -> Array:
     """Instants by which the torque is condensed later [s]."""
-    n = int(np.ceil(most * SHIFTS * band))
+    # condensed shifts of the torque in a period of the cut-off frequency: six of them interpolate
+    # the torque at it within 1e-4
+    n = int(np.ceil(most * 8.0 * band))
     return np.arange(-n - AROUND, n + AROUND + 1) * most / n
 
 

@@ -34,13 +34,6 @@ if TYPE_CHECKING:
 ASYMMETRY = 0.15
 """Usual offset as a share of friction at half the speed: 5, 17, 5, 4 and 1 % on five joints of the
 TX40, 16 % on EMPS."""
-SHARED = 0.9
-"""Share of an offset's variance that comes from base parameters, from which on it counts: without
-them it would be three times as certain, 1 / sqrt(1 - 0.9)."""
-ASIDE = 0.01
-"""Share w of the samples under way that go in the other direction, below which an axis moves in one
-direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as
-uncertain as their sum."""
 
 
 def with_doubt(x: Array, V: Array, metric: Array, layout: Layout) -> tuple[Array, list[int]]:
@@ -66,7 +59,9 @@ def with_doubt(x: Array, V: Array, metric: Array, layout: Layout) -> tuple[Array
         place = layout.at("offset", axis)
         s = ASYMMETRY * _friction(x[layout.place(axis)[n_shared:]])
         more = float(x[place] ** 2 - s**2 - V[place, place])
-        if more > 0.0 and _shared(V, place, n_shared) >= SHARED:
+        # share of an offset's variance that comes from base parameters, from which on it counts:
+        # without them it would be three times as certain, 1 / sqrt(1 - 0.9)
+        if more > 0.0 and _shared(V, place, n_shared) >= 0.9:
             way = metric[:, place] / metric[place, place]
             V = V + more * np.outer(way, way)
             unusual.append(axis)
@@ -96,7 +91,10 @@ def only_directions(moving: Blocks) -> dict[int, int]:
     """
     offset, Coulomb = moving.place("offset", "Coulomb")
     excess, sizes = moving.products[:, :, (offset, Coulomb), Coulomb].sum(axis=0).T
-    one = np.abs(excess) > (1.0 - 2.0 * ASIDE) * sizes
+    # share w of the samples under way that go in the other direction, below which an axis moves in
+    # one direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5
+    # times as uncertain as their sum
+    one = np.abs(excess) > (1.0 - 2.0 * 0.01) * sizes
     return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one & (excess != 0))}
 
 

@@ -47,8 +47,6 @@ ABOVE = 100.0
 """Power of the motion over that of the noise, at the cut-off."""
 HIGHEST, LOWEST = 100.0, 1.0
 """Cut-off frequencies that are chosen [Hz]."""
-EQUATION = 3.0
-"""Cut-off frequency of the positions over that of torque and columns."""
 SAME = 0.1
 """Difference of two velocities, over their size, up to which they are the same."""
 LAG = 0.5
@@ -79,7 +77,8 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
-    return Processing(cut_off, cut_off / EQUATION, found.speed, recorded, none, none), reasons
+    # cut-off frequency of the positions over that of torque and columns
+    return Processing(cut_off, cut_off / 3.0, found.speed, recorded, none, none), reasons
 
 
 def cut_off_of(

@@ -22,8 +22,6 @@ STRETCHES = 150.0
 """Time of all stretches together, at most [s]."""
 LEAST_STRETCH = 5.0
 """Of one recording, where it is as long [s]."""
-OFTEN = 0.99
-"""Share of the samples that are slower than the speed of an axis."""
 SLOWEST = 1e-5
 """Least speed of an axis that moves, by which speeds are divided [rad/s or m/s]."""
 SPAN = 0.05
@@ -161,7 +159,8 @@ def greatest_speed(recording: Recording) -> Array:
     """Mean speed of each axis over `SPAN` that few such times exceed [rad/s or m/s]."""
     every = max(1, min(round(SPAN / recording.period), recording.n_samples // 10))
     moved = np.abs(np.diff(recording.q[::every], axis=0)) / (every * recording.period)
-    return np.asarray(np.quantile(moved, OFTEN, axis=0))
+    # share of the samples that are slower than the speed of an axis
+    return np.asarray(np.quantile(moved, 0.99, axis=0))
 
 
 def _middle(recording: Recording, length: float) -> Recording:

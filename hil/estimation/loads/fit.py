@@ -74,10 +74,6 @@ STEADY = 1e-6
 """Relative change of weights that is none."""
 PASSES = 2
 """Times that friction of the transmitted torque is made of what the load adds to it."""
-_SHOWN = 1e-4
-"""Share of the information's largest eigenvalue from which on a measurement shows a direction."""
-_FEWEST = 2
-"""Measurements of an axis in a run from which on it is tested."""
 
 
 class Runs(NamedTuple):
@@ -444,7 +440,8 @@ def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[A
     found = []
     for axis in range(with_load.n_channels):
         before, after = (_left(blocks, axis, x, n_base) for blocks in (without, with_load))
-        if min(len(before), len(after)) >= _FEWEST:
+        # measurements of an axis in a run from which on it is tested
+        if min(len(before), len(after)) >= 2:
             (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
             ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
             chance = special.fdtrc(len(after), len(before), ratio)
@@ -457,7 +454,9 @@ def _left(blocks: Blocks, axis: int, x: Array, n_base: int) -> Array:
     around, base = np.concatenate([[1.0], -x[blocks.layout.place(axis)]]), slice(1, 1 + n_base)
     found = []
     for product in blocks.products[blocks.counts[:, axis] > 0, axis]:
-        t = inverse_root(product[base, base], _SHOWN).T @ (product[base] @ around)
+        # share of the information's largest eigenvalue from which on a measurement shows a
+        # direction
+        t = inverse_root(product[base, base], 1e-4).T @ (product[base] @ around)
         if len(t):
             found.append((t @ t, len(t)))
     return np.array(found).reshape(-1, 2)
