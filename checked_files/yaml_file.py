@@ -26,7 +26,7 @@ from yaml.resolver import Resolver
 from checked_files.errors import HilError
 from checked_files.known_keys import known_keys
 from checked_files.near import did_you_mean
-from checked_files.yaml_events import Events
+from checked_files.yaml_events import Dumper, Events
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -44,7 +44,7 @@ class FileModel(BaseModel):
     def as_yaml(self, width: int = 200) -> bytes:
         """As a file in YAML, in lines of about `width` characters at most."""
         content = self.model_dump(mode="json")
-        return yaml.safe_dump(content, sort_keys=False, width=width).encode()
+        return yaml.dump(content, Dumper=Dumper, sort_keys=False, width=width).encode()
 
 
 M = TypeVar("M", bound=BaseModel)

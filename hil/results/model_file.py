@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 from pydantic import model_validator
 
+from checked_files.yaml_events import Dumper
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
@@ -239,12 +240,7 @@ class ModelFile(FileModel):
         content = self.model_dump(mode="json", exclude=absent)
         if "local" in content:
             content["local"] = [_OneLine(each) for each in content["local"]]
-        return yaml.dump(
-            content,
-            Dumper=_Dumper,
-            sort_keys=False,
-            width=200,
-        )
+        return yaml.dump(content, Dumper=_Dumper, sort_keys=False, width=200)
 
 
 def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
@@ -290,7 +286,7 @@ class _OneLine(dict[str, Any]):
     """A record that is written in one line."""
 
 
-class _Dumper(yaml.SafeDumper):
+class _Dumper(Dumper):
     """Writes texts of several lines as they are, and some records in one line."""
 
 
