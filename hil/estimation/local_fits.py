@@ -93,7 +93,8 @@ def believed_fit(
     axis = measurement.index
     rows, columns, _ = s.terms(robot, axis)
     weight, element = _at_rest(robot, s, axis, *np.flatnonzero(measurement.unit_acceleration))
-    own = (weight + s.qdd @ np.abs(measurement.unit_acceleration)[:, np.newaxis] * element) @ p
+    qdd = s.qdd @ np.abs(measurement.unit_acceleration)
+    own = weight @ p[list(base_parameters(robot).groups[GRAVITY])] + qdd * (element @ p)
     rigid, v = rows @ p, s.smoothed(s.qd[:, axis])
     of_load = np.abs(s.smoothed(rigid)) * (common[LOAD] * np.sign(v) + common[LOAD + 1])
     tau = s.tau.copy()
@@ -237,30 +238,30 @@ def _filtered(
     accelerated: int | None = None,
 ) -> _Filtered:
     """Pass everything about an axis through the filter, while a joint accelerates or none does."""
-    shown = np.array(base_parameters(robot).groups[GRAVITY], dtype=int)
     weight, element = _at_rest(robot, s, axis, *([] if accelerated is None else [accelerated]))
 
     def of_motion() -> Array:
         motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
-        given = [s.qd[:, axis], motor, weight[:, shown], *([] if columns is None else [columns])]
+        given = [s.qd[:, axis], motor, weight, *([] if columns is None else [columns])]
         return s.filtered(np.column_stack(given))
 
     # columns of a measurement are always the same, as many as there are
     n_columns = 0 if columns is None else columns.shape[1]
     found = s.once((_filtered, robot, axis, n_columns), of_motion)
+    shown = np.array(base_parameters(robot).groups[GRAVITY], dtype=int)
     k = 2 + len(shown)
     sides = np.column_stack([s.filtered(s.tau[:, axis]), found[:, 1:k]])
     return _Filtered(sides, np.append([0, 1], 2 + shown), found[:, 0], found[:, k:], element)
 
 
 def _at_rest(robot: Robot, s: Signals, axis: int, *accelerated: int) -> tuple[Array, Array]:
-    """Rows of an axis by gravity alone, and by an acceleration of 1 of a joint, if one has any."""
+    """Rows of an axis by gravity, (n, n_gravity), and by an acceleration of 1 of a joint if any."""
 
     def of_motion() -> tuple[Array, Array]:
         still = np.zeros(robot.n_joints)
         rates = [(still, still), *((still, np.eye(robot.n_joints)[each]) for each in accelerated)]
         rows = [each[:, 0] for each in regressors(robot, s.q, rates, joints=[axis])]
-        return rows[0], rows[-1] - rows[0]
+        return rows[0][:, list(base_parameters(robot).groups[GRAVITY])], rows[-1] - rows[0]
 
     return s.once((_at_rest, robot, axis), of_motion)
 

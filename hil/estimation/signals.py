@@ -33,7 +33,7 @@ import numpy as np
 from scipy import fft
 
 from hil.errors import NotEnoughData
-from hil.friction.equation import moving, term_columns, usable
+from hil.friction.equation import moving, rows_of, term_columns, usable
 from hil.least_squares.differences import FIRST, SECOND
 from hil.least_squares.window import correlated, half_window, smooth, widened
 from hil.runs.recording import under_way
@@ -127,8 +127,9 @@ class Signals:
         return self.valid & self.once((usable, robot, axis), lambda: usable(robot, self, axis))
 
     def terms(self, robot: Robot, axis: int) -> tuple[Array, Array, Array]:
-        """Columns of an axis (`hil.friction.equation.term_columns`); whoever asks shares them."""
-        return self.once((term_columns, robot, axis), lambda: term_columns(robot, self, axis))
+        """Columns of an axis (`hil.friction.equation.term_columns`)."""
+        rows = self.once((rows_of, robot, axis), lambda: rows_of(robot, self, axis))
+        return term_columns(robot, self, axis, rows)
 
     def filtered(self, x: Array) -> Array:
         """Butterworth low-pass along the first axis."""

@@ -105,9 +105,19 @@ class Motion(Protocol):
         """Samples that nothing connects to the `excluded` ones, shape (n,)."""
 
 
-def term_columns(robot: Robot, motion: Motion, axis: int) -> tuple[Array, Array, Array]:
-    """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...)."""
-    rows = regressor(robot, *motion.link, joints=[axis])[:, 0]
+def rows_of(robot: Robot, motion: Motion, axis: int) -> Array:
+    """Columns of an axis's base parameters, shape (n, n_base)."""
+    return regressor(robot, *motion.link, joints=[axis])[:, 0]
+
+
+def term_columns(
+    robot: Robot, motion: Motion, axis: int, rows: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...).
+
+    Base parameters' are the `rows`, where these are known.
+    """
+    rows = rows_of(robot, motion, axis) if rows is None else rows
     v = motion.qd[:, axis] / speed_scale(robot, motion, axis)
     seen = (*COMMON[:2], *(f"{wave} {n}" for wave in ("cosine", "sine")
                            for n in ripple_orders(robot, axis)))  # fmt: skip
