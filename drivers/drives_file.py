@@ -338,6 +338,8 @@ class DrivesFile(FileModel):
         How often a heartbeat is sent, and how long it may stay away [s], both ways.
     sdo_timeout : float
         How long a drive may take to answer a request [s].
+    distributed_clock : bool
+        Drives on EtherCAT that can act and latch at SYNC0 do so; else as frames come.
     quick_stop_option : int
         605A: 2 = quick stop ramp, then off; 6 = quick stop ramp, then QUICK STOP ACTIVE.
     """
@@ -349,6 +351,7 @@ class DrivesFile(FileModel):
     heartbeat_period: Annotated[float, Field(ge=0.001, le=10)] = 0.1
     heartbeat_timeout: Annotated[float, Field(ge=0.002, le=65)] = 0.5
     sdo_timeout: Annotated[float, Field(ge=0.01, le=30)] = 0.5
+    distributed_clock: bool = True
     quick_stop_option: Literal[2, 6] = 2
 
     @model_validator(mode="after")

@@ -5,7 +5,7 @@ lock-step the next SYNC follows as soon as all answers to the last one are in, a
 in periods: a simulation runs as fast as it can and gives the same result every time. On a real bus
 SYNCs keep absolute deadlines of the wall clock. A deadline that was missed is skipped and counted,
 never made up for, since a burst of SYNCs would make the drives latch at wrong instants. After a
-long pause (the caller wrote files, say) the grid of deadlines starts anew.
+long pause (the caller wrote files, say) none is counted.
 """
 
 from __future__ import annotations
@@ -65,6 +65,14 @@ class SyncClock:
     def sent(self) -> float:
         """Take note that a SYNC went out; return its instant [s]."""
         raise NotImplementedError
+
+    def latched(self, instant: float, before: float) -> float:
+        """When inputs were latched that come with what is sent at an instant [s].
+
+        By default it was as the frame `before` passed [s].
+        """
+        del instant
+        return before
 
     def window(self) -> float:
         """How long answers to the last SYNC may still take [s], at least 0."""
@@ -145,12 +153,9 @@ class WallClock(SyncClock):
     def due(self) -> float:
         """How long until the next deadline [s], 0 if it is now; passes over missed deadlines."""
         late = self._clock() - self._deadline
-        if late >= PAUSE:
-            self._deadline += late
-            late = 0.0
-        elif late > TOO_LATE * self._period:
+        if late > TOO_LATE * self._period:
             missed = math.ceil(late / self._period - TOO_LATE)
-            self.skipped += missed
+            self.skipped += missed if late < PAUSE else 0
             self._deadline += missed * self._period
             late -= missed * self._period
         return max(0.0, -late)

@@ -14,12 +14,13 @@ from drivers.ethercat.drive import EthercatDrive
 from drivers.ethercat.line import LOCK_STEP_PATIENCE, PATIENCE, Line
 from drivers.ethercat.monitor import LinePicture
 from drivers.ethercat.process_data import EthercatProcessData
+from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.ethercat.rules import RULES
 from drivers.ethercat.scan import scan_line
 from drivers.ethercat.slaves import Slaves
 from drivers.remote_dictionary import RemoteDictionary
 from drivers.session.connection import UnpoweredDrives
-from drivers.sync_clock import LockStep, WallClock
+from drivers.sync_clock import LockStep
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
@@ -66,10 +67,12 @@ class EthercatBus:
     ) -> EthercatConnection:
         """Build all that is needed to talk to drives (see `Fieldbus`)."""
         line = self._line()
-        reached = self._reached(line, drives)
+        slaves = Slaves(line)
+        reached = _reached(line, slaves, drives)
         servers = [_server(drive, axis.node, axis.name) for drive, axis in reached]
         return EthercatConnection(
             line,
+            slaves,
             [drive for drive, _ in reached],
             servers,
             self._clock(period),
@@ -80,7 +83,7 @@ class EthercatBus:
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
         """Reach drives by their mailboxes alone."""
         line = self._line()
-        reached = self._reached(line, drives)
+        reached = _reached(line, Slaves(line), drives)
         servers = tuple(_server(drive, axis.node, axis.name) for drive, axis in reached)
         found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
         clock = self._clock(drives.sync_period)
@@ -135,22 +138,17 @@ class EthercatBus:
         return Line(self._wire, LOCK_STEP_PATIENCE if self.lock_step else PATIENCE)
 
     def _clock(self, period: float) -> SyncClock:
-        return LockStep(period, synchronous=False) if self.lock_step else WallClock(period)
+        return LockStep(period, synchronous=False) if self.lock_step else ReferenceClock(period)
 
-    def _reached(self, line: Line, drives: DrivesFile) -> list[tuple[EthercatDrive, AxisDrive]]:
-        slaves = Slaves(line)
-        return [
-            (
-                EthercatDrive(
-                    partial(slaves.at, axis.node, axis.alias),
-                    line,
-                    axis.label,
-                    drives.sdo_timeout,
-                ),
-                axis,
-            )
-            for axis in drives.axes
-        ]
+
+def _reached(
+    line: Line, slaves: Slaves, drives: DrivesFile
+) -> list[tuple[EthercatDrive, AxisDrive]]:
+    timeout = drives.sdo_timeout
+    return [
+        (EthercatDrive(partial(slaves.at, axis.node, axis.alias), line, axis.label, timeout), axis)
+        for axis in drives.axes
+    ]
 
 
 def _server(drive: EthercatDrive, node: int, name: str) -> RemoteDictionary:

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from drivers.commissioning.held_values import assignment_slot
-from drivers.ethercat.objects import ASSIGNED_IN, ASSIGNED_OUT, CYCLES
+from drivers.ethercat.objects import (
+    ASSIGNED_IN,
+    ASSIGNED_OUT,
+    BY_FRAMES,
+    BY_SYNC0,
+    CYCLES,
+    OFFERS_SYNC0,
+    SYNC_TYPES,
+    SYNC_TYPES_OFFERED,
+)
 from drivers.ethercat.pdo_set_up import MAPPING_IN, MAPPING_OUT, others, set_up_process_data
 from drivers.ethercat.process_layout import Mapped, inputs_of, ours, outputs_of
 from drivers.ethercat.requirements import REQUIREMENTS
@@ -41,10 +50,15 @@ class EthercatCommunication:
     beside: tuple[tuple[Entry, int], ...] = ()
 
     requirements: ClassVar = REQUIREMENTS
-    later: ClassVar[tuple[Entry, ...]] = tuple(
-        assignment_slot(index, number) for index in (ASSIGNED_OUT, ASSIGNED_IN) for number in (2, 3)
+    later: ClassVar[tuple[Entry, ...]] = (
+        tuple(
+            assignment_slot(index, number)
+            for index in (ASSIGNED_OUT, ASSIGNED_IN)
+            for number in (2, 3)
+        )
+        + SYNC_TYPES
     )
-    """What is written where mappings turn out to be fixed."""
+    """What is written where mappings turn out to be fixed, and once it is known who has a clock."""
 
     @classmethod
     def wanted(cls, axis: AxisDrive, *, feed_forward: bool = False) -> Self:
@@ -80,6 +94,19 @@ class EthercatCommunication:
         )
         carried = others(self.outputs, outputs_of(feed_forward=self.feed_forward))
         self.beside = tuple((each, server.find(each) or 0) for each in carried)
+
+
+def offers_sync0(server: RemoteDictionary) -> bool:
+    """Whether a drive can act and latch at SYNC0."""
+    return bool((server.find(SYNC_TYPES_OFFERED) or 0) & OFFERS_SYNC0)
+
+
+def synchronise(server: RemoteDictionary, *, clocked: bool) -> None:
+    """Have a drive act and latch at SYNC0, or as frames come, where it is written what it does."""
+    for entry in SYNC_TYPES:
+        held = server.find(entry)
+        if held in {BY_FRAMES, BY_SYNC0} and held != (wanted := BY_SYNC0 if clocked else BY_FRAMES):
+            _set_unless_fixed(server, entry, wanted)
 
 
 def _set_unless_fixed(server: RemoteDictionary, entry: Entry, value: int) -> None:

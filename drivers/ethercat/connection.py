@@ -9,8 +9,10 @@ from drivers.drive_bus import DriveError, NodeSilent
 from drivers.ethercat import registers as reg
 from drivers.ethercat.access import heard
 from drivers.ethercat.al_states import ERROR, MASK, AlState
-from drivers.ethercat.communication import EthercatCommunication
+from drivers.ethercat.clocks import Clocks
+from drivers.ethercat.communication import EthercatCommunication, offers_sync0, synchronise
 from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
+from drivers.ethercat.reference_clock import AHEAD, ReferenceClock
 from drivers.ethercat.watchdog import OutputsSent
 from drivers.remote_dictionary import NoAnswer
 from drivers.session.connection import Connection
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
     from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
+    from drivers.ethercat.slaves import Slaves
     from drivers.remote_dictionary import RemoteDictionary
     from drivers.sync_clock import SyncClock
 
@@ -38,6 +41,8 @@ class EthercatConnection(Connection):
     ----------
     line : Line
         That they are on.
+    slaves : Slaves
+        All on it.
     drives : sequence of EthercatDrive
         In joint order.
     servers : sequence of RemoteDictionary
@@ -59,6 +64,7 @@ class EthercatConnection(Connection):
     def __init__(
         self,
         line: Line,
+        slaves: Slaves,
         drives: Sequence[EthercatDrive],
         servers: Sequence[RemoteDictionary],
         clock: SyncClock,
@@ -66,7 +72,12 @@ class EthercatConnection(Connection):
         *,
         feed_forward: bool,
     ) -> None:
-        self._line, self._drives, self._timeout = line, drives, file.heartbeat_timeout
+        self._line, self._slaves, self._drives = line, slaves, drives
+        self._timeout = file.heartbeat_timeout
+        self._clock: ReferenceClock | None = None
+        if isinstance(clock, ReferenceClock) and file.distributed_clock:
+            self._clock = clock
+        self._clocks: Clocks | None = None
         self._data = data = EthercatProcessData(line, file.axes, drives, clock)
         supervision = Supervision(servers)
         life_sign = OutputsSent(
@@ -91,15 +102,19 @@ class EthercatConnection(Connection):
 
     def start(self) -> None:
         """Bring all drives to SAFEOP as they have been set up, and ask for OP."""
+        self._set_clocks()
         pairs = zip(self._drives, self.communications, strict=True)
         for number, (drive, found) in enumerate(pairs):
             drive.outputs, drive.inputs = found.outputs, found.inputs
             with heard(drive.label):
-                drive.prepare(LOGICAL + APART * number, self._timeout)
+                drive.prepare(LOGICAL + APART * number, self._timeout, self._sync0())
         alone = self._line.read_all(reg.AL_STATUS, 2).counter == len(self._drives)
-        self._data.wire(alone=alone)
+        self._data.wire(self._clocks, alone=alone)
         self._keep_held()
+        ends = self._data.now() + (2 * AHEAD if self._clocks else 0.0)
         for _ in range(SETTLING):
+            self._data.sync()
+        while self._data.now() < ends:  # some drives want to have seen SYNC0 first
             self._data.sync()
         for server in self.servers:
             server.access.go_operational()
@@ -114,6 +129,7 @@ class EthercatConnection(Connection):
         """
         self.supervision.forget()
         self._await_op()
+        self._data.farthest = 0.0
         self.life_sign.watch()
 
     def _to_op(self) -> None:
@@ -150,6 +166,40 @@ class EthercatConnection(Connection):
                 drive.hand_back()
             except (DriveError, NoAnswer):
                 continue  # it keeps its watchdog
+
+    def remarks(self) -> Sequence[str]:
+        """State how the clocks went, where drives follow one."""
+        clock, clocks = self._clock, self._clocks
+        if clock is None or clocks is None:
+            return ()
+        faster = "faster" if clock.skew > 0 else "slower"
+        return (
+            f"distributed clock: slave {clocks.reference.position} is the reference,"
+            f" {1e6 * abs(clock.skew):.1f} ppm {faster} than this computer; {len(clocks.clocked)}"
+            f" clocks agree within {1e9 * self._data.farthest:.0f} ns, the last one"
+            f" {clocks.delay} ns of cable behind it; SYNC0 comes {1e3 * clock.shift:g} ms after"
+            " frames are due",
+        )
+
+    def _set_clocks(self) -> None:
+        """Have the clocks on the line agree, where every drive has one that it can follow."""
+        if self._clock is None:
+            return
+        with heard("the clocks of the slaves"):
+            clocks = Clocks(self._line, self._slaves.all)
+            clocked = all(drive.station in clocks.clocked for drive in self._drives)
+            clocked = clocked and all(map(offers_sync0, self.servers))
+            if clocked:
+                self._clocks = clocks
+                self._clock.begin(*clocks.settle(self._clock.host))
+        for server in self.servers:
+            synchronise(server, clocked=clocked)
+
+    def _sync0(self) -> tuple[int, int] | None:
+        """Return the next SYNC0 that a drive can be set to, and its cycle [ns]."""
+        if self._clock is None or self._clocks is None:
+            return None
+        return self._clock.first_sync0(self._clocks.now())
 
     def _keep_held(self) -> None:
         """Have outputs that are mapped beside ours go on to be what the drives hold."""

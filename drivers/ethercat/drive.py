@@ -36,6 +36,8 @@ _WATCHED = 0x40
 """Bit of a sync manager's control: what is written to it feeds the watchdog."""
 _READ, _WRITTEN = 1, 2
 """What an FMMU is for: inputs, outputs."""
+_SYNC0 = b"\0\3"
+"""Activation (0980h) of cyclic operation and SYNC0, which the master controls."""
 _FMMU = struct.Struct("<IHBBHBBB3x")
 _MANAGER = struct.Struct("<HHBBBB")
 ORDER_TIME = 0.02
@@ -80,7 +82,7 @@ class EthercatDrive:
         self._sdo: SdoClient | None = None
         self._held: tuple[bytes, bytes] | None = None
         self._state_found = AlState.PREOP
-        self._watchdog = b""
+        self._watchdog, self._clocked = b"", False
 
     @property
     def station(self) -> Station:
@@ -129,8 +131,8 @@ class EthercatDrive:
         """Ask for OP, where it gets once outputs come."""
         self.station.ask_for(AlState.OP)
 
-    def prepare(self, logical: int, timeout: float) -> None:
-        """Bring the drive to SAFEOP, its process data and its watchdog set up.
+    def prepare(self, logical: int, timeout: float, sync0: tuple[int, int] | None = None) -> None:
+        """Bring the drive to SAFEOP, its process data, its watchdog and SYNC0 set up.
 
         Parameters
         ----------
@@ -138,6 +140,8 @@ class EthercatDrive:
             Where its outputs stand in logical memory; inputs and the state of its mailbox follow.
         timeout : float
             Of its watchdog [s].
+        sync0 : (int, int), optional
+            First SYNC0 in the reference's time, and its cycle [ns].
 
         Raises
         ------
@@ -169,6 +173,12 @@ class EthercatDrive:
         )):  # fmt: skip
             fmmu = _FMMU.pack(start, size, 0, 7, physical, 0, kind, 1)
             station.write(reg.FMMU + number * reg.FMMU_SIZE, fmmu)
+        if sync0 is not None:
+            self._clocked = True
+            station.write(reg.ACTIVATION, bytes(2))
+            station.write(reg.SYNC0_START, sync0[0].to_bytes(8, "little"))
+            station.write(reg.SYNC0_CYCLE, sync0[1].to_bytes(4, "little"))
+            station.write(reg.ACTIVATION, _SYNC0)
         station.go(AlState.SAFEOP)
 
     def refuse_unwatched(self) -> None:
@@ -199,7 +209,7 @@ class EthercatDrive:
             )
 
     def hand_back(self) -> None:
-        """Put back its watchdog and the AL state in which it was found, where it is in PREOP.
+        """Put back its watchdog and the AL state in which it was found, and end SYNC0, in PREOP.
 
         A drive that is not may be energised: its watchdog stays.
         """
@@ -209,6 +219,9 @@ class EthercatDrive:
             self._station.write(reg.WATCHDOG_DIVIDER, self._held[0])
             self._station.write(reg.WATCHDOG_TIME, self._held[1])
             self._held = None
+        if self._clocked:
+            self._station.write(reg.ACTIVATION, bytes(2))
+            self._clocked = False
         if self._state_found == AlState.INIT:
             self._station.go(AlState.INIT)
             self._sdo = self._mailbox = None

@@ -6,6 +6,10 @@ the frame before passed (drives synchronous to their sync managers), and stands 
 After a lost frame nobody knows whether the drives saw it: the next sample is flagged as late, for
 it may be one cycle older.
 
+Where drives have clocks they act and latch at SYNC0, which stands as the instant then. The frame
+also carries the time of the reference, at which it passed there: one that came after SYNC0 brings
+the inputs of the next cycle, and is flagged as late; so is an axis whose clock is off.
+
 Outputs stay until others take their place, so a lost frame is made good by the next. Controlwords
 that must follow each other have a cycle each that the drive has taken; one that stops an axis
 waits for none.
@@ -25,14 +29,17 @@ from drivers.cycle_data import CycleData, unpacking
 from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
+from drivers.ethercat.clocks import OUT_OF_STEP, is_together, size_of
 from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, at
 from drivers.ethercat.process_layout import picking, places
+from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from drivers.drives_file import AxisDrive
+    from drivers.ethercat.clocks import Clocks
     from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
     from drivers.ethercat.process_layout import Place
@@ -45,6 +52,8 @@ FOREIGN = 3
 """Frames that are not ours: more of them are no chance."""
 _BOTH, _READ = 3, 1
 """Working counter of a drive that took outputs (2) and gave inputs (1), or that was read."""
+_TIMES = 4
+"""Unpacked of the clocks: the reference's time, all differences, each with its working counter."""
 _VALUES = 5
 """Unpacked of an axis: statusword, position, current, state of the mailbox, working counter."""
 _STOPS = frozenset({Order.QUICK_STOP.value[0], Order.DISABLE_VOLTAGE.value[0]})
@@ -77,6 +86,8 @@ class EthercatProcessData(CycleData):
         A drive is not in OP, or away; one shows that it is not in OP.
     mail : tuple of int
         Axes in whose mailbox something waits.
+    farthest : float
+        How far any clock was from the reference since they were set, at most [s].
     """
 
     on_arrival: tuple[int, ...] = ()
@@ -91,10 +102,12 @@ class EthercatProcessData(CycleData):
         super().__init__(len(axes), clock)
         self._line, self._axes, self._drives = line, axes, drives
         self.unusual = self.fallen = False
+        self.farthest = 0.0
+        self._clocks: Clocks | None = None
         self.mail: tuple[int, ...] = ()
         self.feeding, self._wired = True, False
         self.time = clock.now()
-        self._sent_at = self._latched_at = self.time
+        self._sent_at = self._passed_at = self._shown = self.time
         self._gone: dict[int, float] = {}
         self._fresh: set[int] = set()
         self._queues: dict[int, deque[tuple[int, int]]] = {}
@@ -104,11 +117,13 @@ class EthercatProcessData(CycleData):
         for axis, drive in enumerate(drives):
             drive.carry = self._carry(axis)
 
-    def wire(self, *, alone: bool) -> None:
+    def wire(self, clocks: Clocks | None = None, *, alone: bool) -> None:
         """Make the frames of a cycle for process data as they are set up, all outputs zero.
 
         Parameters
         ----------
+        clocks : Clocks, optional
+            That drives latch by.
         alone : bool
             Nothing but the drives is on the line, so their AL state is read at once.
         """
@@ -129,6 +144,11 @@ class EthercatProcessData(CycleData):
             states = [Datagram(Command.BRD, reg.AL_STATUS << 16, bytes(2))]
         layout += f"{HEAD}xHH" * len(states)
         order += range(len(order), len(order) + 2 * len(states))
+        if clocks is not None:
+            layout += f"{HEAD}xQH{HEAD}xIH"
+            order += range(len(order), len(order) + _TIMES)
+            states += clocks.datagrams
+        self._clocks = clocks if isinstance(self._clock, ReferenceClock) else None
         n = len(self._drives)
         self._in_op = (AlState.OP.value, n) if alone else (AlState.OP.value, 1) * n
         self._gone.clear()
@@ -140,6 +160,7 @@ class EthercatProcessData(CycleData):
         self._size = struct.calcsize(layout)
         self._unpack = unpacking(layout, order)
         self._end = _VALUES * n
+        self._states = self._end + len(self._in_op)
         self._fresh.clear()
         self._queues.clear()
         self._wired = True
@@ -233,37 +254,39 @@ class EthercatProcessData(CycleData):
             The interface does not take or give frames any more.
         """
         clock, line = self._clock, self._line
-        if (due := clock.due()) > 0:
+        while (due := clock.due()) > 0:  # whoever sleeps too long passes this deadline over
             time.sleep(due)
         line.send(self._frames[self.feeding])
         instant = self._sent_at = clock.sent()
         answer = line.receive(clock.window())
-        self._pass_to(self._latched_at)
-        self._latched_at = instant
+        before, self._passed_at = self._passed_at, instant
+        self._pass_to(clock.latched(instant, before))
         if answer is None or len(answer) < self._size:
             self._take_nothing()
             return self.time
         values = self._unpack(answer)
         end = self._end
+        states = values[end : self._states]
+        off = self._look_at_times(values, instant) if self._clocks else ()
         counters = values[4:end:_VALUES]
         if self._mailboxes != (mailboxes := values[3:end:_VALUES]):
             self._mailboxes = mailboxes
             self.mail = tuple(n for n, each in enumerate(mailboxes) if each & reg.FULL)
-        if counters == self._counters[self.feeding] and not self._gone:
+        if counters == self._counters[self.feeding] and not (self._gone or off):
             self.words, self.positions = values[0:end:_VALUES], values[1:end:_VALUES]
             self.currents = values[2:end:_VALUES]
-            if self.unusual or values[end:] != self._in_op:
-                self._look_at_states(values[end:])
+            if self.unusual or states != self._in_op:
+                self._look_at_states(states)
             if self.irregular or clock.passed_over:
                 self._publish({})
         else:
-            self._take(values, counters)
+            self._take(values, counters, off)
         if self._fresh and self.feeding:
             self._confirm(counters)
         return self.time
 
-    def _take(self, values: Sequence[int], counters: Sequence[int]) -> None:
-        """Take the values of those axes that took part."""
+    def _take(self, values: Sequence[int], counters: Sequence[int], off: Collection[int]) -> None:
+        """Take the values of those axes that took part; some were latched at another instant."""
         full = self._counters[self.feeding][0]
         words, positions = list(self.words), list(self.positions)
         currents, found = list(self.currents), dict[int, int]()
@@ -274,10 +297,10 @@ class EthercatProcessData(CycleData):
                 continue
             start = _VALUES * axis
             words[axis], positions[axis], currents[axis] = values[start : start + 3]
-            if self._gone.pop(axis, None) is not None:
+            if self._gone.pop(axis, None) is not None or axis in off:
                 found[axis] = _LATE
         self.words, self.positions, self.currents = tuple(words), tuple(positions), currents
-        self._look_at_states(values[self._end :])
+        self._look_at_states(values[self._end : self._states])
         self._publish(found)
 
     def _look_at_states(self, states: Sequence[int]) -> None:
@@ -285,6 +308,23 @@ class EthercatProcessData(CycleData):
         pairs = zip(states[::2], states[1::2], strict=True)
         self.fallen = any(state != AlState.OP for state, counter in pairs if counter)
         self.unusual = self.fallen or bool(self._gone)
+
+    def _look_at_times(self, values: Sequence[int], instant: float) -> Collection[int]:
+        """Follow the reference; return the axes whose inputs are of another instant than stated."""
+        clock, clocks = self._clock, self._clocks
+        assert isinstance(clock, ReferenceClock) and clocks  # noqa: S101, PT018 - by `wire`
+        reference, counter, differences, _ = values[-_TIMES:]
+        last, self._shown = self._shown, self.time
+        if counter == len(clocks.clocked):
+            passed = clock.follow(reference, instant)
+            if clock.latched(passed, 0.0) != self.time or self.time == last:
+                return range(len(self._axes))
+        if is_together(differences):
+            self.farthest = max(self.farthest, 1e-9 * size_of(differences))
+            return ()
+        apart = clocks.differences([drive.station for drive in self._drives])
+        self.farthest = max(self.farthest, *apart)
+        return [axis for axis, each in enumerate(apart) if each > OUT_OF_STEP]
 
     def _take_nothing(self) -> None:
         now = self._clock.now()

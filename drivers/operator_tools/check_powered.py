@@ -88,6 +88,9 @@ def check_powered(
             yield from _notes(axes)
             yield from _rest(axes, drives, operator)
             yield judge_period(timed, axes.period, late)
+            for remark in axes.remarks:
+                what, _, found = remark.partition(": ")
+                yield Verdict(Grade.OK, "bus", what, found)
             for number, axis in enumerate(axes.held):
                 step = f"small move of {axis.drive.name}"
                 yield from _move(axes, number, axis.drive, moves, operator, gravity)

@@ -66,6 +66,10 @@ class Connection(ABC):
         self.power = Power(process_data, servers, supervision)
         self.written: list[RemoteDictionary] = []
 
+    def remarks(self) -> Sequence[str]:
+        """State what is to be known of the bus itself after a while, and stops nothing."""
+        return ()
+
     @abstractmethod
     def conflicts(self) -> Sequence[DriveRefused]:
         """Return which drives cannot share the bus, once all are configured."""

@@ -113,6 +113,11 @@ class ServoAxes:
         return self._session.connection.servers if self._session else ()
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What is to be known of the bus itself; available once entered."""
+        return tuple(self._session.connection.remarks()) if self._session else ()
+
+    @property
     def along(self) -> float:
         """Where on the path that is streamed the last sample was (see `StreamingBus`)."""
         return self._session.along if self._session else 0.0
@@ -255,6 +260,7 @@ class ServoAxes:
     def _left(self) -> Outcome:
         if self._connection is None:
             return Outcome()
+        self.notes += self.remarks
         return leave(self._connection, self._session, self._keeper, self._bus.rules)
 
     def _close(self) -> list[str]:

@@ -16,6 +16,8 @@ from sim_plant.ethercat import registers as reg
 if TYPE_CHECKING:
     from sim_plant.ethercat.controller import Controller
 
+HOP = 300
+"""Time from one slave to the next, forwarding and 10 m of cable [ns]."""
 _SECOND = 1e9
 _WRAP = 1 << 64
 _SHARE = 0.25
@@ -75,8 +77,11 @@ class Clock:
 
     def show(self, now: float, delay: int) -> None:
         """Have the registers show the time at which a frame passes, `delay` [ns] behind `now`."""
-        controller = self._controller
-        controller.put(reg.SYSTEM_TIME, 8, (self.system(now) + delay) % _WRAP)
+        self._controller.put(reg.SYSTEM_TIME, 8, self.passing(now, delay))
+
+    def passing(self, now: float, delay: int) -> int:
+        """System time at which a frame passes, `delay` [ns] behind `now`."""
+        return (self.system(now) + delay) % _WRAP
 
     def latch(self, now: float, forward: int, back: int | None) -> None:
         """Keep when a frame came in at port 0 and, where port 1 is open, when it came back [ns]."""

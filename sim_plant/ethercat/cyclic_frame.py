@@ -12,6 +12,7 @@ import struct
 from typing import TYPE_CHECKING, NamedTuple
 
 from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.clock import HOP
 from sim_plant.ethercat.frame import HEADER_SIZE, LOGICAL, Command, datagrams, mark_passed
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from sim_plant.ethercat.slave import EthercatSlave
 
 _COUNTER = struct.Struct("<H")
+_TIME = 8
+"""Size of a system time [bytes]."""
 
 
 class _Copy(NamedTuple):
@@ -42,6 +45,23 @@ class _Shown(NamedTuple):
     end: int
 
 
+class _Reference(NamedTuple):
+    """The time of one slave in a datagram that all others take.
+
+    Attributes
+    ----------
+    slave, delay
+        Whose time it is, and how long the frame takes to it [ns].
+    others : sequence of (EthercatSlave, int)
+        The same of those behind it.
+    """
+
+    slave: EthercatSlave
+    delay: int
+    others: Sequence[tuple[EthercatSlave, int]]
+    start: int
+
+
 class CyclicFrame:
     """A layout of frames, and what is to be copied.
 
@@ -55,17 +75,19 @@ class CyclicFrame:
     Attributes
     ----------
     is_plain : bool
-        The layout is one of process data for all slaves and of registers that are read: whatever
-        else is to be passed datagram by datagram.
+        The layout is one of process data for all slaves, of registers that are read, and of the
+        first slave's time: whatever else is to be passed datagram by datagram.
     """
 
     def __init__(self, slaves: Sequence[EthercatSlave], frame: bytes) -> None:
+        self._slaves = slaves
         self._controllers = [slave.controller for slave in slaves]
         self._managers = [controller.managers for controller in self._controllers]
         self._size = len(frame)
         self._written: list[_Copy] = []
         self._read: list[_Copy] = []
         self._shown: list[_Shown] = []
+        self._references: list[_Reference] = []
         self._counted: list[tuple[int, int]] = []
         self.is_plain = True
         layout, end = "<", 0
@@ -76,6 +98,8 @@ class CyclicFrame:
                 self._lay(datagram)
             elif datagram.command is Command.BRD and datagram.offset < reg.PROCESS_MEMORY:
                 self._show(datagram)
+            elif datagram.command is Command.FRMW and datagram.offset == reg.SYSTEM_TIME:
+                self._refer(datagram)
             else:
                 self.is_plain = False
         self._layout = struct.Struct(layout)
@@ -101,6 +125,10 @@ class CyclicFrame:
             passing[start:end] = controller.memory[place : place + end - start]
         for controller, place, start, end in self._written:
             controller.memory[place : place + end - start] = frame[start:end]
+        for slave, delay, others, start in self._references:
+            time = passing[start : start + _TIME] = slave.time(delay)
+            for other, behind in others:
+                other.take_time(time, behind)
         for controllers, place, start, end in self._shown:
             bits, size = int.from_bytes(frame[start:end], "little"), end - start
             for controller in controllers:
@@ -148,6 +176,12 @@ class CyclicFrame:
         number = len(self._controllers)
         self._counted.append((datagram.place + 2, (datagram.position + number) & 0xFFFF))
         self._count(datagram, number)
+
+    def _refer(self, datagram: Datagram) -> None:
+        first, *others = ((slave, n * HOP) for n, slave in enumerate(self._slaves))
+        self.is_plain &= first[0].is_addressed(datagram) and datagram.size == _TIME
+        self._references.append(_Reference(*first, others, datagram.place + HEADER_SIZE))
+        self._count(datagram, len(self._slaves))
 
     def _count(self, datagram: Datagram, count: int) -> None:
         place = datagram.place + HEADER_SIZE + datagram.size

@@ -36,6 +36,9 @@ _U8, _U16, _U32 = "0x0005", "0x0006", "0x0007"
 _VARIABLE, _ARRAY, _RECORD = 7, 8, 9
 _SYNC_TYPES = 0x0002 | 0x0004
 """1C32h:4: synchronous to the sync manager, and to SYNC0."""
+BY_SYNC0 = 2
+"""1C32h:1 of a drive that acts at SYNC0; 0 of one that runs freely, 1 as frames come. What it does
+is set by the clock's own registers."""
 MIN_CYCLE = 100_000
 """1C32h:5 [ns]."""
 CYCLE_MAX = 1_000_000_000
@@ -211,7 +214,8 @@ def _on_ethercat(text: str) -> str:
     for index, name in ((SYNC_OUT, "Output"), (SYNC_IN, "Input")):
         fields = list(_SYNC_FIELDS)
         _add(eds, index, f"{name} sync manager parameter", _RECORD, "ro", fields)
-        eds[f"{index:04X}sub2"]["AccessType"] = "rw"
+        for written in (1, 2):
+            eds[f"{index:04X}sub{written}"]["AccessType"] = "rw"
     return _written(eds)
 
 

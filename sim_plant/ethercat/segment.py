@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from sim_plant.drive.process_image import AxisImage
 from sim_plant.ethercat import registers as reg
+from sim_plant.ethercat.clock import HOP
 from sim_plant.ethercat.cyclic_frame import CyclicFrame
 from sim_plant.ethercat.frame import (
     BROADCAST,
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 
     from sim_plant.machine_protocol import Machine
 
-_HOP = 300
-"""Time from one slave to the next, forwarding and 10 m of cable [ns]."""
 _FIRST = 16
 """Where the command of the first datagram stands."""
 _SIMULTANEOUS = 1e-6
@@ -151,9 +150,9 @@ class Segment(TimedNetwork):
             else:
                 meant = node.is_addressed(datagram)
             if command in MULTIPLE:
-                node.serve(datagram, reads=meant, writes=not meant, delay=number * _HOP)
+                node.serve(datagram, reads=meant, writes=not meant, delay=number * HOP)
             elif meant:
-                node.serve(datagram, reads=reads, writes=writes, delay=number * _HOP)
+                node.serve(datagram, reads=reads, writes=writes, delay=number * HOP)
             if command in POSITION or command in BROADCAST:
                 datagram.pass_on()
 
@@ -162,8 +161,8 @@ class Segment(TimedNetwork):
         last = len(reached) - 1
         due = False
         for number, node in enumerate(reached):
-            back = (2 * last - number) * _HOP if number < last else None
-            if node.work(number * _HOP, back):
+            back = (2 * last - number) * HOP if number < last else None
+            if node.work(number * HOP, back):
                 due = due or number in self._exchanged
                 self._exchanged.add(number)
         if self._exchanged:

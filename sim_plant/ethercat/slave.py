@@ -22,8 +22,10 @@ from sim_plant.ethercat.coe import CoeServer
 from sim_plant.ethercat.controller import Controller
 from sim_plant.ethercat.mailbox import HEADER, IN, OUT, Mailbox
 from sim_plant.ethercat.objects import (
+    BY_SYNC0,
     CYCLE_MAX,
     MIN_CYCLE,
+    SYNC_IN,
     SYNC_OUT,
     coe_entries,
     drive_objects,
@@ -104,6 +106,8 @@ class EthercatSlave(Cia402Drive):
             self._change_state,
         )
         dictionary.limit(SYNC_OUT, 2, 0, CYCLE_MAX)
+        for index in (SYNC_OUT, SYNC_IN):
+            dictionary.limit(index, 1, 0, BY_SYNC0)
         self.process_data = ProcessData(
             dictionary, emergencies, lambda: self.states.state is not AlState.PREOP
         )
@@ -144,9 +148,16 @@ class EthercatSlave(Cia402Drive):
         if times and reads:
             self.clock.show(self._timers.now, delay)
         if times and writes and low <= reg.SYSTEM_TIME and high >= reg.SYSTEM_TIME + 4:
-            received = int.from_bytes(datagram.data[reg.SYSTEM_TIME - low :][:8], "little")
-            self.clock.compare(received, self._timers.now, delay)
+            self.take_time(datagram.data[reg.SYSTEM_TIME - low :][:8], delay)
         self.controller.serve(datagram, reads=reads, writes=writes)
+
+    def time(self, delay: int) -> bytes:
+        """Return the system time at which a frame passes that is `delay` [ns] behind now."""
+        return self.clock.passing(self._timers.now, delay).to_bytes(8, "little")
+
+    def take_time(self, received: bytes, delay: int) -> None:
+        """Compare the time of the reference clock with that at which a frame passes."""
+        self.clock.compare(int.from_bytes(received, "little"), self._timers.now, delay)
 
     def is_addressed(self, datagram: Datagram) -> bool:
         """Whether a datagram names this slave by its address, or by its alias."""

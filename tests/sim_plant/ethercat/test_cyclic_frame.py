@@ -17,7 +17,7 @@ from sim_plant.ethercat.segment import Segment
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-AXES = 3
+AXES, ADDRESS = 3, 0x1001
 
 
 def session(segment: Segment) -> tuple[list[bytes | None], int]:
@@ -34,11 +34,15 @@ def session(segment: Segment) -> tuple[list[bytes | None], int]:
 
     master = Master(process)
     master.to_op(*range(AXES))
+    master.write(0, reg.STATION, struct.pack("<H", ADDRESS))
+    segment.nodes[2].clock.set_drift(1e-4, segment.time)
 
     def cycle(word: int, target: int) -> None:
         outputs = struct.pack("<Hiih", word, target, 0, 0)
         logical = [(Command.LRW, 0x100 * n, 0, outputs + bytes(12)) for n in range(AXES)]
-        master.send(*logical, (Command.BRD, 0, reg.AL_STATUS, bytes(2)))
+        clock = (Command.FRMW, ADDRESS, reg.SYSTEM_TIME, bytes(8))
+        apart = (Command.BRD, 0, reg.TIME_DIFFERENCE, bytes(4))
+        master.send(*logical, (Command.BRD, 0, reg.AL_STATUS, bytes(2)), clock, apart)
 
     for step in range(60):
         cycle((6, 7, 15)[min(step // 3, 2)], 100 * step)
