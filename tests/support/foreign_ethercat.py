@@ -1,12 +1,16 @@
 """Masters of EtherCAT that others wrote, in processes of their own, on a cable of two interfaces.
 
-`python foreign_ethercat.py soem|kickcat INTERFACE` brings what answers there to OP, moves the axes
-and prints what it saw as JSON. `session` does so against the plant in a network namespace.
+`python foreign_ethercat.py MASTER INTERFACE`, with one of `MASTERS`, brings what answers there to
+OP, moves the axes and prints what it saw as JSON. `session` does so against the plant in a network
+namespace.
 """
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import datetime
+import functools
 import importlib.util
 import json
 import os
@@ -212,7 +216,101 @@ def kickcat(interface: str) -> dict[str, Any]:
     return seen
 
 
+def ebpfcat(interface: str) -> dict[str, Any]:
+    """Use every service of a slave by ebpfcat, which has no distributed clock."""
+    return asyncio.run(_ebpfcat(interface))
+
+
+async def _ebpfcat(interface: str) -> dict[str, Any]:  # noqa: C901
+    from ebpfcat.ethercat import (  # type: ignore[import-not-found]
+        ECCmd,
+        EtherCat,
+        EtherCatError,
+        MachineState,
+        Terminal,
+    )
+
+    seen: dict[str, Any] = {"aborts": 0}
+    master = EtherCat(interface)
+    await master.connect()
+    seen["slaves"] = await master.count()
+    slaves = [Terminal(master) for _ in range(seen["slaves"])]
+    for n, slave in enumerate(slaves):
+        await slave.initialize(-n, 0x1001 + n)
+        await slave.to_operational(MachineState.PRE_OPERATIONAL)
+    first, second, *_ = slaves
+    seen["identity"] = [(s.vendorId, s.productCode, s.revisionNo) for s in slaves]
+    seen["name"] = (await first.sdo_read(0x1008, 0)).decode()
+    for entry, fmt, value in (
+        ((0x6060, 0), "b", 1),
+        ((0x6007, 0), "<h", 3),
+        ((0x6081, 0), "<I", 40_000),
+    ):
+        await first.sdo_write(struct.pack(fmt, value), *entry)
+        seen[f"{entry[0]:04X}"] = (await first.sdo_read_format(fmt, *entry))[0] == value
+    seen["complete"] = (await first.sdo_read(0x1018)).hex()
+    for index in (0x2FFF, 0x6502):
+        try:
+            await first.sdo_write(bytes(4), index, 0)
+        except EtherCatError:
+            seen["aborts"] += 1
+    objects = await first.read_ODlist()
+    seen["objects"] = len(objects)
+    seen["described"] = [objects[0x6040].name, objects[0x1018].entries[2].name]
+    await second.sdo_write(b"\0", 0x1C13, 0)
+    await second.sdo_write(b"\0", 0x1A01, 0)
+    for n, word in enumerate((0x6041_0010, 0x6064_0020, 0x6077_0010), start=1):
+        await second.sdo_write(struct.pack("<I", word), 0x1A01, n)
+    await second.sdo_write(b"\3", 0x1A01, 0)
+    await second.sdo_write(struct.pack("<H", 0x1A01), 0x1C13, 1)
+    await second.sdo_write(b"\1", 0x1C13, 0)
+    seen["sizes"] = []
+    async with contextlib.AsyncExitStack() as mapped:
+        for n, slave in enumerate(slaves):
+            bits = await slave.parse_pdos()
+            slave.pdo_out_sz, slave.pdo_in_sz = (each // 8 for each in bits)
+            seen["sizes"].append((slave.pdo_out_sz, slave.pdo_in_sz))
+            await slave.write_pdo_sm()
+            await slave.write(0x420, "H", 5000)
+            for write, place in ((True, 16 * n), (False, 0x400 + 16 * n)):
+                await mapped.enter_async_context(slave.map_fmmu(place, write=write))
+
+        async def cycle(word: int, targets: list[int], count: int) -> list[tuple[int, int]]:
+            out = b"".join(OUT.pack(word, each, 0, 0).ljust(16, b"\0") for each in targets)
+            for _ in range(count):
+                found, _ = await asyncio.gather(
+                    master.roundtrip(ECCmd.LRD, 0x400, 0, data=len(out)),
+                    master.roundtrip(ECCmd.LWR, 0, 0, data=out),
+                )
+            return [struct.unpack_from("<Hi", found, 16 * n) for n in range(len(targets))]
+
+        for slave in slaves:
+            await slave.to_operational(MachineState.SAFE_OPERATIONAL)
+        start = [position for _, position in await cycle(0, [0] * len(slaves), 3)]
+        for slave in slaves:
+            await slave.to_operational(MachineState.OPERATIONAL)
+        seen["op"] = [(await slave.get_state())[0].value for slave in slaves]
+        for word in (6, 7, 15):
+            shown = await cycle(word, start, 4)
+        seen["enabled"] = [word & 0x6F for word, _ in shown]
+        targets = [position + SHORT for position in start]
+        await cycle(0x1F, targets, 4)
+        shown = await cycle(0x0F, targets, 400)
+        seen["moved"] = [b - a for (_, b), a in zip(shown, start, strict=True)]
+        seen["off"] = [word & 0x6F for word, _ in await cycle(6, targets, 50)]
+        for slave in slaves:
+            await slave.set_state(MachineState.INIT)
+    return seen
+
+
+MASTERS = {
+    "soem": functools.partial(soem, clock=False),
+    "soem-dc": functools.partial(soem, clock=True),
+    "kickcat": kickcat,
+    "ebpfcat": ebpfcat,
+}
+
 if __name__ == "__main__":
     which, wire = sys.argv[1:3]
-    found = kickcat(wire) if which == "kickcat" else soem(wire, clock=which == "soem-dc")
+    found = MASTERS[which](wire)
     print(json.dumps(found))  # noqa: T201 - read by who asked

@@ -42,6 +42,23 @@ def test_kickcat_moves_six_drives() -> None:
     assert seen["moved"] == pytest.approx([SHORT] * 6, abs=NEAR)
 
 
+@needs("ebpfcat")
+def test_ebpfcat_uses_every_service_of_a_slave_and_moves_six_drives() -> None:
+    seen = session("ebpfcat")
+    assert seen["slaves"] == 6
+    assert seen["identity"][0] == [0x4D2, 0x402, 0x10000]
+    assert seen["name"] == "Simulated servo drive"
+    assert [seen[index] for index in ("6060", "6007", "6081")] == [True] * 3
+    assert seen["complete"].startswith("d204000002040000"), "from sub-index 1 on"
+    assert (seen["aborts"], seen["objects"]) == (2, 70)
+    assert seen["described"] == ["Controlword", "Product code"]
+    assert seen["sizes"] == [[12, 12], [12, 8], *[[12, 12]] * 4]
+    assert seen["op"] == [OP] * 6
+    assert seen["enabled"] == [ENABLED] * 6
+    assert seen["moved"] == pytest.approx([SHORT] * 6, abs=NEAR)
+    assert seen["off"] == [READY] * 6
+
+
 @needs("pysoem")
 def test_the_tutorial_moves_six_drives(tmp_path: Path) -> None:
     text = (DOCS / "tutorials" / "ethercat.md").read_text(encoding="utf-8")
