@@ -6,9 +6,10 @@ the frame before passed (drives synchronous to their sync managers), and stands 
 After a lost frame nobody knows whether the drives saw it: the next sample is flagged as late, for
 it may be one cycle older.
 
-Where drives have clocks they act and latch at SYNC0, which stands as the instant then. The frame
-also carries the time of the reference, at which it passed there: one that came after SYNC0 brings
-the inputs of the next cycle, and is flagged as late; so is an axis whose clock is off.
+Where drives have clocks they act and latch at SYNC0, and the frame brings the time at which it
+passed the reference: the sample stands under the SYNC0 before that. A frame that came so late, or
+so early, that there was none since the last one is flagged as doubled, an axis whose clock is off
+as late.
 
 Outputs stay until others take their place, so a lost frame is made good by the next. Controlwords
 that must follow each other have a cycle each that the drive has taken; one that stops an axis
@@ -36,7 +37,7 @@ from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from drivers.drives_file import AxisDrive
     from drivers.ethercat.clocks import Clocks
@@ -57,7 +58,9 @@ _TIMES = 4
 _VALUES = 5
 """Unpacked of an axis: statusword, position, current, state of the mailbox, working counter."""
 _STOPS = frozenset({Order.QUICK_STOP.value[0], Order.DISABLE_VOLTAGE.value[0]})
-_MISSING, _LATE = SampleFlag.MISSING.value, SampleFlag.LATE.value
+_MISSING, _LATE, _DOUBLED = (
+    flag.value for flag in (SampleFlag.MISSING, SampleFlag.LATE, SampleFlag.DOUBLED)
+)
 _WATCHDOGS = Datagram(Command.BRD, reg.WATCHDOG_STATUS << 16, bytes(2))
 """Read where no outputs are sent: what a plant in lock-step takes for a cycle that passes."""
 
@@ -267,7 +270,7 @@ class EthercatProcessData(CycleData):
         values = self._unpack(answer)
         end = self._end
         states = values[end : self._states]
-        off = self._look_at_times(values, instant) if self._clocks else ()
+        off = self._look_at_times(values, instant) if self._clocks else {}
         counters = values[4:end:_VALUES]
         if self._mailboxes != (mailboxes := values[3:end:_VALUES]):
             self._mailboxes = mailboxes
@@ -285,11 +288,11 @@ class EthercatProcessData(CycleData):
             self._confirm(counters)
         return self.time
 
-    def _take(self, values: Sequence[int], counters: Sequence[int], off: Collection[int]) -> None:
-        """Take the values of those axes that took part; some were latched at another instant."""
+    def _take(self, values: Sequence[int], counters: Sequence[int], off: Mapping[int, int]) -> None:
+        """Take the values of those axes that took part; what is flagged already stays so."""
         full = self._counters[self.feeding][0]
         words, positions = list(self.words), list(self.positions)
-        currents, found = list(self.currents), dict[int, int]()
+        currents, found = list(self.currents), dict(off)
         for axis, counter in enumerate(counters):
             if counter != full:
                 self._gone.setdefault(axis, self._clock.now())
@@ -297,7 +300,7 @@ class EthercatProcessData(CycleData):
                 continue
             start = _VALUES * axis
             words[axis], positions[axis], currents[axis] = values[start : start + 3]
-            if self._gone.pop(axis, None) is not None or axis in off:
+            if self._gone.pop(axis, None) is not None:
                 found[axis] = _LATE
         self.words, self.positions, self.currents = tuple(words), tuple(positions), currents
         self._look_at_states(values[self._end : self._states])
@@ -309,22 +312,22 @@ class EthercatProcessData(CycleData):
         self.fallen = any(state != AlState.OP for state, counter in pairs if counter)
         self.unusual = self.fallen or bool(self._gone)
 
-    def _look_at_times(self, values: Sequence[int], instant: float) -> Collection[int]:
-        """Follow the reference; return the axes whose inputs are of another instant than stated."""
+    def _look_at_times(self, values: Sequence[int], instant: float) -> Mapping[int, int]:
+        """Follow the reference; return flags of axes whose inputs are not of their instant."""
         clock, clocks = self._clock, self._clocks
         assert isinstance(clock, ReferenceClock) and clocks  # noqa: S101, PT018 - by `wire`
         reference, counter, differences, _ = values[-_TIMES:]
-        last, self._shown = self._shown, self.time
         if counter == len(clocks.clocked):
-            passed = clock.follow(reference, instant)
-            if clock.latched(passed, 0.0) != self.time or self.time == last:
-                return range(len(self._axes))
+            self.time = clock.latched(clock.follow(reference, instant), instant)
+        last, self._shown = self._shown, self.time
+        if self.time <= last:
+            return dict.fromkeys(range(len(self._axes)), _DOUBLED)
         if is_together(differences):
             self.farthest = max(self.farthest, 1e-9 * size_of(differences))
-            return ()
+            return {}
         apart = clocks.differences([drive.station for drive in self._drives])
         self.farthest = max(self.farthest, *apart)
-        return [axis for axis, each in enumerate(apart) if each > OUT_OF_STEP]
+        return {axis: _LATE for axis, each in enumerate(apart) if each > OUT_OF_STEP}
 
     def _take_nothing(self) -> None:
         now = self._clock.now()

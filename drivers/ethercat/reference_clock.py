@@ -25,6 +25,9 @@ AHEAD = 0.1
 _TIME = 0.5
 """Time constant of the filter [s]: some hundred frames, so that it takes the jitter of a computer
 for none, and a crystal that warms up for what it is."""
+_STRAY, _STRAYS = 0.25, 10
+"""Share of the period by which so many frames in a row must be off, to the same side, before the
+reference is taken to have jumped, as a plant does whose process was stopped."""
 _MOST = 50e-6
 """What one frame moves the filter by at most [s]: more is this computer's delay, not a clock's.
 In `_TIME` that follows clocks which differ by 200 ppm or more, twice what two crystals may."""
@@ -55,6 +58,7 @@ class ReferenceClock(WallClock):
         self.follows, self.skew = False, 0.0
         self._at = self._shown = host()
         self._zero = 0
+        self._strays: list[float] = []
         super().__init__(period, clock=self._now)
 
     def begin(self, reference: int, host: float) -> None:
@@ -87,11 +91,30 @@ class ReferenceClock(WallClock):
         Both instants count from when the bus was entered, as `now` does.
         """
         passed = 1e-9 * (reference - self._zero) - self._start
-        off = min(max(passed - instant, -_MOST), _MOST)
+        off = passed - instant
+        if abs(off) > _STRAY * self._period:
+            passed += self._strayed(off)
+        else:
+            self._strays.clear()
+        off = min(max(off, -_MOST), _MOST)
         host, gain = self.host(), self._period / _TIME
         self._shown, self._at = self._at_host(host) + 2 * gain * off, host
         self.skew += gain * off / _TIME
         return passed
+
+    def _strayed(self, off: float) -> float:
+        """Note a frame that was far off [s]; return by how much our idea of its time changes."""
+        if self._strays and (off > 0) != (self._strays[-1] > 0):
+            self._strays.clear()
+        self._strays.append(off)
+        if len(self._strays) < _STRAYS:
+            return 0.0
+        periods = round(min(self._strays, key=abs) / self._period)
+        jump = min(self._strays, key=abs) - periods * self._period
+        self._shown += jump  # deadlines keep their distance to SYNC0
+        self._zero += round(1e9 * periods * self._period)
+        self._strays.clear()
+        return -periods * self._period
 
     def _now(self) -> float:
         return self._at_host(self.host())

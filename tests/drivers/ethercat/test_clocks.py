@@ -148,15 +148,34 @@ def test_sync0_comes_while_inside_and_ends_where_drives_are_put_back(
     assert sync_types(wire) == [(1, 1)] * AXES
 
 
-def test_a_frame_that_comes_after_sync0_is_flagged(bus: ServoAxes, wire: Cable) -> None:
+def test_a_frame_that_comes_after_sync0_stands_under_it_and_the_next_is_doubled(
+    bus: ServoAxes, wire: Cable
+) -> None:
     with bus:
-        samples(bus, 50)
+        before = samples(bus, 50)[-1]
         wire.delay = (SHIFT + 0.1) * bus.period
         late = bus.sample()
         wire.delay = 0.0
-        after = samples(bus, 5)
-    assert late.flags == (SampleFlag.LATE,) * AXES
-    assert after[-1].flags == (0,) * AXES
+        doubled, after = samples(bus, 2)
+    assert late.time - before.time == pytest.approx(2 * bus.period)
+    assert late.flags == (0,) * AXES
+    assert (doubled.time, doubled.q) == (late.time, late.q)
+    assert doubled.flags == (SampleFlag.DOUBLED,) * AXES
+    assert after.flags == (0,) * AXES
+    assert after.time - late.time == pytest.approx(bus.period)
+
+
+@pytest.mark.parametrize("jump", [-0.3, -0.0013, 0.0015, 0.2])
+def test_a_reference_that_jumps_is_followed_again(bus: ServoAxes, wire: Cable, jump: float) -> None:
+    with bus:
+        samples(bus, 50)
+        for node in wire.segment.nodes:
+            node.clock._at += 1e9 * jump
+            node._start_sync0()
+        samples(bus, 30)
+        after = samples(bus, 50)
+    assert not any(any(sample.flags) for sample in after)
+    assert np.allclose(np.diff([sample.time for sample in after]), bus.period)
 
 
 def test_an_axis_whose_clock_is_off_is_flagged_alone_until_it_is_drawn_back(
