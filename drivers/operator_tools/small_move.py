@@ -150,24 +150,22 @@ class _Watch:
     ) -> None:
         self._label = label
         self._span = max(1, round(SPEED_TIME / period))
-        self._period = period
         self._unit = f"{drive.unit}/s"
-        step = 2 * abs(AxisScale.of(drive).position)
-        self._way = TOO_FAST * move.velocity * self._span * period + step
+        self._step = 2 * abs(AxisScale.of(drive).position)
         self._commanded = move.velocity
-        self._seen = [start]
+        self._seen = [(0.0, start)]
         duration = abs(move.target - start) / move.velocity + move.velocity / move.acceleration
         self._patience = TOO_SLOW * duration + 1.0
 
     def look(self, time: float, q: float) -> None:
         """Take a position [rad], NaN where it is missing, since the start [s]."""
-        self._seen.append(self._seen[-1] if math.isnan(q) else q)
-        span = min(self._span, len(self._seen) - 1)
-        way = abs(self._seen[-1] - self._seen[-1 - span])
-        if way > self._way:
-            self._give_up(f"{way / (span * self._period):.3g} {self._unit}")
+        self._seen.append((time, self._seen[-1][1] if math.isnan(q) else q))
+        before, there = self._seen[max(0, len(self._seen) - 1 - self._span)]
+        way, elapsed = abs(self._seen[-1][1] - there), time - before
+        if way > TOO_FAST * self._commanded * elapsed + self._step:
+            self._give_up(f"{way / max(elapsed, 1e-9):.3g} {self._unit}")
         if time > self._patience:
-            mean = abs(self._seen[-1] - self._seen[0]) / time
+            mean = abs(self._seen[-1][1] - self._seen[0][1]) / time
             self._give_up(f"{mean:.3g} {self._unit} on average in {time:.2g} s")
 
     def _give_up(self, found: str) -> NoReturn:

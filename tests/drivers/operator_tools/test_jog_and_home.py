@@ -11,11 +11,12 @@ from probing_bench import Scripted, bench, drives_of
 from drivers.axis import AxisScale
 from drivers.canopen.bus import CanopenBus
 from drivers.cia402 import objects
-from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
+from drivers.drive_bus import DriveRefused, LimitExceeded, Move, MoveFailed
 from drivers.drives_file import Homing
 from drivers.operator_tools.home import home
 from drivers.operator_tools.jog import jog
 from drivers.operator_tools.operator import StoppedByOperator
+from drivers.operator_tools.small_move import _Watch
 
 if TYPE_CHECKING:
     import can
@@ -177,3 +178,12 @@ def test_homing_faster_than_a_jog_may_be_is_refused() -> None:
         with pytest.raises(LimitExceeded, match=r"homing.velocity .* at most"):
             homed(bus, 1, velocity=2.0)
         assert not bus.powered
+
+
+def test_an_axis_is_as_fast_as_it_went_between_samples_however_far_apart_they_are() -> None:
+    move = Move(1.0, SLOW, 1.0)
+    watch = _Watch("joint 1", drives_of(1).axes[0], 0.0, move, 0.004)
+    for step in (1, 2, 12, 13, 40, 41, 42, 43):  # cycles that this computer was too late for
+        watch.look(0.004 * step, 0.004 * step * SLOW)
+    with pytest.raises(MoveFailed, match=r"rad/s, 0\.0873 rad/s was commanded"):
+        watch.look(0.004 * 44, 0.004 * 144 * SLOW)
