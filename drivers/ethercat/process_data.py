@@ -3,8 +3,8 @@
 Each axis has a datagram of its own, so its working counter says whether this very drive took its
 outputs and gave inputs; beside them the AL state of all is read. What comes back was latched when
 the frame before passed (drives synchronous to their sync managers), and stands under that instant.
-After a lost frame nobody knows whether the drives saw it: the next sample is flagged as late, for
-it may be one cycle older.
+After lost frames nobody knows which of them the drives saw: the next inputs may be as old as the
+first of them, and are not taken.
 
 Where drives have clocks they act and latch at SYNC0, and the frame brings the time at which it
 passed the reference: the sample stands under the SYNC0 before that. A frame that came so late, or
@@ -298,10 +298,11 @@ class EthercatProcessData(CycleData):
                 self._gone.setdefault(axis, self._clock.now())
                 found[axis] = _MISSING
                 continue
+            if self._gone.pop(axis, None) is not None and not self._clocks:
+                found[axis] = _MISSING
+                continue
             start = _VALUES * axis
             words[axis], positions[axis], currents[axis] = values[start : start + 3]
-            if self._gone.pop(axis, None) is not None:
-                found[axis] = _LATE
         self.words, self.positions, self.currents = tuple(words), tuple(positions), currents
         self._look_at_states(values[self._end : self._states])
         self._publish(found)

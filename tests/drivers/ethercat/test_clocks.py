@@ -190,6 +190,20 @@ def test_an_axis_whose_clock_is_off_is_flagged_alone_until_it_is_drawn_back(
     assert after[-1].flags == (0,) * AXES
 
 
+def test_after_a_lost_frame_the_next_sample_is_good_for_it_is_of_the_last_sync0(
+    bus: ServoAxes, wire: Cable
+) -> None:
+    with bus:
+        before = samples(bus, 20)[-1]
+        wire.on_the_way = lambda _: None
+        lost = samples(bus, 3)
+        wire.on_the_way = bytes
+        after = bus.sample()
+    assert {sample.flags for sample in lost} == {(SampleFlag.MISSING,) * AXES}
+    assert after.flags == (0,) * AXES
+    assert after.time - before.time == pytest.approx(4 * bus.period)
+
+
 @pytest.mark.parametrize("lacking", ["clock", "SYNC0", "leave"])
 def test_drives_without_clocks_are_served_as_frames_come(
     wire: Cable, drives: DrivesFile, lacking: str
