@@ -9,6 +9,7 @@ called.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, is_dataclass
+from enum import StrEnum
 from functools import partial, wraps
 from inspect import Parameter, signature
 from pathlib import Path
@@ -142,6 +143,14 @@ BitRate = partial(typer.Option, min=10_000, max=1_000_000)
 """Option of a bit rate, as CAN has them [bit/s]."""
 
 
+class Pacing(StrEnum):
+    """Where the time of SYNC comes from."""
+
+    AUTO = "auto"
+    LOCK_STEP = "lock-step"
+    WALL_CLOCK = "wall-clock"
+
+
 @dataclass(frozen=True)
 class RobotsBus:
     """Options: the bus of a robot's drives."""
@@ -150,6 +159,10 @@ class RobotsBus:
     channel: RobotsChannel = None
     drives_file: RobotsDrives = None
     bus_option: BusOptions = None
+    pacing: Annotated[
+        Pacing,
+        typer.Option(help="Clock of SYNC: this computer's, or the plant's (lock-step)."),
+    ] = Pacing.AUTO
 
 
 @dataclass(frozen=True)

@@ -238,7 +238,7 @@ def _show_nodes(found: Sequence[FoundNode]) -> None:
 def _heard(found: FoundNode) -> Iterator[str]:
     """How a node was noticed."""
     if found.state and found.state != "boot-up":
-        yield f"heartbeat ({found.state})"
+        yield f"{found.shown_by} ({found.state})"
     for how, noticed in (
         ("boot-up", found.boots), ("EMCY", found.emergencies), ("SDO", found.answers),
     ):  # fmt: skip

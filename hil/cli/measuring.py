@@ -7,13 +7,13 @@ part at `open_drive_bus`, by its arguments.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hil.cli.arguments import (
+    Pacing,
     PlanFile,
     RealTime,
     RobotOption,
@@ -45,14 +45,6 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 
 
-class Pacing(StrEnum):
-    """Where the time of SYNC comes from."""
-
-    AUTO = "auto"
-    LOCK_STEP = "lock-step"
-    WALL_CLOCK = "wall-clock"
-
-
 @commands.command(cls=PortsOptional)
 @expand_records
 def run(
@@ -63,10 +55,6 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue a run that was stopped.")
     ] = False,
-    pacing: Annotated[
-        Pacing,
-        typer.Option(help="Clock of SYNC: this computer's, or the plant's (lock-step)."),
-    ] = Pacing.AUTO,
     frame_log: Annotated[
         Path | None,
         typer.Option(
@@ -110,7 +98,7 @@ def run(
         if symmetric is not None:
             now(f"testing the friction of {symmetric}")
             _gate(symmetric, the_robot)
-    how = OnBus(**vars(where), pacing=pacing, frame_log=frame_log, realtime=realtime)
+    how = OnBus(**vars(where), frame_log=frame_log, realtime=realtime)
     identified = None if rehearse or what_changes else output
     how = replace(how, listeners=listeners(shown, where.bus_option, identified))
     if what_changes:
@@ -131,7 +119,6 @@ class OnBus(RobotsBus):
         What informs listeners of this run among others, in their place.
     """
 
-    pacing: Pacing = Pacing.AUTO
     frame_log: Path | None = None
     realtime: bool = False
     listeners: Sequence[Listener] = ()
