@@ -18,8 +18,8 @@ class FoundNode:
     ----------
     node : int
         Its number.
-    state : str
-        NMT state of its last heartbeat, empty where none was heard.
+    state, shown_by : str
+        NMT state of its last heartbeat, empty where none was heard; on EtherCAT the AL state.
     boots, emergencies : int
         So many boot-ups and emergencies were heard.
     answers : int
@@ -32,6 +32,7 @@ class FoundNode:
 
     node: int
     state: str = ""
+    shown_by: str = "heartbeat"
     boots: int = 0
     emergencies: int = 0
     answers: int = 0

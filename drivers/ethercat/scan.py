@@ -51,7 +51,7 @@ def scan_line(line: Line, is_asked: Callable[[int], bool], timeout: float) -> Sc
 def _look(station: Station, scan: Scan, timeout: float) -> None:
     node = station.position
     found = scan.heard(node)
-    found.state = station.shown
+    found.state, found.shown_by = station.shown, "AL state"
     drive = EthercatDrive(lambda: station, station.line, f"slave {node}", timeout)
     try:
         drive.leave_operational()

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 from typing import TYPE_CHECKING
 
 import drive_bus_conformance as conformance
 import pytest
+from probing_bench import Scripted
 
+from drivers.cia402.states import State
 from drivers.drive_bus import DriveRefused, Move, NodeSilent, SampleFlag
+from drivers.drives_file import Homing
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.bus import EthercatBus
 from drivers.ethercat.frames import START, Command
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import load_found_settings
+from drivers.operator_tools.home import home
+from drivers.operator_tools.jog import jog
 from drivers.operator_tools.put_back import put_back
 from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat.al_states import AlState as PlantState
@@ -295,3 +301,34 @@ def test_speeds_are_those_of_the_positions(open_bus: Opening) -> None:
             bus.sample()
         speed = (there - before) / bus.period
         assert data.speeds()[0] == pytest.approx(speed, rel=0.02)
+
+
+def test_a_scan_shows_al_states_and_what_drives_offer(wire: PlantWire) -> None:
+    scan = EthercatBus(wire, "lock-step").scan()
+    nodes = [scan.nodes[node] for node in range(1, AXES + 1)]
+    assert [(node.shown_by, node.state) for node in nodes] == [("AL state", "INIT")] * AXES
+    assert all(found.review is not None for found in scan.nodes.values())
+
+
+def test_one_axis_jogs_and_no_other_is_powered(wire: PlantWire, drives: DrivesFile) -> None:
+    way, bus = math.radians(3), EthercatBus(wire, "lock-step")
+    stroke = jog(bus, drives, drives.axes[1], way, math.radians(5), Scripted())
+    assert stroke.q[-1] - stroke.q[0] == pytest.approx(way, abs=2e-3)
+    assert al(wire)[:1] + al(wire)[2:] == [AlState.INIT] * (AXES - 1)
+    assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES
+
+
+def test_an_axis_is_homed_where_it_stands(wire: PlantWire, drives: DrivesFile) -> None:
+    how = Homing(method=37, position=0.5, velocity=0.2, creep=0.02, acceleration=1.0)
+    place = home(
+        EthercatBus(wire, "lock-step"), drives, drives.axes[0], how, Scripted(), patience=10
+    )
+    assert place == pytest.approx(0.5, abs=2e-3)
+
+
+def test_monitoring_asks_by_mailboxes_what_drives_show(wire: PlantWire, drives: DrivesFile) -> None:
+    picture = EthercatBus(wire, "lock-step").picture(drives)
+    picture.listen(0.05)
+    assert [axis.state for axis in picture.axes] == [State.SWITCH_ON_DISABLED] * AXES
+    assert all(abs(axis.q) < 0.1 for axis in picture.axes if axis.q is not None)
+    assert set(shown(wire)) == {OFF}
