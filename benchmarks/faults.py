@@ -1,6 +1,6 @@
-"""Every fault of the plant in the middle of a campaign: what the driver makes of it, as a table.
+"""Every fault of the plant in the middle of a campaign: what the driver makes of it, as tables.
 
-Over real frames, in lock-step; each row is a run of its own (`fault_table`). Writes
+Over real frames of both buses, in lock-step; each row is a run of its own (`fault_table`). Writes
 docs/reference/faults.md and fails if a row does not keep its promise::
 
     python benchmarks/faults.py [--output docs/reference/faults.md]
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
 
 from fault_table.cases import CASES
+from fault_table.ethercat_cases import ETHERCAT_CASES
 from fault_table.promise import CYCLES, tried
 from fault_table.stop_cases import WAY
 from fault_table.stopping_way import STOP_DELAY, STOP_MARGIN
@@ -25,6 +26,7 @@ from fault_table.stopping_way import STOP_DELAY, STOP_MARGIN
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from fault_table.case import Case
     from fault_table.promise import Row
     from fault_table.trial import Outcome
 
@@ -86,6 +88,16 @@ Not found are a jump of an encoder by less than about a milliradian, a current o
 an axis's torque limit, and a wrong torque constant.
 
 """
+OVER_ETHERCAT = """
+## Over EtherCAT
+
+The same plant, measurement and columns over EtherCAT frames in lock-step. A frame with process data
+counts as a SYNC, and *unwatched* axes are those whose sync manager's watchdog is off in OP, or that
+are energised outside of it and do not stop. A frame brings the inputs that were latched as the
+frame before passed, so what a fault does shows a frame later. Faults of drives, sensors and motors
+are those above. Random outages: `python benchmarks/ethercat_outages.py`.
+
+"""
 HEADINGS = (
     "what happens",
     "what the driver does",
@@ -105,14 +117,9 @@ def main() -> int:
     given = parser.parse_args()
     logging.disable()  # what the driver logs stands in the table
     signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background it is ignored
-    rows = []
-    for case in CASES:
-        row = tried(case)
-        rows.append(row)
-        print(f"{'BROKEN' if row.broken else 'kept  '} {case.name}")
-        for promise in row.broken:
-            print(f"         {promise}")
-    given.output.write_text(table(rows), encoding="utf-8")
+    can, ethercat = _rows(CASES), _rows(ETHERCAT_CASES, ethercat=True)
+    given.output.write_text(page(can, ethercat), encoding="utf-8")
+    rows = [*can, *ethercat]
     kept = sum(not row.broken for row in rows)
     slowest = max(row.outcome.cycles or 0 for row in rows)
     unwatched = sum(bool(row.outcome.unwatched) for row in rows)
@@ -121,13 +128,30 @@ def main() -> int:
     return int(kept < len(rows))
 
 
-def table(rows: Sequence[Row]) -> str:
+def _rows(cases: Sequence[Case], *, ethercat: bool = False) -> list[Row]:
+    """Let all happen, and print which promises are broken."""
+    rows = []
+    for case in cases:
+        row = tried(case, ethercat=ethercat)
+        rows.append(row)
+        print(f"{'BROKEN' if row.broken else 'kept  '} {case.name}", flush=True)
+        for promise in row.broken:
+            print(f"         {promise}")
+    return rows
+
+
+def page(can: Sequence[Row], ethercat: Sequence[Row]) -> str:
     """Return the whole page."""
     introduction = INTRODUCTION.format(
         cycles=CYCLES, delay=STOP_DELAY, margin=STOP_MARGIN, longest=WAY
     )
+    return introduction + table(can) + OVER_ETHERCAT + table(ethercat)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the rows as a table."""
     head = _cells(HEADINGS) + _cells(["---"] * len(HEADINGS))
-    return introduction + head + "".join(_line(row) for row in rows)
+    return head + "".join(_line(row) for row in rows)
 
 
 def _line(row: Row) -> str:

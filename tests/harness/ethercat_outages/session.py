@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from fault_table.logged_cable import WatchedSegment
 from fault_table.stopping_way import reaction_time
 from fault_table.trial import drives
 from fault_table.witness import Witness
@@ -35,8 +36,6 @@ SHORTEST, LONGEST = 0.005, 0.250
 KINDS = ("transmit", "receive", "both", "cut", "lost", "error")
 """Frames do not get there, do not come back, neither; a cable is cut; some of them are lost; a
 drive falls to SAFEOP with an error."""
-_REACTING = frozenset({0x07, 0x0F})
-"""Of a statusword: quick stop, fault reaction."""
 AFTERWARDS = 3.0
 """How long drives are left alone in the end [s]."""
 LOST_MOST = 0.2
@@ -88,33 +87,6 @@ def draw(seed: int, number: int, cycles: int) -> Outage:
     )
 
 
-class _Slave:
-    """A slave as the witness asks it: would it react to the loss of our process data?"""
-
-    def __init__(self, slave: object) -> None:
-        self._slave = slave
-
-    @property
-    def is_watching(self) -> bool:
-        slave = self._slave
-        if slave.states.state is AlState.OP:  # type: ignore[attr-defined]
-            return bool(slave._watchdog)  # type: ignore[attr-defined]
-        return (slave.dictionary.get(0x6041) & 0x4F) in _REACTING  # type: ignore[attr-defined]
-
-
-class _Seen:
-    """The plant as the witness sees it."""
-
-    def __init__(self, segment: Segment) -> None:
-        self._segment = segment
-        self.nodes = [_Slave(node) for node in segment.nodes]
-        self.machine = type("Machine", (), {"plant": segment._machine})
-
-    @property
-    def time(self) -> float:
-        return self._segment.time
-
-
 class OutageWire(PlantWire):
     """A wire on which an outage happens, with a witness of the machine.
 
@@ -130,7 +102,7 @@ class OutageWire(PlantWire):
         super().__init__(segment)
         self.plant = segment._machine
         length = outage.length if outage else 0.0
-        self.witness = Witness(_Seen(segment), reaction_time(length, drives))  # type: ignore[arg-type]
+        self.witness = Witness(WatchedSegment(segment, self.plant), reaction_time(length, drives))  # type: ignore[arg-type]
         self.cycles = 0
         self._outage, self._ends, self._begun = outage, 0.0, False
         self._random = np.random.default_rng(outage.number if outage else 0)

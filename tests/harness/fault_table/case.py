@@ -85,6 +85,8 @@ def fault(
     return Fault.model_validate(whole)
 
 
-def everywhere(what: What, at: When = MID_STROKE, lasts: Span | None = None) -> Fault:
+def everywhere(
+    what: What, at: When = MID_STROKE, lasts: Span | None = None, size: float | None = None
+) -> Fault:
     """Make a fault of no axis."""
-    return Fault(what=what, at=at, lasts=lasts)
+    return Fault(what=what, at=at, lasts=lasts, size=size)

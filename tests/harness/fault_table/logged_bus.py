@@ -67,6 +67,8 @@ class LoggedBus(can.BusABC):
         Length of the log when the first fault began.
     witness : Witness
         Of all that followed.
+    truth : ndarray
+        State of the plant as it was latched for the last sample.
     """
 
     lock_step = True
@@ -85,6 +87,7 @@ class LoggedBus(can.BusABC):
         at_once = () if condition else tuple(faults)
         self.network = FaultyNetwork(self.plant, "sync", FaultPlan(faults=at_once))
         self.witness = Witness(self.network, reaction)
+        self.truth = self.plant.state
         self.log: list[Seen] = []
         self.began: int | None = None
         self._condition, self._waiting = condition, tuple(faults)

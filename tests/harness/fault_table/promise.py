@@ -25,9 +25,9 @@ class Row(NamedTuple):
     broken: list[str]
 
 
-def tried(case: Case) -> Row:
-    """Let it happen."""
-    outcome, bus = run(case)
+def tried(case: Case, *, ethercat: bool = False) -> Row:
+    """Let it happen, over CAN unless stated."""
+    outcome, bus = run(case, ethercat=ethercat)
     if case.shown and bus.began is not None:
         outcome.cycles = stop_cycles(bus.log, case.shown(bus.log, bus.began))
     return Row(case, outcome, _broken(case, outcome))

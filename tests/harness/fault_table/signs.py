@@ -52,6 +52,11 @@ def jump(log: Sequence[Seen], began: int) -> int:
     return _first(log, began, lambda f: not f.ours and f.identifier == 0x180 + NODE)
 
 
+def jump_latched(log: Sequence[Seen], began: int) -> int:
+    """Frame number of the second answer of the axis: the first one was latched before."""
+    return jump(log, jump(log, began) + 1)
+
+
 def blindness(log: Sequence[Seen], began: int) -> int:
     """Frame number of the last of `BLIND` SYNCs that the axis leaves unanswered."""
     syncs = [n for n, f in enumerate(log) if n >= began and f.ours and f.identifier == SYNC]

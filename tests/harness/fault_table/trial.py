@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
 from drivers.canopen.pdo_mapping import received
 from drivers.cia402.states import Command
 from drivers.drive_bus import DriveError
 from drivers.drives_file import load_drives
+from drivers.ethercat.bus import EthercatBus
+from drivers.session.servo_axes import ServoAxes
 from fault_table.logged_bus import ROBOT, LoggedBus
+from fault_table.logged_cable import LoggedCable
 from fault_table.stopping_way import reaction_time
 from hil.measuring.events import GaveUp, Recorded, Repeated
 from hil.measuring.sequencer import measure
@@ -65,8 +68,13 @@ SLOW = _plan(AXIS, stroke=0.4, velocity=0.5, acceleration=8.0)
 FAST = _plan(FAST_AXIS, stroke=2.4, velocity=2.4, acceleration=10.0)
 
 
-class AuditedBus(CanopenDriveBus):
+class AuditedBus(ServoAxes):
     """The driver, each sample of which is compared with the truth.
+
+    Parameters
+    ----------
+    seen : LoggedBus or LoggedCable
+        That it works on.
 
     Attributes
     ----------
@@ -76,19 +84,23 @@ class AuditedBus(CanopenDriveBus):
         Samples with a flag.
     """
 
-    def __init__(self, bus: LoggedBus) -> None:
-        super().__init__(bus, drives)
-        self._plant = bus.plant
+    def __init__(self, seen: LoggedBus | LoggedCable) -> None:
+        if isinstance(seen, LoggedBus):
+            super().__init__(CanopenBus(seen), drives)
+        else:  # an answer comes at once there, or never
+            quick = drives.model_copy(update={"sdo_timeout": 0.05})
+            super().__init__(EthercatBus(seen, "lock-step"), quick)
+        self._seen = seen
         self.wrong: dict[float, np.ndarray] = {}
         self.flagged = 0
-        const = self._plant.const
+        const = seen.plant.const
         self._increment = 2.0 / np.abs(const[:, st.COUNTS_PER_RAD])
         self._noise = 6.0 * const[:, st.NOISE] + np.abs(const[:, st.CURRENT_PER_MILLE])
 
     def sample(self) -> Sample:
         """Return the sample, having looked at it."""
         sample = super().sample()
-        state, flags = self._plant.state, np.array(sample.flags)
+        state, flags = self._seen.truth, np.array(sample.flags)
         wrong = np.abs(np.array(sample.q) - state[:, st.Q]) > self._increment
         wrong |= np.abs(np.array(sample.tau) - state[:, st.TORQUE]) > self._noise
         self.wrong[sample.time] = wrong & (flags == 0)
@@ -163,15 +175,18 @@ def stop_cycles(log: Sequence[Seen], shown: int) -> int | None:
     return None
 
 
-def run(case: Case) -> tuple[Outcome, LoggedBus]:
+def run(case: Case, *, ethercat: bool = False) -> tuple[Outcome, LoggedBus | LoggedCable]:
     """Measure while something goes wrong; return what came of it, and the bus with its log."""
     outcome = Outcome()
-    with LoggedBus(
-        case.faults,
-        case.condition,
-        interrupted=case.interrupted,
-        reaction=reaction_time(case.outage, drives),
-    ) as bus:
+    seen: LoggedBus | LoggedCable
+    reaction = reaction_time(case.outage, drives)
+    if ethercat:
+        seen = LoggedCable(case.faults, interrupted=case.interrupted, reaction=reaction)
+    else:
+        seen = LoggedBus(
+            case.faults, case.condition, interrupted=case.interrupted, reaction=reaction
+        )
+    with seen as bus:
         drive_bus = AuditedBus(bus)
         try:
             with drive_bus:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import pytest
 from fault_table.cases import CASES
+from fault_table.ethercat_cases import ETHERCAT_CASES
 from fault_table.promise import tried
 from faulty_bench import SYNC, network, plan, write
 from hypothesis import given
@@ -33,6 +34,13 @@ if TYPE_CHECKING:
     from sim_plant.faults.faulty_network import FaultyNetwork
 
 START = (0, b"\1\0")
+QUICK = (
+    "one frame does not come back",
+    "cable cut in front of drive 6",
+    "a drive falls to SAFEOP with an error",
+    "safe torque off of a drive",
+)
+"""Rows over EtherCAT that are tried at every change; the others are long."""
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
@@ -44,8 +52,25 @@ def test_every_fault_of_the_table_is_survived_as_described(case: Case) -> None:
         logging.disable(logging.NOTSET)
 
 
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=case.name, marks=() if case.name in QUICK else pytest.mark.long)
+        for case in ETHERCAT_CASES
+    ],
+)
+def test_every_fault_of_the_table_is_survived_over_ethercat_too(case: Case) -> None:
+    logging.disable()
+    try:
+        assert tried(case, ethercat=True).broken == []
+    finally:
+        logging.disable(logging.NOTSET)
+
+
 def test_every_kind_of_fault_has_a_row() -> None:
     assert {fault.what for case in CASES for fault in case.faults} == set(faulty_network.KINDS)
+    over_ethercat = {fault.what for case in ETHERCAT_CASES for fault in case.faults}
+    assert set(faulty_segment.KINDS) - over_ethercat == {What.BUS_OFF, What.ALIAS, What.CLOCK_DRIFT}
     assert {*faulty_network.KINDS, *faulty_segment.KINDS} == set(What)
 
 

@@ -1,0 +1,110 @@
+"""The faults of the table over EtherCAT: those of the bus, and of drives as on CAN."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from drivers.drive_bus import DriveRefused, NodeSilent
+from fault_table import signs
+from fault_table.case import Case, everywhere, fault
+from fault_table.cases import CASES, ONCE
+from sim_plant.faults.fault_plan import Span, What, When
+from sim_plant.faults.faulty_network import DRIVE_FAULTS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_STOPS = "stops all axes and switches them off"
+_AWAY = "takes no part in the exchange of process data for 10 cycles in a row"
+_OTHERWISE = frozenset({What.NODE_RESET, What.BUS_OFF, What.SUPPLY_LOST})
+"""What a drive does not do alone, or shows otherwise here."""
+MID_CYCLE = When(sync=400)
+"""In the second stroke, as a frame with process data."""
+SHORT, LONG = 0.025, 0.2
+"""Outages with and without consequence [s]."""
+
+
+def _of_drives() -> Iterator[Case]:
+    """Rows of drives, sensors and motors, which do not know on which bus they are."""
+    for case in CASES:
+        if {each.what for each in case.faults} <= DRIVE_FAULTS.keys() - _OTHERWISE:
+            yield replace(case, shown=signs.jump_latched) if case.shown is signs.jump else case
+
+
+def _outages(what: What) -> Iterator[Case]:
+    name, at = what.replace("-", " "), When(set_point=8, after=0.3)
+    for length in (SHORT, LONG):
+        faults = (everywhere(what, at, Span(time=length)),)
+        yield Case(
+            f"{name} of {1000 * length:.0f} ms at Ctrl-C",
+            "commands all to stop in every frame until they do, and switches them off", faults,
+            KeyboardInterrupt, "", interrupted=True, outage=length,
+        )  # fmt: skip
+    yield Case(
+        f"{name} of {1000 * SHORT:.0f} ms in a stroke", "flags the samples and goes on",
+        (everywhere(what, at, Span(time=SHORT)),), None, "", flags=True, outage=SHORT,
+    )  # fmt: skip
+    yield Case(
+        f"{name} of {1000 * LONG:.0f} ms in a stroke", f"after 10 in a row {_STOPS}",
+        (everywhere(what, at, Span(time=LONG)),), NodeSilent, _AWAY, signs.blindness, flags=True,
+        outage=LONG,
+    )  # fmt: skip
+
+
+ETHERCAT_CASES = (
+    Case(
+        "one frame does not come back", "flags the sample and the next, and never guesses them",
+        (everywhere(What.RECEIVE_OUTAGE, lasts=ONCE),), None, "", flags=True,
+    ),
+    Case(
+        "one frame comes late", "flags its sample as missing and the next; drops it when it comes",
+        (everywhere(What.FRAME_LATE, lasts=ONCE),), None, "", flags=True,
+    ),
+    Case(
+        "5 % of all frames lost", "flags the samples; asks mailboxes again",
+        (everywhere(What.FRAMES_LOST, size=5),), None, "", flags=True,
+    ),
+    Case(
+        "cable cut in front of all drives", "commands all to stop into the void; watchdogs take the"
+        " drives out of OP, and they stop by themselves", (everywhere(What.CABLE_CUT),), NodeSilent,
+        _AWAY, signs.blindness, flags=True,
+    ),
+    *(
+        Case(
+            f"cable cut in front of drive {axis}", f"{_STOPS} before the cut; those behind it stop"
+            " by their watchdogs", (fault(What.SEGMENT_CUT, MID_CYCLE, axis=axis),), NodeSilent,
+            _AWAY, signs.blindness, flags=True,
+        )
+        for axis in (2, 6)
+    ),
+    Case(
+        "supply of a drive lost", f"{_STOPS}; the brake of that drive is closed",
+        (fault(What.SUPPLY_LOST),), NodeSilent, _AWAY, signs.blindness, flags=True,
+    ),
+    Case(
+        "a drive begins at INIT", _STOPS, (fault(What.NODE_RESET),), NodeSilent,
+        "joint 2 (node 2)",
+    ),
+    Case(
+        "a drive falls to SAFEOP with an error", _STOPS, (fault(What.AL_ERROR, code=0x1A),),
+        NodeSilent, "shows SAFEOP with error 001A", signs.trouble,
+    ),
+    Case(
+        "mailbox hangs while drives are checked", "refuses; nothing is energised",
+        (fault(What.SDO_SILENT, When(frame=400)),), NodeSilent, "joint 2 (node 2)",
+        energised=False,
+    ),
+    Case(
+        "mailbox hangs in a campaign", f"{_STOPS}, as their inputs show",
+        (fault(What.SDO_SILENT, When(set_point=1, after=0.2)),), NodeSilent, "joint 2 (node 2)",
+    ),
+    Case(
+        "SDO aborted in a campaign", f"{_STOPS}, as their inputs show",
+        (fault(What.SDO_ABORTED, When(set_point=1, after=0.2), code=0x08000022),), DriveRefused,
+        "abort 08000022",
+    ),
+    *_outages(What.TRANSMIT_OUTAGE),
+    *_outages(What.RECEIVE_OUTAGE),
+    *_of_drives(),
+)  # fmt: skip

@@ -1,0 +1,154 @@
+"""The faulty plant's EtherCAT slaves as a wire in lock-step that logs all frames, with a witness.
+
+The log speaks of frames as that of CAN does (`fault_table.logged_bus`): a frame with process data
+is a SYNC, the outputs in it are what an axis is sent, and the inputs of an axis that took part are
+what it answers. So whatever reads such a log reads both.
+"""
+
+from __future__ import annotations
+
+import signal
+import struct
+from typing import TYPE_CHECKING
+
+from plant_wire import PlantWire
+
+from drivers.canopen.pdo_mapping import received
+from drivers.drives_file import load_drives
+from fault_table.logged_bus import ROBOT, SETTLING, STEP, SYNC, Seen
+from fault_table.witness import Witness
+from hil.model.robot import ROBOTS
+from sim_plant.ethercat.al_states import AlState
+from sim_plant.ethercat.frame import Command, datagrams
+from sim_plant.faults.fault_plan import FaultPlan
+from sim_plant.faults.faulty_segment import FaultySegment
+from sim_plant.plant import load_plant
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Self
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_plant.ethercat.segment import Segment
+    from sim_plant.faults.fault_plan import Fault
+
+OUTPUTS = 6
+"""Bytes of the outputs: controlword and target position."""
+BOTH = 3
+"""Working counter of a drive that took outputs and gave inputs."""
+_REACTING = frozenset({0x07, 0x0F})
+"""Of a statusword: quick stop, fault reaction."""
+_AXES = load_drives(ROBOTS / f"{ROBOT}.drives.yaml").axes
+
+
+class WatchedSlave:
+    """A slave as the witness asks it: would it react to the loss of our process data?"""
+
+    def __init__(self, slave: object) -> None:
+        self._slave = slave
+
+    @property
+    def is_watching(self) -> bool:
+        """Whether it would, or does."""
+        slave = self._slave
+        if slave.states.state is AlState.OP:  # type: ignore[attr-defined]
+            return bool(slave._watchdog)  # type: ignore[attr-defined]
+        return (slave.dictionary.get(0x6041) & 0x4F) in _REACTING  # type: ignore[attr-defined]
+
+
+class WatchedSegment:
+    """The plant as the witness sees it."""
+
+    def __init__(self, segment: Segment, plant: object) -> None:
+        self._segment = segment
+        self.nodes = [WatchedSlave(node) for node in segment.nodes]
+        self.machine = type("Machine", (), {"plant": plant})
+
+    @property
+    def time(self) -> float:
+        """Time since power-on [s]."""
+        return self._segment.time
+
+
+class LoggedCable(PlantWire):
+    """The faulty slaves at the other end of a wire.
+
+    Parameters
+    ----------
+    faults, interrupted, reaction
+        As in `fault_table.logged_bus.LoggedBus`.
+
+    Attributes
+    ----------
+    log, began, witness, plant
+        As there.
+    truth : ndarray
+        State of the plant as the inputs were latched that came last.
+    """
+
+    def __init__(
+        self, faults: Sequence[Fault], *, interrupted: bool = False, reaction: float = 0.0
+    ) -> None:
+        self.plant = load_plant(ROBOT)
+        faulty = FaultySegment(self.plant, "sync", FaultPlan(faults=tuple(faults)))
+        super().__init__(faulty)
+        self.network = faulty
+        self.witness = Witness(WatchedSegment(faulty._network, self.plant), reaction)  # type: ignore[arg-type]
+        self.log: list[Seen] = []
+        self.began: int | None = None
+        self.truth: NDArray[np.float64] = self.plant.state.copy()
+        self._before = self.truth
+        self._interrupted = interrupted
+        self._syncs = 0
+        faulty.power_on()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is open."""
+
+    def send(self, frame: bytes | bytearray) -> bool:
+        """Pass a frame to the slaves."""
+        here = len(self.log)
+        outputs = [found for found in datagrams(bytearray(frame)) if found.command is Command.LRW]
+        if outputs:
+            self._syncs += 1
+            self.truth, self._before = self._before, self.plant.state.copy()
+            self._note(True, SYNC, b"")
+            for axis, datagram in zip(_AXES, outputs, strict=True):
+                word, target = struct.unpack_from("<Hi", datagram.data)
+                self._note(True, received(axis).cob_id, struct.pack("<iH", target, word))
+        count = len(self._back)
+        super().send(frame)
+        if outputs and len(self._back) > count:
+            self._note_answers(self._back[-1])
+        self._look(here)
+        return True
+
+    def leave_alone(self) -> None:
+        """Let time pass without us."""
+        for _ in range(round(SETTLING / STEP)):
+            self.network.elapse(STEP)
+            self._look(len(self.log))
+
+    def _note(self, ours: bool, identifier: int, data: bytes) -> None:
+        self.log.append(Seen(self._syncs, ours, identifier, data))
+
+    def _note_answers(self, frame: bytes) -> None:
+        found = [each for each in datagrams(bytearray(frame)) if each.command is Command.LRW]
+        for axis, datagram in zip(_AXES, found, strict=True):
+            end = datagram.place + 10 + datagram.size
+            if int.from_bytes(frame[end : end + 2], "little") == BOTH:
+                self._note(False, 0x180 + axis.node, datagram.data[OUTPUTS:])
+
+    def _look(self, here: int) -> None:
+        begins = self.began is None and bool(self.network.present)
+        if begins:
+            self.began = here
+            self.witness.begin()
+        self.witness.look()
+        if begins and self._interrupted:
+            signal.raise_signal(signal.SIGINT)
