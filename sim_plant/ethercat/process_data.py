@@ -8,6 +8,7 @@ once; the controlword acts last, so that it finds what came with it.
 from __future__ import annotations
 
 import struct
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
@@ -18,7 +19,7 @@ from sim_plant.canopen.pdo_mapping import PdoMapping
 from sim_plant.ethercat.objects import ASSIGNED_IN, ASSIGNED_OUT, PDOS, RECEIVED, SENT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from sim_plant.canopen.eds import Entry
     from sim_plant.canopen.emcy import Emergencies
@@ -74,7 +75,11 @@ class ProcessData:
         writers = [self._dictionary.writer(e.index, e.subindex) for e in self._outputs]
         order = sorted(range(len(writers)), key=lambda n: self._outputs[n].index == _CONTROLWORD)
         self._writers = [(n, writers[n], self._outputs[n].index in _EVERY_CYCLE) for n in order]
-        self._read = self._dictionary.row_reader([key(e.index, e.subindex) for e in self._inputs])
+        numbers = [key(e.index, e.subindex) for e in self._inputs]
+        self._read = self._dictionary.row_reader(numbers)
+        slots = [slot for n in numbers if (slot := self._dictionary.slot(n)) is not None]
+        imaged = len(slots) == len(numbers) > 1
+        self._pick = itemgetter(*slots) if imaged else None
         self.forget()
 
     @property
@@ -87,11 +92,11 @@ class ProcessData:
         """Let the next outputs be news, whatever they are."""
         self._last: tuple[int, ...] = ()
 
-    def act(self, data: bytes) -> None:
-        """Let outputs take effect."""
-        if len(data) < self._received.size:
+    def act(self, memory: bytearray, start: int, size: int) -> None:
+        """Let outputs take effect, which stand in so many bytes of a memory."""
+        if size < self._received.size:
             return
-        values = self._received.unpack_from(data)
+        values = self._received.unpack_from(memory, start)
         last, self._last = self._last, values
         for n, write, always in self._writers:
             if always or not last or values[n] != last[n]:
@@ -100,9 +105,9 @@ class ProcessData:
                 except SdoAbort:
                     self._emergencies.report(ErrorCode.PDO_VALUE)
 
-    def latch(self) -> bytes:
-        """Return the present inputs."""
-        values = self._read()
+    def latch(self, image: Sequence[int]) -> bytes:
+        """Return the present inputs, of all axes' process image as it was latched."""
+        values = self._pick(image) if self._pick is not None else self._read()
         try:
             return self._sent.pack(*values)
         except struct.error:

@@ -75,6 +75,8 @@ class Segment(TimedNetwork):
         self._clock = clock
         self._default_cycle = cycle
         self._latched: float | None = None
+        self._row: list[int] = []
+        self._usual_cycle = cycle
         self._exchanged: set[int] = set()
         self.cuts: set[int] = set()
         self._usual: CyclicFrame | None = None
@@ -99,7 +101,7 @@ class Segment(TimedNetwork):
             answer = usual.passed(frame)
             for node in self.nodes:
                 node.take_outputs()
-            self._finish_cycle()
+            self._finish_cycle(self._usual_cycle)
             return answer
         self._show_links(len(reached))
         passing = bytearray(frame)
@@ -113,7 +115,7 @@ class Segment(TimedNetwork):
         self._usual = None
         if reached is self.nodes and self._is_cyclic(frame):
             usual = CyclicFrame(self.nodes, frame)
-            self._usual = usual if usual.is_plain else None
+            self._usual, self._usual_cycle = (usual if usual.is_plain else None), self.cycle
         return bytes(passing)
 
     def _is_cyclic(self, frame: bytes) -> bool:
@@ -172,18 +174,21 @@ class Segment(TimedNetwork):
         elif waits:
             self._finish_cycle()
 
-    def _finish_cycle(self) -> None:
+    def _finish_cycle(self, cycle: float | None = None) -> None:
+        """Exchange where SYNC0 does not, and let a cycle pass, by default as it is set now."""
         self._exchanged.clear()
         for node in self.nodes:
             node.synchronize()
         if self._clock == "sync":
-            self._advance(self.cycle)
+            self._advance(self.cycle if cycle is None else cycle)
 
-    def _latch_once(self) -> None:
-        """Latch all axes, unless that was done at this instant for another slave."""
+    def _latch_once(self) -> list[int]:
+        """Latch all axes, unless that was done at this instant for another slave; return all."""
         if self._latched is None or self.time - self._latched > _SIMULTANEOUS:
             self._latched = self.time
             self._latch()
+            self._row = self._image.values.tolist()
+        return self._row
 
     def _show_links(self, count: int) -> None:
         for number, node in enumerate(self.nodes[:count]):

@@ -34,11 +34,12 @@ from sim_plant.ethercat.objects import (
 from sim_plant.ethercat.process_data import SIZE_MAX, ProcessData
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from sim_plant.canopen.timers import Timers
     from sim_plant.drive.process_image import AxisImage
     from sim_plant.drive_settings import DriveSettings
+    from sim_plant.ethercat.controller import SyncManager
     from sim_plant.ethercat.frame import Datagram
     from sim_plant.machine_protocol import Axis
 
@@ -60,7 +61,7 @@ class EthercatSlave(Cia402Drive):
     settings, axis, image, timers
         As in `Cia402Drive`.
     latch : callable
-        Latches all axes at the present instant.
+        Latches all axes at the present instant; returns the process image.
 
     Attributes
     ----------
@@ -80,7 +81,7 @@ class EthercatSlave(Cia402Drive):
         axis: Axis,
         image: AxisImage,
         timers: Timers,
-        latch: Callable[[], None],
+        latch: Callable[[], Sequence[int]],
     ) -> None:
         personality = without_can(settings.personality)
         settings = replace(settings, personality=personality)
@@ -112,6 +113,8 @@ class EthercatSlave(Cia402Drive):
             dictionary, emergencies, lambda: self.states.state is not AlState.PREOP
         )
         self._latch_axes = latch
+        self._known: list[SyncManager] | None = None
+        self._watchdog_timer = settings.node_id, "watchdog"
         self._fed = 0.0
         self._new_outputs = False
         super().__init__(settings, axis, image, timers, dictionary, emergencies, lambda: True)
@@ -120,7 +123,7 @@ class EthercatSlave(Cia402Drive):
 
     def boot(self) -> None:
         """Begin as after power-on."""
-        self._timers.stop((self.node_id, "watchdog"))
+        self._timers.stop(self._watchdog_timer)
         self._timers.stop((self.node_id, "SYNC0"))
         self.controller.reset()
         self.eeprom.load(self.controller)
@@ -169,10 +172,19 @@ class EthercatSlave(Cia402Drive):
     def take_outputs(self) -> None:
         """Take note that outputs have come, and nothing else."""
         self._new_outputs = True
-        if self.controller.managers[OUTPUTS].feeds_watchdog:
+        if self._known is not self.controller.set_up:
+            self._look_up()
+        if self._is_feeding:
             self._feed()
         if self.controller.is_full(OUT):
             self.mailbox.work()
+
+    def _look_up(self) -> None:
+        """Take note of how sync managers of process data are set."""
+        self._known = self.controller.managers
+        outputs, inputs = self._known[OUTPUTS], self._known[INPUTS]
+        self._is_feeding, self._outputs = outputs.feeds_watchdog, outputs[:2]
+        self._inputs = inputs.start, inputs.start + inputs.size * inputs.is_active
 
     def work(self, forward: int, back: int | None) -> bool:
         """Carry out what the frame has set off; return whether its outputs have come.
@@ -224,13 +236,15 @@ class EthercatSlave(Cia402Drive):
         return written or (not outputs.is_active and inputs.is_active and inputs.start in events)
 
     def _exchange(self) -> None:
-        self._latch_axes()
-        data, inputs = self.process_data.latch(), self.controller.managers[INPUTS]
-        if inputs.is_active and inputs.size == len(data):
-            self.controller.memory[inputs.start : inputs.start + inputs.size] = data
-        if self.states.state is AlState.OP and self._new_outputs:
+        data, memory = self.process_data.latch(self._latch_axes()), self.controller.memory
+        if self._known is not self.controller.set_up:
+            self._look_up()
+        start, end = self._inputs
+        if end - start == len(data):
+            memory[start:end] = data
+        if self._new_outputs and self.states.state is AlState.OP:
             self._new_outputs = False
-            self.process_data.act(self.controller.content(OUTPUTS))
+            self.process_data.act(memory, *self._outputs)
 
     # Watchdog and SYNC0
 
@@ -245,20 +259,18 @@ class EthercatSlave(Cia402Drive):
     def _feed(self) -> None:
         self._fed = self._timers.now
         self.controller.memory[reg.WATCHDOG_STATUS] = 1
-        name = self.node_id, "watchdog"
-        if not self._timers.runs(name) and self._watchdog:
-            self._timers.start(name, self._watchdog, self._look_at_watchdog)
+        if not self._timers.runs(self._watchdog_timer) and self._watchdog:
+            self._timers.start(self._watchdog_timer, self._watchdog, self._look_at_watchdog)
 
     def _restart_watchdog(self) -> None:
-        name = self.node_id, "watchdog"
-        if self._timers.runs(name):
-            self._timers.stop(name)
+        if self._timers.runs(self._watchdog_timer):
+            self._timers.stop(self._watchdog_timer)
             self._feed()
 
     def _look_at_watchdog(self) -> None:
         left = self._fed + self._watchdog - self._timers.now
         if left > _ROUNDING:
-            self._timers.start((self.node_id, "watchdog"), left, self._look_at_watchdog)
+            self._timers.start(self._watchdog_timer, left, self._look_at_watchdog)
         elif self._watchdog:
             memory = self.controller.memory
             memory[reg.WATCHDOG_STATUS] = 0
