@@ -22,6 +22,8 @@ from hil.results.rounding import clock, rounded, significant, unit
 from hil.terminal.console import say
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
     from rich.console import Console
 
@@ -72,7 +74,7 @@ def _base_parameters(robot: Robot, base: BaseParameters) -> Table:
     table.add_column("unit", no_wrap=True)
     for group, members in base.groups.items():
         table.add_section()
-        table.add_row("", "", f"[bold]{_GROUP_TITLES[group]}[/bold]", "")
+        table.add_row("", f"[bold]{_GROUP_TITLES[group]}[/bold]", "", "")
         for k in members:
             cells = base.names[k], base.meanings[k], base.expressions[k], unit(base.units[k])
             table.add_row(*cells)
@@ -99,7 +101,7 @@ def _numbers(occurs: NDArray[np.bool_]) -> str:
     return ", ".join(parts) or "0"
 
 
-def render(result: DryRun, console: Console) -> None:
+def render(result: DryRun, robot: Robot, console: Console) -> None:
     """Print what a plan will cost and what it will give."""
     console.print(_costs(result))
     if result.bus:
@@ -126,7 +128,7 @@ def render(result: DryRun, console: Console) -> None:
         console.print(_gains(result))
         for group in result.groups:
             if group.poorly_identifiable:
-                names = ", ".join(group.poorly_identifiable)
+                names = _titled(group.poorly_identifiable, robot)
                 say(
                     f"poorly identifiable in {_words(group.group)}: {names}; vary more joints or"
                     " add configurations",
@@ -134,13 +136,20 @@ def render(result: DryRun, console: Console) -> None:
                     console,
                 )
             if group.hidden:
-                names = ", ".join(group.hidden)
+                names = _titled(group.hidden, robot)
                 say(
                     f"{names}: acceleration shows what no gravity torque distinguishes from an"
                     " offset or from each other; condition and rank are those of all kinds of"
                     " measurement together",
                     console=console,
                 )
+
+
+def _titled(names: Iterable[str], robot: Robot) -> str:
+    """What base parameters are, in a row: ``gravity of axis 2 (p5), gravity of axis 3 (p8)``."""
+    base = base_parameters(robot)
+    title = dict(zip(base.names, base.titles, strict=True))
+    return ", ".join(title[name] for name in names)
 
 
 def _costs(result: DryRun) -> Table:
@@ -200,6 +209,7 @@ def _print_precision(
     """Print figures by group, what they mean as torques, and which are imprecise."""
     table = Table(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("", no_wrap=True)
+    table.add_column("what it is", overflow="fold")
     for heading in columns:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
@@ -207,18 +217,18 @@ def _print_precision(
     table.add_column("")
     for group, members in base_parameters(robot).groups.items():
         if members:
-            table.add_row(f"[bold]{_words(group)}[/bold]")
+            table.add_row("", f"[bold]{_words(group)}[/bold]")
         for k in members:
             cells = (each[k] for each in columns.values())
-            table.add_row(found.names[k], *cells, unit(found.units[k]), *_weight(found, k))
+            named = found.names[k], found.meanings[k]
+            table.add_row(*named, *cells, unit(found.units[k]), *_weight(found, k))
         table.add_section()
     console.print(table)
     say(
         f"torque: what a standard deviation amounts to, of an axis's limit; {found.source}",
         console=console,
     )
-    named = zip(found.names, found.imprecise, strict=True)
-    if imprecise := ", ".join(name for name, it_is in named if it_is):
+    if imprecise := _titled(np.array(found.names)[found.imprecise].tolist(), robot):
         say(
             f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a torque"
             " limit. Give more minutes, or measure on with hil plan --refine",

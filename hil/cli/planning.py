@@ -60,7 +60,7 @@ def dry_run_(
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         now("passing the plan's motions through the limits")
         result = dry_run(the_plan, the_robot, drives=drives_file, bitrate=bitrate)
-    plan_view.render(result, out)
+    plan_view.render(result, the_robot, out)
     if view:
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, str(plan_file), plan_file.read_text(encoding="utf-8"))

@@ -20,7 +20,8 @@ from hil.results.findings import found_in
 from hil.results.model_file import NAME, read_model_file
 from hil.results.prediction import FreeTorques
 from hil.results.rounding import clock, rounded, signed, unit
-from hil.results.tables.table import Column, Marked, Part, Table, figures, table
+from hil.results.tables.parameters import NAMED
+from hil.results.tables.table import Marked, Part, Table, figures, table
 from hil.results.tables.terminal import show, show_sentence
 from hil.runs.pooling import pooled
 
@@ -179,7 +180,7 @@ def _parameters(result: Comparison, robot: Robot) -> Table:
     return table(
         f"{robot.name}: estimate against truth",
         (
-            Column("", symbols=True),
+            *NAMED,
             *figures("truth", "estimate", "std. error", "error", "z"),
             "in 95 %",
             "unit",
@@ -193,6 +194,7 @@ def _parameter(result: Comparison, base: BaseParameters, k: int) -> Row:
     values = (result.truth[k], result.p[k], s, result.error[k])
     return (
         base.names[k],
+        base.meanings[k],
         *(rounded(float(value), s) for value in values),
         signed(f"{result.z[k]:.1f}"),
         "yes" if result.inside[k] else Marked("no"),

@@ -139,11 +139,10 @@ def estimate_line(
 ) -> Line:
     """What stands in the line ``estimate``; arrays have the shape (n_base,)."""
     base = base_parameters(robot)
-    group = {k: name for name, members in base.groups.items() for k in members}
     rows = [
         {
             "name": name,
-            "group": group.get(k, ""),
+            "meaning": base.meanings[k],
             "expression": str(base.expressions[k]),
             "unit": base.units[k],
             "value": float(f"{p[k]:.6g}") if known[k] else None,

@@ -33,9 +33,9 @@ torque
     predicted torque holds 95 % of what is normal; null where it is not known.
 estimate
     What the recordings show of the base parameters so far: ``recordings``, their number, and
-    ``parameters``, of each ``name``, ``unit``, ``expression``, ``value``, ``half``: half-width of
-    its 95 % interval, null while recordings leave it open, and ``share``: the torque that this
-    amounts to on a free motion, of the axis where it is largest, as a share of its limit.
+    ``parameters``, of each ``name``, ``meaning``, ``unit``, ``expression``, ``value``, ``half``:
+    half-width of its 95 % interval, null while recordings leave it open, and ``share``: the torque
+    that this amounts to on a free motion, of the axis where it is largest, as a share of its limit.
 alarm
     A push begins to be seen: ``axis``, from 0, ``torque`` from outside and its ``threshold``, with
     their ``unit``, at ``t``.

@@ -169,12 +169,13 @@ def downloads(model: Model) -> Downloads:
 def _rows(model: Model) -> list[dict[str, str | float]]:
     interval = model.interval(0.95)
     columns = zip(
-        model.names, model.values, model.standard_errors, interval, model.units, model.expressions,
-        strict=True,
+        model.names, base_parameters(model.robot).meanings, model.values, model.standard_errors,
+        interval, model.units, model.expressions, strict=True,
     )  # fmt: skip
     return [
         {
             "name": name,
+            "meaning": meaning,
             "value": float(value),
             "standard_error": float(error),
             "low_95": float(low),
@@ -182,7 +183,7 @@ def _rows(model: Model) -> list[dict[str, str | float]]:
             "unit": unit,
             "expression": expression,
         }
-        for name, value, error, (low, high), unit, expression in columns
+        for name, meaning, value, error, (low, high), unit, expression in columns
     ]
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotEnoughData
+from hil.model.base_parameters import base_parameters
 from hil.report.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule
 from hil.report.charts.svg import file
 from hil.report.sections.friction_plots import levels
@@ -151,7 +152,7 @@ def plot_parameters(model: Model) -> Figure:
         (Rule(100.0, upright=True), Points(share[known], rows[known], "o", MODEL)),
         title=f"{model.robot.name}: {model.provenance.measurements} measurements",
         x_label="standard error [% of the value]",
-        rows=dict(zip(rows.tolist(), model.names, strict=True)),
+        rows=dict(zip(rows.tolist(), base_parameters(model.robot).titles, strict=True)),
         y_range=(-len(size) + 0.5, 0.5),
         decades=True,
         height=16.0 * len(size),

@@ -278,14 +278,14 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
 
 
 def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
-    names, found = base_parameters(campaign.robot).names, campaign.estimate.correlation
+    titles, found = base_parameters(campaign.robot).titles, campaign.estimate.correlation
     # correlation from which on two parameters count as hard to distinguish: each is then 2.3 times
     # as uncertain as it were if the other was known, 1 / sqrt(1 - 0.9^2)
     for i, j in np.argwhere(np.triu(np.abs(found) > 0.9, 1)):
         yield doubtful(
             f"correlation {signed(f'{found[i, j]:.2f}')}: more certain together than apart",
             "configurations in which they act differently (hil robot shows where they occur)",
-            f"{names[i]}, {names[j]}",
+            f"{titles[i]}, {titles[j]}",
         )
 
 

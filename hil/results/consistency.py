@@ -19,7 +19,8 @@ from hil.model.frames import pseudo_inertia
 from hil.planning.free_motion import FreeMotion
 from hil.results.recorded_torque import processing_of
 from hil.results.rounding import probability, significant
-from hil.results.tables.table import Column, Table, figures, table
+from hil.results.tables.parameters import NAMED
+from hil.results.tables.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -135,13 +136,13 @@ def bodies(robot: Robot, found: ConsistentRobot) -> Table:
 def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01) -> Table:
     """Base parameters that bodies change, by `least` standard errors and more."""
     base = base_parameters(robot)
-    each = zip(base.names, found.values, found.change, base.units, strict=True)
+    each = zip(base.names, base.meanings, found.values, found.change, base.units, strict=True)
     return table(
         "Base parameters of these bodies where they differ",
-        (Column("", symbols=True), *figures("value", "change, std. errors"), "unit"),
+        (*NAMED, *figures("value", "change, std. errors"), "unit"),
         (
-            (name, significant(value, 5), f"{change:+.2f}", unit)
-            for name, value, change, unit in each
+            (name, meaning, significant(value, 5), f"{change:+.2f}", unit)
+            for name, meaning, value, change, unit in each
             if abs(change) > least
         ),
     )
@@ -205,9 +206,9 @@ def statements(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
 
 
 def _distance(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
-    names, order = base_parameters(robot).names, np.argsort(-np.abs(found.change))[:3]
+    titles, order = base_parameters(robot).titles, np.argsort(-np.abs(found.change))[:3]
     binding = [f"{each.name} (without it {each.distance_without:.4g})" for each in found.binding]
-    moved = [f"{names[k]} by {found.change[k]:+.3g}" for k in order if abs(found.change[k]) > 0.1]
+    moved = [f"{titles[k]} by {found.change[k]:+.3g}" for k in order if abs(found.change[k]) > 0.1]
     costs = [
         f"axis {axis + 1} {each.change:.2g} {robot.torque_unit(axis)} (standard error"
         f" {each.standard_error:.2g}, torque {each.torque:.3g})"

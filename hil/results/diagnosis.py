@@ -218,7 +218,7 @@ def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
         ),
         found=tuple(c.label for c in errors.found),
         needless=tuple(
-            Needless(name=base.names[k], expression=base.expressions[k], p_value=float(p_value))
+            Needless(name=base.titles[k], expression=base.expressions[k], p_value=float(p_value))
             for k, p_value in enumerate(errors.p_values)
             if p_value > 0.05  # above which a stated parameter may as well be zero
         ),
@@ -276,5 +276,5 @@ def _sentences(found: DiagnosisFile) -> Iterator[str]:
             f"It moves the phase of g{found.phase.axis} over q{found.phase.over} by {shift} degrees"
             " where that sinusoid is largest."
         )
-    if names := ", ".join(f"{each.name} ({each.expression})" for each in found.needless):
+    if names := "; ".join(f"{each.name}: {each.expression}" for each in found.needless):
         yield f"Not needed by the data: {names}."

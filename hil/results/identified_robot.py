@@ -197,7 +197,8 @@ class IdentifiedRobot:
         low, high = self.interval(level).T
         columns = {
             "value": self.values, "standard_error": self.standard_errors, "low": low, "high": high,
-            "unit": self.units, "expression": self.expressions,
+            "unit": self.units, "meaning": base_parameters(self.robot).meanings,
+            "expression": self.expressions,
         }  # fmt: skip
         return pd.DataFrame(columns, index=pd.Index(self.names, name="parameter"))
 

@@ -52,6 +52,7 @@ class ParameterChange(FileModel):
     """A column of Table 3: one base parameter without and with the load."""
 
     name: str
+    meaning: str = ""
     unit: str
     without: float
     loaded: float
@@ -221,6 +222,7 @@ def _changes(
     return tuple(
         ParameterChange(
             name=name,
+            meaning=base.meanings[k],
             unit=base.units[k],
             without=float(before.p[k]),
             loaded=float(after.p[k]),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from hil.estimation.loads.figures import LOOSE
 from hil.results.rounding import rounded, signed, uncertain, unit
+from hil.results.tables.parameters import NAMED
 from hil.results.tables.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ def changes(load: LoadFile) -> Table:
     return table(
         "Change by the load: the paper's Table 3 of this robot",
         (
-            Column("", symbols=True),
+            *NAMED,
             *figures("without", "with load", "change", "std. error", "expected", "z"),
             Column("of the load", folds=True, symbols=True),
         ),
@@ -158,7 +159,7 @@ def _change(each: ParameterChange) -> Row:
     s = each.standard_error
     values = (each.without, each.loaded, each.change, s, each.expected)
     z = signed(f"{(each.change - each.expected) / s:.1f}")
-    return (each.name, *(rounded(value, s) for value in values), z, each.share)
+    return (each.name, each.meaning, *(rounded(value, s) for value in values), z, each.share)
 
 
 def torque_constants(load: LoadFile) -> Table:

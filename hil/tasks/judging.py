@@ -12,7 +12,8 @@ from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
 from hil.results.prediction import FreeTorques
 from hil.results.rounding import rounded, signed, unit
-from hil.results.tables.table import Column, figures, table
+from hil.results.tables.parameters import NAMED
+from hil.results.tables.table import figures, table
 from hil.results.tables.terminal import Summary
 from hil.results.validation import Validation, of_own_recordings
 from hil.results.validation import validate as judge
@@ -91,24 +92,25 @@ class ModelComparison:
 
         base = base_parameters(self.robot)
         each = zip(
-            base.names, self.values, self.others, self.standard_errors, self.z, base.units,
-            strict=True,
+            base.names, base.meanings, self.values, self.others, self.standard_errors, self.z,
+            base.units, strict=True,
         )  # fmt: skip
         parameters = table(
             f"{self.robot.name}: two sets of base parameters",
             (
-                Column("", symbols=True),
+                *NAMED,
                 *figures("first", "second", "difference", "std. error", "z"),
                 "unit",
             ),
             (
                 (
                     name,
+                    meaning,
                     *(rounded(float(x), float(s)) for x in (first, second, first - second, s)),
                     signed(f"{z:.1f}"),
                     unit(of),
                 )
-                for name, first, second, s, z, of in each
+                for name, meaning, first, second, s, z, of in each
             ),
         )
         torques = table(

@@ -145,7 +145,7 @@ def test_figures_are_those_of_a_page(campaign: Path, tmp_path: Path) -> None:
 def test_a_model_is_a_table(campaign: Path) -> None:
     table = hil.identify(campaign).to_dataframe()
     assert list(table.columns) == [
-        "value", "standard_error", "low", "high", "unit", "expression",
+        "value", "standard_error", "low", "high", "unit", "meaning", "expression",
     ]  # fmt: skip
     assert table.loc["p5", "unit"] == "kg m"
 

@@ -2,7 +2,6 @@
 import { make } from './elements.js';
 
 const [WIDEST, NARROWEST] = [1, 1e-6]; // shares of the torque limit at the scale's ends
-const GROUPS = { gravity: 'gravity', diagonal: 'inertia', off_diagonal: 'coupling' };
 
 export class Intervals {
   constructor(host) {
@@ -19,10 +18,10 @@ export class Intervals {
   _build(parameters) {
     this.caption = make('caption');
     const heads = ['parameter', 'value', '± 95 %', '', '% of limit'].map((text) => make(text ? 'th' : 'td', text ? { scope: 'col', text } : {}));
-    this.rows = parameters.map(({ name, group, expression, unit }) => {
+    this.rows = parameters.map(({ name, meaning, expression, unit }) => {
       const [value, half, share] = [make('td'), make('td'), make('td')];
       const bar = make('span', { class: 'interval' });
-      const title = make('th', { scope: 'row', title: expression }, name, make('span', { class: 'small', text: ` ${GROUPS[group] ?? group}` }));
+      const title = make('th', { scope: 'row', title: expression }, meaning, make('span', { class: 'small', text: ` ${name}` }));
       const row = make('tr', {}, title, value, half, make('td', { class: 'bar', 'aria-hidden': 'true' }, make('span', { class: 'range' }, bar)), share);
       return { row, value, half, share, bar, unit: unit.replace('m2', 'm²') };
     });

@@ -71,7 +71,7 @@ class Precision:
 
     Attributes
     ----------
-    names, units : tuple of str
+    names, meanings, units : tuple of str
         Of the base parameters.
     deviation : ndarray, shape (n_base,)
         Standard deviations, inf where a parameter is not identifiable.
@@ -82,6 +82,7 @@ class Precision:
     """
 
     names: tuple[str, ...]
+    meanings: tuple[str, ...]
     units: tuple[str, ...]
     deviation: Array
     effect: Array
@@ -118,8 +119,9 @@ def precision(robot: Robot, known: Information, source: str) -> Precision:
     base = base_parameters(robot)
     deviation = np.sqrt(np.diag(covariance(known, len(base))))
     return Precision(
-        names=tuple(base.names),
-        units=tuple(base.units),
+        names=base.names,
+        meanings=base.meanings,
+        units=base.units,
         deviation=deviation,
         effect=deviation * torque_scale(robot),
         source=source,

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 DISAGREEMENT = 3.0
 """Standard errors between two methods from which on their difference is marked."""
-NAME = Column("", symbols=True)
-MEANING = Column("what it is", folds=True)
+NAMED = Column("", symbols=True), Column("what it is", folds=True)
+"""First columns of a table of base parameters."""
 NOT_IDENTIFIED = "not identified"
 IN_FULL = "95 % interval", "d.o.f."
 EXPLANATION = (
@@ -43,8 +43,7 @@ def parameters(model: IdentifiedRobot, *, in_full: bool = False) -> Table:
     return table(
         _title(model),
         (
-            NAME,
-            MEANING,
+            *NAMED,
             *figures("value", "std. error", *(IN_FULL if in_full else ("± 95 %",)), "error, %"),
             "unit",
             Column("expression", folds=True, symbols=True),
@@ -105,7 +104,7 @@ def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:
     heads = model.method, "std. error", check.method, "std. error", "difference", "in std. errors"
     return table(
         f"{model.robot.name}: {model.method} and {check.method} method",
-        (NAME, MEANING, "unit", *figures(*heads)),
+        (*NAMED, "unit", *figures(*heads)),
         (
             Part(tuple(_method(model, check, k) for k in members))
             for members in base_parameters(model.robot).groups.values()

@@ -32,7 +32,7 @@ class DrawnTable(RichTable):
 
 
 def rich_table(table: Table, width: int) -> DrawnTable:
-    """Return what rich prints of a table; names of parts stand in its last column.
+    """Return what rich prints of a table; names of parts stand in the first column that folds.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def rich_table(table: Table, width: int) -> DrawnTable:
         )
     for part in table.parts:
         if part.name:
-            made.add_row(*[""] * (len(table.columns) - 1), Text(part.name, style="bold"))
+            made.add_row(*[""] * folding.index(True), Text(part.name, style="bold"))
         for row in part.rows:
             made.add_row(*(Text(cell, style=_style(cell)) for cell in row))
         made.add_section()

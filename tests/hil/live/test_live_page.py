@@ -131,8 +131,8 @@ def test_friction_so_far_stands_beside_its_axis(browser: Chrome, page: Served) -
 
 
 PARAMETERS = [
-    {"name": "p1", "group": "diagonal", "expression": "Izz1 + m3", "unit": "kg m2"},
-    {"name": "p2", "group": "gravity", "expression": "sx2", "unit": "kg m"},
+    {"name": "p1", "meaning": "inertia of axis 1", "expression": "Izz1 + m3", "unit": "kg m2"},
+    {"name": "p2", "meaning": "gravity of axis 2", "expression": "sx2", "unit": "kg m"},
 ]
 
 

@@ -126,8 +126,8 @@ def test_a_plan_by_minutes_accelerates_it_too(
 
 def test_the_dry_run_says_so(robot: Robot, plan: Plan) -> None:
     lines = io.StringIO()
-    render(dry_run(plan, robot), Console(file=lines, width=200))
-    assert "p3: acceleration shows what no gravity torque distinguishes" in lines.getvalue()
+    render(dry_run(plan, robot), robot, Console(file=lines, width=200))
+    assert "(p3): acceleration shows what no gravity torque distinguishes" in lines.getvalue()
 
 
 def test_without_its_acceleration_its_mass_is_not_identifiable(robot: Robot, plan: Plan) -> None:

@@ -312,7 +312,7 @@ class TestAdvice:
         covariance[0, 1] = covariance[1, 0] = -0.97 * np.sqrt(covariance[0, 0] * covariance[1, 1])
         assert replace(best, covariance=covariance).correlation[0, 1] == pytest.approx(-0.97)
         items = self.advised(folder, replace(best, covariance=covariance))
-        assert "−0.97" in items["p1, p2"].reason
+        assert "−0.97" in items["inertia of axis 1 (p1), inertia of link 2, x less y (p2)"].reason
 
     def test_friction_that_differs_by_direction_is_of_note(self, folder, found):
         items = self.advised(folder, found["improved"])
