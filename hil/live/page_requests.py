@@ -47,7 +47,10 @@ FILES = {
     "": ("text/html; charset=utf-8", (ASSETS / "page.html",)),
     "view.js": ("text/javascript; charset=utf-8", (VIEW / "view.js",)),
     "live.js": ("text/javascript; charset=utf-8", (ASSETS / "live.js",)),
-    "live.css": ("text/css; charset=utf-8", (VIEW / "view.css", ASSETS / "live.css")),
+    "live.css": (
+        "text/css; charset=utf-8",
+        (VIEW / "curves.css", VIEW / "view.css", ASSETS / "live.css"),
+    ),
 }
 """Media type of each path, and the files that it consists of."""
 

@@ -14,9 +14,9 @@ from hil.report.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rul
 from hil.report.charts.svg import file
 from hil.report.sections.friction_plots import levels
 from hil.report.sections.torques import over_time
-from hil.report.stretches import stretches
 from hil.runs.atomic_file import write_file
 from hil.runs.run import opened
+from hil.view.stretches import stretches
 
 if TYPE_CHECKING:
     from hil.results.model import Model

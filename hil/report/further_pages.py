@@ -19,7 +19,6 @@ from hil.report.pictures import tracking as tracking_chart
 from hil.report.pictures import watch as watch_chart
 from hil.report.section import Plot
 from hil.report.sections.torques import over_time as torques_over_time
-from hil.report.stretches import most_demanding, stretches
 from hil.results import history_file as tables
 from hil.results.acceptance import checked
 from hil.results.history_file import half_width
@@ -28,6 +27,7 @@ from hil.results.tables.table import Column, Table, table
 from hil.results.tracking import PASSES
 from hil.results.validation import scores
 from hil.runs.pooling import recorded
+from hil.view.stretches import most_demanding, stretches
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -27,7 +27,7 @@ from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import now, versions
 from hil.runs.run import opened
 from hil.view.packed import deflated
-from hil.view.page import view_script
+from hil.view.page import ASSETS, view_script
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -40,7 +40,10 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 NAME = "report.html"
-TEMPLATES = tuple(Path(__file__).parent / folder for folder in ("templates", "sections", "charts"))
+TEMPLATES = (
+    *(Path(__file__).parent / each for each in ("templates", "sections", "charts")),
+    ASSETS,
+)
 
 
 def report(run: Run | Path | str, figures: Path | None = None) -> Path:
@@ -106,7 +109,7 @@ def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object
         "script": Markup(script),  # noqa: S704 - our own
         "script_source": f"{_hash(script)} {_hash(bundle)}",
         "carried": carried(whole, behind, played),
-        "bundle": deflated(bundle) if played else "",
+        "bundle": deflated(bundle),
         "run": whole.source,
         "picture": arm(whole.robot, _pose(whole)),
     }

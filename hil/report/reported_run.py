@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from hil.errors import FileError, HilError, Mismatch
 from hil.estimation.identify import JOINT, METHODS, default_method
 from hil.planning.measurement import Friction, recorded_as
-from hil.report.stretches import Stretch, stretches
 from hil.results.findings import found_in
 from hil.results.model import Model
 from hil.results.model_file import NAME, read_model_file
 from hil.results.provenance import same_parameters
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
+from hil.view.stretches import Stretch, stretches
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
@@ -38,21 +38,20 @@ class ShownTorques(NamedTuple):
     ----------
     stretches : dict
         By recording and axis (from 0).
-    recordings : dict
-        By their ids.
+    recordings : tuple
+        Motions and recordings.
     words : str
         Whether the model was made from them, a sentence.
     """
 
     stretches: dict[tuple[str, int], Stretch]
-    recordings: dict[str, Recording]
+    recordings: Recordings
     words: str
 
     @classmethod
     def of(cls, model: Model, recordings: Recordings, words: str) -> ShownTorques:
         """Predict recordings."""
-        by_id = {motion.id: recording for motion, recording in recordings}
-        return cls(stretches(model, recordings), by_id, words)
+        return cls(stretches(model, recordings), recordings, words)
 
 
 class ReportedRun:

@@ -11,19 +11,23 @@ Distances are by what the safety check computes with. The check bounds them betw
 from __future__ import annotations
 
 import warnings
+from collections import defaultdict
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.errors import FrictionUnknown, NotEnoughData
+from hil.errors import FrictionUnknown
 from hil.planning.clearance import intrusions
 from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.set_points import set_points
-from hil.view.packed import INSTANT, Segment, Track, all_simplified, described
+from hil.view.packed import INSTANT, Segment, Track, all_simplified, described, with_holes
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
     from numpy.typing import NDArray
 
     from hil.arrays import Array
@@ -32,54 +36,87 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
     from hil.runs.recording import Recording
-    from hil.runs.run import Run
+    from hil.view.stretches import Stretch
+
+
+class Predicted(NamedTuple):
+    """Torque of each joint, what it consists of, and half-widths of its intervals of 95 %."""
+
+    tracks: tuple[Track, ...]
+    words: str
+    band: tuple[Track, ...] | None = None
 
 
 class MeasuredTracks(NamedTuple):
-    """A run in time: tracks of each joint."""
+    """Recordings in time: tracks of each joint."""
 
     segments: tuple[Segment, ...]
     position: tuple[Track, ...]
     velocity: tuple[Track, ...]
     torque: tuple[Track, ...]
     set_point: tuple[Track, ...] | None
+    predicted: Predicted | None
 
 
-def measured(run: Run, most: int) -> MeasuredTracks:
-    """Lay all recordings of a run behind each other, with about `most` instants in all.
+class Shown(NamedTuple):
+    """A recording that is shown, and what a model predicts of it, by axis from 0."""
 
-    Raises
-    ------
-    NotEnoughData
-        There is none.
-    FileError
-        One is damaged.
-    """
+    motion: RecordedMotion
+    recording: Recording
+    predicted: Mapping[int, Stretch]
+
+
+def beside(
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    found: Mapping[tuple[str, int], Stretch],
+) -> Iterator[Shown]:
+    """Put what a model predicts of recordings beside them."""
+    of: defaultdict[str, dict[int, Stretch]] = defaultdict(dict)
+    for (name, axis), each in found.items():
+        of[name][axis] = each
+    for motion, recording in recorded:
+        yield Shown(motion, recording, of[motion.id])
+
+
+def measured(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
+    """Lay recordings behind each other, with about `most` instants in all."""
     segments: list[Segment] = []
     pieces: list[tuple[Array, ...]] = []
-    samples = sum(each.recording.n_samples for each in run)
+    samples = sum(each.recording.n_samples for each in shown)
     every = max(1, -(-samples // most))  # one of how many samples is shown
-    for motion, recording in ((each.measurement, each.recording) for each in run):
-        begin = segments[-1].end if segments else 0.0
+    for each in shown:
+        begin, motion = segments[-1].end if segments else 0.0, each.motion
         if pieces:
-            end = begin + _way(run.robot, motion, pieces[-1][1][-1])
+            end = begin + _way(robot, motion, pieces[-1][1][-1])
             segments.append(Segment("travel", f"travel to {motion.id}, not recorded", begin, end))
             begin = end
-        pieces.append(_piece(motion, recording, begin, every))
+        pieces.append(_piece(each, begin, every))
         words, end = described(motion), float(pieces[-1][0][-1])
-        segments.append(Segment(motion.kind, words, begin, end, motion.read, recorded=True))
-    if not pieces:
-        raise NotEnoughData(f"{run.path}: no recordings to show; measure them with --resume")
-    time, q, qd, tau, planned = (np.concatenate(each) for each in zip(*pieces, strict=True))
+        axes = motion.read or motion.moved
+        segments.append(Segment(motion.kind, words, begin, end, axes, recorded=True, id=motion.id))
+    time, q, qd, tau, planned, torque, half = map(np.concatenate, zip(*pieces, strict=True))
     angle = 2e-5  # by which a drawn position may be off [rad or m]
     known = bool(np.isfinite(planned).all())
+    holed = partial(all_simplified, time, by=with_holes)
     return MeasuredTracks(
         tuple(segments),
         all_simplified(time, q, angle),
         all_simplified(time, qd),
         all_simplified(time, tau),
         all_simplified(time, planned, angle) if known else None,
+        Predicted(holed(torque), _words(shown), holed(half)) if np.isfinite(torque).any() else None,
     )
+
+
+def _words(shown: Sequence[Shown]) -> str:
+    fitted = {
+        axis + 1
+        for each in shown
+        for axis, stretch in each.predicted.items()
+        if not stretch.own_friction
+    }
+    axes = ", ".join(map(str, sorted(fitted)))
+    return f"predicted, with friction of axis {axes} fitted" if axes else "predicted"
 
 
 def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
@@ -90,18 +127,26 @@ def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
     return travel_time(robot, start, motion.start, 1.0) + SETTLING
 
 
-def _piece(
-    motion: RecordedMotion, recording: Recording, begin: float, every: int
-) -> tuple[Array, ...]:
+def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     """Samples of one recording, thinned: time on the page's clock, arrays (n, n_joints).
 
-    Positions, velocities, torques, and set-points, NaN where nothing was planned.
+    Positions, velocities, torques, set-points, predicted torques and half-widths of their
+    intervals, NaN where nothing was planned or is predicted.
     """
+    motion, recording, predicted = shown
     time, kept = recording.time - recording.time[0], slice(None, None, every)
     planned = set_points(motion, recording)
     planned = np.full_like(recording.q, np.nan) if planned is None else planned
     velocity, torque = _velocity(recording, time)[kept], _means(recording.tau, every)
-    return begin + time[kept], recording.q[kept], velocity, torque, planned[kept]
+    time = time[kept]
+    beside, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
+    for axis, each in predicted.items():
+        low_passed, beside[:, axis], half[:, axis] = (
+            np.interp(time, each.time, values, np.nan, np.nan)
+            for values in (each.measured, each.predicted, each.half)
+        )
+        torque[:, axis] = np.where(np.isfinite(low_passed), low_passed, torque[:, axis])
+    return begin + time, recording.q[kept], velocity, torque, planned[kept], beside, half
 
 
 def _velocity(recording: Recording, time: Array) -> Array:
@@ -124,13 +169,6 @@ def _means(values: Array, every: int) -> Array:
     sums = np.add.reduceat(np.where(there, values, 0.0), starts)
     counts = np.add.reduceat(there.astype(float), starts)
     return np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
-
-
-class Predicted(NamedTuple):
-    """Torque of each joint, and what it consists of."""
-
-    tracks: tuple[Track, ...]
-    words: str
 
 
 def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Predicted:

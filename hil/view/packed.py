@@ -1,7 +1,33 @@
 """What a page has of time: stretches of the time line and quantities by their knots, compressed.
 
-What is drawn needs no more digits than a screen shows. `web/src/packed.js` reads differences of
-multiples of a step.
+A page has one object of data, whatever it is of; ``web/src/recorded.js`` reads it. What a page does
+not show is null.
+
+``robot``, ``workspace``
+    As `hil.view.visuals.robot_data` and `workspace_data` have them.
+``kinds``
+    Of each kind of segment ``name``, ``colour`` and whether it ``moves`` between measurements.
+``segments``
+    One after the other on the time of the page [s]: ``id`` of the recording, or "", ``kind`` by its
+    number, ``words``, ``begin``, ``end``, ``axes`` from 0, ``recorded``, ``problem``.
+``planned``
+    Tracks of the planned positions, a joint each.
+``measured``
+    ``position``, ``velocity`` and ``torque``, tracks of each joint; torque after the low-pass of
+    the prediction, where there is one.
+``predicted``, ``band``, ``prediction``
+    Tracks of the predicted torque of each joint and of the half-width of its interval of 95 %, and
+    what the prediction is, in words.
+``distance``
+    The least distance to a box, a track with the ``link`` and ``box`` of each knot.
+``parameters``
+    Of base parameters, by name: ``title``, and ``by``, the recordings that carry it, with their
+    shares [%].
+
+A track is ``time``, ``value`` and, of planned motions, ``slope``, each packed: a ``step``, and
+``differences`` of successive multiples of it, null where nothing is known. What is drawn needs no
+more digits than a screen shows. The lines of a run that goes on (`hil.live.lines`) have the same
+names for the same quantities.
 """
 
 from __future__ import annotations
@@ -19,7 +45,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KINDS, ElementKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from numpy.typing import ArrayLike
 
@@ -45,6 +71,8 @@ class Segment:
         Whether it is a measurement.
     problem : str, optional
         Why the dry run refuses it.
+    id : str
+        Of the measurement.
     """
 
     kind: str
@@ -54,6 +82,7 @@ class Segment:
     axes: tuple[int, ...] = ()
     recorded: bool = False
     problem: str | None = None
+    id: str = ""
 
 
 RECORDED_ELSEWHERE = str(FreeMotion.model_fields["kind"].default)
@@ -81,8 +110,11 @@ def shown_kinds(occurring: Iterable[str]) -> list[dict[str, object]]:
 
 def packed(values: ArrayLike, step: float) -> dict[str, object]:
     """Numbers of any shape in order, as multiples of `step`: each by its difference to the last."""
-    whole = np.rint(np.ravel(np.asarray(values, dtype=float)) / step).astype(np.int64)
-    return {"step": step, "differences": np.diff(whole, prepend=0).tolist()}
+    given = np.ravel(np.asarray(values, dtype=float))
+    there = np.isfinite(given)
+    differences = np.full(len(given), None, dtype=object)
+    differences[there] = np.diff(np.rint(given[there] / step).astype(np.int64), prepend=0).tolist()
+    return {"step": step, "differences": differences.tolist()}
 
 
 def deflated(data: object) -> str:
@@ -146,15 +178,31 @@ def simplified(time: Array, value: Array, tolerance: float) -> Track:
     return Track(np.array(t)[chosen], np.array(x)[chosen])
 
 
+def with_holes(time: Array, value: Array, tolerance: float) -> Track:
+    """Simplify samples as `simplified` does, with a knot that is no number in each hole."""
+    there = np.isfinite(value)
+    runs = np.split(np.arange(len(time)), np.flatnonzero(np.diff(there)) + 1)
+    parts = [
+        simplified(time[own], value[own], tolerance)
+        if there[own[0]]
+        else Track(time[own[:1]], value[own[:1]])
+        for own in runs
+    ]
+    return Track(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "value")))
+
+
 def all_simplified(
-    time: Array, values: Array, tolerance: float | None = None, share: float = 1e-3
+    time: Array,
+    values: Array,
+    tolerance: float | None = None,
+    share: float = 1e-3,
+    by: Callable[[Array, Array, float], Track] = simplified,
 ) -> tuple[Track, ...]:
     """Simplify each column of values (n, n_joints); by default within a share of its greatest."""
     greatest = np.where(np.isfinite(values), np.abs(values), 0.0).max(axis=0, initial=1e-9)
     allowed = share * greatest if tolerance is None else np.full_like(greatest, tolerance)
     return tuple(
-        simplified(time, column, most)
-        for column, most in zip(values.T, allowed.tolist(), strict=True)
+        by(time, column, most) for column, most in zip(values.T, allowed.tolist(), strict=True)
     )
 
 

@@ -69,7 +69,7 @@ def html(scene: Scene) -> str:
         .render(
             scene=scene,
             data=deflated(scene.data()),
-            style=_asset("view.css"),
+            style=_asset("curves.css") + _asset("view.css"),
             script=_asset("view.js"),
             mark=Markup(MARK),  # noqa: S704 - our own
             version=versions()["canopen-robot-identification"],
@@ -98,7 +98,7 @@ def refuse_other_file(path: Path) -> None:
 
 
 def view_script() -> str:
-    """Return the bundle that both pages and the report draw robots with."""
+    """Return the bundle of all pages."""
     return str(_asset("view.js"))
 
 

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.errors import NotEnoughData
 from hil.model.capsules import capsules
 from hil.planning.workspace import narrowed
-from hil.view.along_motion import distances, measured, predicted, smallest
+from hil.runs.pooling import recorded
+from hil.view.along_motion import beside, distances, measured, predicted, smallest
 from hil.view.packed import shown_kinds
 from hil.view.planned import planned
+from hil.view.stretches import stretches
 from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:
@@ -82,6 +85,7 @@ class Scene:
             "planned": _tracks(self.planned, ANGLE),
             "measured": self._measured(),
             "predicted": _tracks(self.predicted.tracks if self.predicted else None),
+            "band": _tracks(self.predicted.band if self.predicted else None),
             "prediction": self.predicted.words if self.predicted else None,
             "distance": self.distances.data() if self.distances else None,
         }
@@ -165,7 +169,7 @@ def of_run(
     most : int
         Instants that are shown in all.
     model : Model, optional
-        Predicts the torques of the set-points.
+        Predicts the torques.
 
     Raises
     ------
@@ -174,7 +178,11 @@ def of_run(
     FileError
         A recording is damaged.
     """
-    found = measured(run, most)
+    pairs = tuple(recorded(run))
+    if not pairs:
+        raise NotEnoughData(f"{run.path}: no recordings to show; measure them with --resume")
+    shown = tuple(beside(pairs, stretches(model, pairs) if model else {}))
+    found = measured(run.robot, shown, most)
     workspace = None if run.imported else run.planned.workspace
     time = _instants(found.segments[-1].end, most)
     q = np.column_stack([np.interp(time, each.time, each.value) for each in found.position])
@@ -187,7 +195,7 @@ def of_run(
         segments=found.segments,
         planned=found.set_point,
         measured=found,
-        predicted=_along(found, model),
+        predicted=found.predicted,
         distances=near,
         notes=(
             "As it was measured. Pauses are left out, and ways between recordings, which are not"
@@ -197,16 +205,6 @@ def of_run(
         ),
         simulated=run.journal.simulated or _of_virtual_plant(model),
     )
-
-
-def _along(found: MeasuredTracks, model: Model | None) -> Predicted | None:
-    """Torques by a model along what was measured, at the knots of its velocities."""
-    if model is None:
-        return None
-    time = np.unique(np.concatenate([each.time for each in found.velocity]))
-    q = np.column_stack([np.interp(time, each.time, each.value) for each in found.position])
-    qd = np.column_stack([np.interp(time, each.time, each.value) for each in found.velocity])
-    return predicted(model, time, q, qd, np.gradient(qd, time, axis=0))
 
 
 def _of_virtual_plant(model: Model | None) -> bool:
@@ -237,6 +235,7 @@ def _of_capsules(robot: Robot) -> tuple[str, ...]:
 
 def _segment(segment: Segment, kind: int) -> dict[str, object]:
     return {
+        "id": segment.id,
         "kind": kind,
         "words": segment.words,
         "begin": round(segment.begin, 4),
@@ -254,6 +253,6 @@ def _tracks(
     if tracks is None:
         return None
     return [
-        track.data(step or 5e-4 * max(float(np.abs(track.value).max(initial=0.0)), 1e-6))
+        track.data(step or 5e-4 * max(float(np.nanmax(np.abs(track.value), initial=0.0)), 1e-6))
         for track in tracks
     ]

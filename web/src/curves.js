@@ -15,14 +15,33 @@ export function ticks(low, high, most) {
   return { values: found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
 }
 
+/** How much of a band is to be seen: twice its median, unless its line is small beside that. */
+function usual({ y, band }) {
+  const [there, known] = [band ?? [], y].map((values) => values.filter(Number.isFinite).sort((a, b) => a - b));
+  const [reach, span] = [2 * (there[there.length >> 1] ?? 0), known.at(-1) - known[0]];
+  return span > 0 ? Math.min(reach, span / 4) : reach;
+}
+
+/** Numbers of what is known, a list for each stretch without a hole. */
+function parts(values) {
+  const found = [];
+  values.forEach((v, i) => {
+    if (!Number.isFinite(v)) return;
+    if (i && Number.isFinite(values[i - 1])) found.at(-1).push(i);
+    else found.push([i]);
+  });
+  return found;
+}
+
 export class Curve {
-  /** `lines(joint)` gives {name, value(t), instants(begin, end, n), dashed, colour}. */
+  /** `lines(joint)` gives {name, value(t), instants(begin, end, n), dashed, colour, band(t)}. */
   constructor(host, { title, lines, seek, bounds = () => [], height = HEIGHT }) {
     this.height = height;
     this.lines = lines;
     this.title = title;
     this.bounds = bounds;
     this.figure = document.createElement('figure');
+    this.figure.className = 'curve';
     this.caption = document.createElement('figcaption');
     this.canvas = document.createElement('canvas');
     this.canvas.setAttribute('role', 'img');
@@ -46,7 +65,7 @@ export class Curve {
     this.canvas.setAttribute('aria-label', `${this.title(joint)}, curve over time`);
     this.drawn = this.lines(joint).map((line) => {
       const t = line.instants(begin, end, 300);
-      return { ...line, t, y: t.map((each) => line.value(each)) };
+      return { ...line, t, y: t.map((each) => line.value(each)), band: line.band && t.map((each) => line.band(each)) };
     });
     this._scale(joint);
     this._paint();
@@ -55,11 +74,12 @@ export class Curve {
   /** Mark an instant. */
   cursor(t) {
     this.mark.style.left = `${this._x(t)}px`;
+    this.mark.style.top = `${this.canvas.offsetTop + TOP}px`;
   }
 
   _caption(joint) {
     const words = [document.createTextNode(this.title(joint))];
-    for (const { name, colour, dashed } of this.lines(joint)) {
+    for (const { name, colour, dashed } of this.lines(joint).filter((each) => each.name)) {
       const key = document.createElement('span');
       key.className = dashed ? 'key dashed' : 'key';
       key.style.setProperty('--colour', `var(${colour})`);
@@ -71,7 +91,10 @@ export class Curve {
 
   _scale(joint) {
     let [low, high] = [Infinity, -Infinity];
-    for (const { y } of this.drawn) for (const v of y) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
+    for (const each of this.drawn) {
+      const reach = usual(each);
+      for (const v of each.y) if (Number.isFinite(v)) { low = Math.min(low, v - reach); high = Math.max(high, v + reach); }
+    }
     if (!(low <= high)) [low, high] = [-1, 1];
     const room = Math.max(0.08 * (high - low), 1e-3 * Math.max(Math.abs(low), Math.abs(high)), 1e-3);
     this.low = low - room;
@@ -98,16 +121,32 @@ export class Curve {
     pen.clearRect(0, 0, this.width, this.height);
     const style = getComputedStyle(this.canvas);
     const colour = (name) => style.getPropertyValue(name);
+    for (const each of this.drawn) if (each.band) this._paintBand(pen, colour, each); // curves lie upon it
     this._paintScale(pen, colour);
     for (const { t, y, colour: name, dashed } of this.drawn) {
       pen.strokeStyle = colour(name);
       pen.lineWidth = 1.6;
       pen.setLineDash(dashed ? [5, 4] : []);
       pen.beginPath();
-      t.forEach((each, i) => pen.lineTo(this._x(each), this._y(y[i])));
+      for (const part of parts(y)) part.forEach((i, k) => pen[k ? 'lineTo' : 'moveTo'](this._x(t[i]), this._y(y[i])));
       pen.stroke();
     }
     pen.setLineDash([]);
+  }
+
+  _paintBand(pen, colour, { t, y, band }) {
+    pen.fillStyle = colour('--band');
+    for (const part of parts(band.map((each, i) => (each === null ? NaN : each + y[i])))) {
+      const edge = (side) => (i) => pen.lineTo(this._x(t[i]), this._within(y[i] + side * band[i]));
+      pen.beginPath();
+      part.forEach(edge(1));
+      part.toReversed().forEach(edge(-1));
+      pen.fill();
+    }
+  }
+
+  _within(v) {
+    return this._y(Math.min(Math.max(v, this.low), this.high));
   }
 
   _paintScale(pen, colour) {

@@ -1,4 +1,4 @@
-// What the bundle offers: the page of hil view, that of a run that goes on, and the robot alone for other pages.
+// What the bundle offers: the page of hil view, that of a run that goes on, and what reports carry.
 export { follow } from './live.js';
 export { open } from './page.js';
-export { RobotView } from './robot_view.js';
+export { report } from './report.js';

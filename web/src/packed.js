@@ -5,8 +5,8 @@ export function unpack({ step, differences }) {
   const values = new Float64Array(differences.length);
   let sum = 0;
   for (let i = 0; i < differences.length; i++) {
-    sum += differences[i];
-    values[i] = sum * step;
+    sum += differences[i] ?? 0;
+    values[i] = differences[i] === null ? NaN : sum * step;
   }
   return values;
 }

@@ -1,10 +1,10 @@
 // The page: what was packed into it, put together.
-import { Curve } from './curves.js';
+import { curvesOf } from './curves_of.js';
 import { clock, make } from './elements.js';
 import { States, sliders } from './joints.js';
 import { inflate } from './packed.js';
 import { Player, SPEEDS } from './player.js';
-import { Recorded } from './recording.js';
+import { Recorded } from './recorded.js';
 import { RobotView } from './robot_view.js';
 import { Timeline } from './timeline.js';
 
@@ -56,7 +56,7 @@ class Played {
       torque: Boolean(recorded.torque ?? recorded.predicted),
       error: Boolean(recorded.measured && recorded.planned),
     });
-    this.curves = this._curves();
+    this.curves = curvesOf(at('curves'), data, recorded, (t) => player.seek(t));
     this._controls();
     player.addEventListener('time', () => this.follow());
     player.addEventListener('state', () => this._showState());
@@ -123,49 +123,6 @@ class Played {
     this.scene.nearest(near ? link : -1, near ? box : -1);
   }
 
-  _curves() {
-    const { recorded } = this;
-    const { joints } = this.data.robot;
-    const line = (track, rate, rest) => ({
-      value: (t) => track.at(t)[rate ? 1 : 0], instants: (...span) => track.instants(...span), ...rest,
-    });
-    const planned = { name: recorded.measured ? 'set-point' : 'planned', colour: '--planned', dashed: Boolean(recorded.measured) };
-    const measured = { name: 'measured', colour: '--measured' };
-    const motion = (rate, of) => (j) => [
-      ...(of ? [line(of[j], false, measured)] : []),
-      ...(recorded.planned ? [line(recorded.planned[j], rate, planned)] : []),
-    ];
-    const seek = (t) => this.player.seek(t);
-    const host = at('curves');
-    const found = [
-      new Curve(host, {
-        seek, title: (j) => `axis ${j + 1}: position, ${joints[j].unit}`, lines: motion(false, recorded.measured),
-        bounds: (j) => [joints[j].lower, joints[j].upper],
-      }),
-      new Curve(host, {
-        seek, title: (j) => `axis ${j + 1}: velocity, ${joints[j].unit}/s`, lines: motion(true, recorded.velocity),
-        bounds: (j) => both(joints[j].velocity),
-      }),
-    ];
-    if (recorded.torque || recorded.predicted) {
-      const predicted = { name: this.data.prediction, colour: '--planned', dashed: Boolean(recorded.torque) };
-      found.push(new Curve(host, {
-        seek, title: (j) => `axis ${j + 1}: torque, ${joints[j].torque_unit}`, bounds: (j) => both(joints[j].torque),
-        lines: (j) => [
-          ...(recorded.torque ? [line(recorded.torque[j], false, measured)] : []),
-          ...(recorded.predicted ? [line(recorded.predicted[j], false, predicted)] : []),
-        ],
-      }));
-    }
-    if (recorded.distance) {
-      found.push(new Curve(host, {
-        seek, title: () => 'nearest distance of a link to a box, m', bounds: () => [this.data.workspace.margin],
-        lines: () => [line(recorded.distance.track, false, { name: 'distance', colour: '--measured' })],
-      }));
-    }
-    return found;
-  }
-
   _controls() {
     const { player, recorded } = this;
     at('play').addEventListener('click', () => player.toggle());
@@ -214,10 +171,6 @@ class Played {
     acts();
     event.preventDefault();
   }
-}
-
-function both(limit) {
-  return limit ? [-limit, limit] : [];
 }
 
 /** Views and what is shown. */

@@ -116,8 +116,8 @@ class TorqueCurve extends Curve {
   }
 
   paint({ t, about, band, measured }, span, origin, alarms) {
-    Object.assign(this, { t, about, band, span, origin, alarms });
-    this.drawn = [{ t, y: about, colour: '--planned', dashed: true }, { t, y: measured, colour: '--measured' }];
+    Object.assign(this, { span, origin, alarms });
+    this.drawn = [{ t, y: about, band, colour: '--planned', dashed: true }, { t, y: measured, colour: '--measured' }];
     this._scale(0);
     this._paint();
   }
@@ -135,28 +135,11 @@ class TorqueCurve extends Curve {
     this.high = Math.max(this.high, middle + this.least);
   }
 
-  /** The band comes first, so that the curves lie upon it. */
   _paintScale(pen, colour) {
-    pen.fillStyle = colour('--band');
-    let from = 0;
-    const edge = (i, side) => pen.lineTo(this._x(this.t[i]), this._within(this.about[i] + side * this.band[i]));
-    const fill = (to) => {
-      pen.beginPath();
-      for (let i = from; i < to; i++) edge(i, 1);
-      for (let i = to - 1; i >= from; i--) edge(i, -1);
-      pen.fill();
-      from = to + 1;
-    };
-    this.band.forEach((each, i) => { if (each === null) fill(i); });
-    fill(this.t.length);
     super._paintScale(pen, colour);
     pen.strokeStyle = colour('--bad');
     pen.lineWidth = 2;
-    for (const t of this.alarms) if (t >= this.span[0] && t <= this.span[1]) this._line(pen, this._x(t), this._within(this.high), this._x(t), this._within(this.low));
-  }
-
-  _within(v) {
-    return this._y(Math.min(Math.max(v, this.low), this.high));
+    for (const t of this.alarms) if (t >= this.span[0] && t <= this.span[1]) this._line(pen, this._x(t), this._y(this.high), this._x(t), this._y(this.low));
   }
 }
 
@@ -167,12 +150,5 @@ class Difference extends TorqueCurve {
     this.caption.textContent = 'difference, with the 95 % band';
     this.canvas.setAttribute('aria-label', `axis ${j + 1}: difference of measured and predicted torque over time, with its 95 % band`);
     this.least = 0.01 * (joint.torque ?? 1);
-  }
-
-  _scale(joint) {
-    super._scale(joint);
-    const usual = this.band.filter((each) => each !== null).sort((a, b) => a - b);
-    const most = Math.max(this.high, -this.low, 2 * (usual[usual.length >> 1] ?? 0));
-    [this.low, this.high] = [-most, most];
   }
 }

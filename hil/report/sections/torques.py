@@ -28,7 +28,7 @@ from hil.report.charts.chart import (
 from hil.report.section import Plot, Section
 from hil.report.sections.friction import models_plot
 from hil.report.sections.imported import friction_curves
-from hil.report.stretches import most_demanding
+from hil.view.stretches import most_demanding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
-    from hil.report.stretches import Stretch
     from hil.results.model import Model
+    from hil.view.stretches import Stretch
 
 POINTS = 150
 """Points of friction that are drawn of an axis: more of them cover each other."""

@@ -121,12 +121,16 @@ class TestPage:
 
     def test_points_lead_to_the_recordings_behind_them(self, page, folder):
         (packed,) = re.findall(r'id="carried">([^<]+)<', page)
-        carried = inflated(packed)["recordings"]
-        assert set(re.findall(r'data-m="([^"]+)"', page)) == set(carried)
-        assert set(carried) == {each.measurement.id for each in folder}
-        (axis,) = carried["i01"]["axes"]
-        assert len(axis["predicted"]["differences"]) == len(axis["instants"]["differences"]) > 100
-        assert carried["i01"]["words"] == f"inertia, {folder['i01'].measurement.axes_in_words}"
+        carried = inflated(packed)
+        segments = {each["id"]: each for each in carried["segments"] if each["recorded"]}
+        assert set(re.findall(r'data-m="([^"]+)"', page)) == set(segments)
+        assert set(segments) == {each.measurement.id for each in folder}
+        motion = folder["i01"].measurement
+        assert segments["i01"]["words"] == f"i01: inertia, {motion.axes_in_words}"
+        torques = carried["measured"]["torque"], carried["predicted"], carried["band"]
+        for axis in motion.read:
+            for track in (each[axis] for each in torques):
+                assert len(track["time"]["differences"]) == len(track["value"]["differences"]) > 100
 
     def test_parameters_lead_to_the_recordings_that_carry_them(self, page, folder):
         (packed,) = re.findall(r'id="carried">([^<]+)<', page)

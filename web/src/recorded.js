@@ -23,6 +23,7 @@ export class Recorded {
     this.velocity = tracks(data.measured?.velocity);
     this.torque = tracks(data.measured?.torque);
     this.predicted = tracks(data.predicted);
+    this.band = tracks(data.band);
     this.distance = distances(data.distance);
     this.recorded = data.segments.filter((each) => each.recorded);
   }

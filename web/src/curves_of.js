@@ -1,0 +1,45 @@
+// The curves of what is recorded or planned: position, velocity, torque beside the predicted one, distance.
+import { Curve } from './curves.js';
+
+/** Curves into a host; a click on one calls seek(t). */
+export function curvesOf(host, { robot: { joints }, workspace, prediction }, recorded, seek) {
+  const line = (track, name, colour, rest = {}) => ({
+    name, colour, value: (t) => track.at(t)[0], instants: (...span) => track.instants(...span), ...rest,
+  });
+  const { planned, measured, velocity, torque, predicted, band, distance } = recorded;
+  const setPoint = measured ? 'set-point' : 'planned';
+  const motion = (of, rate) => (j) => [
+    ...(of ? [line(of[j], 'measured', '--measured')] : []),
+    ...(planned ? [line(planned[j], setPoint, '--planned', { dashed: Boolean(measured), value: (t) => planned[j].at(t)[rate] })] : []),
+  ];
+  const add = (title, lines, bounds) => new Curve(host, { title, lines, seek, bounds });
+  const within = (j) => (band ? { band: (t) => band[j].at(t)[0] } : {});
+  const found = [];
+  if (torque || predicted) {
+    found.push(add((j) => `axis ${j + 1}: ${word(joints[j])}, ${joints[j].torque_unit}`, (j) => [
+      ...(predicted ? [line(predicted[j], prediction, '--planned', { dashed: Boolean(torque), ...within(j) })] : []),
+      ...(torque ? [line(torque[j], 'measured', '--measured')] : []),
+    ], (j) => both(joints[j].torque)));
+  }
+  if (torque && predicted) {
+    const left = (j) => ({ value: (t) => torque[j].at(t)[0] - predicted[j].at(t)[0] });
+    found.push(add((j) => `axis ${j + 1}: measured less predicted, ${joints[j].torque_unit}`, (j) => [
+      line(predicted[j], band ? 'interval of 95 %' : '', '--planned', { dashed: true, value: (t) => 0 * predicted[j].at(t)[0], ...within(j) }),
+      line(predicted[j], 'difference', '--measured', left(j)),
+    ]));
+  }
+  found.push(
+    add((j) => `axis ${j + 1}: position, ${joints[j].unit}`, motion(measured, 0), (j) => [joints[j].lower, joints[j].upper]),
+    add((j) => `axis ${j + 1}: velocity, ${joints[j].unit}/s`, motion(velocity, 1), (j) => both(joints[j].velocity)),
+  );
+  if (distance) {
+    found.push(add(() => 'nearest distance of a link to a box, m', () => [line(distance.track, 'distance', '--measured')], () => [workspace.margin]));
+  }
+  return found;
+}
+
+const word = ({ torque_unit: unit }) => (unit === 'N' ? 'force' : 'torque');
+
+function both(limit) {
+  return limit ? [-limit, limit] : [];
+}
