@@ -40,10 +40,8 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 NAME = "report.html"
-TEMPLATES = (
-    *(Path(__file__).parent / each for each in ("templates", "sections", "charts")),
-    ASSETS,
-)
+_HERE = Path(__file__).parent
+TEMPLATES = _HERE / "templates", _HERE / "sections", _HERE / "charts", ASSETS
 
 
 def report(run: Run | Path | str, figures: Path | None = None) -> Path:
@@ -84,7 +82,14 @@ def _plots(sections: Iterable[Section]) -> list[Plot]:
 
 def write_html(path: Path, template: str, **values: object) -> None:
     """Write a page, whole or not at all, with when and by which version it is written."""
-    about = {"written": now(), "version": versions()["canopen-robot-identification"]}
+    script, further = _HERE / "templates" / "report.js", values.get("bundle", "")
+    own = script.read_text(encoding="utf-8")
+    about = {
+        "written": now(),
+        "version": versions()["canopen-robot-identification"],
+        "script": Markup(own),  # noqa: S704 - our own
+        "script_source": " ".join(map(_hash, (own, view_script()) if further else (own,))),
+    }
     write_file(path, _templates().get_template(template).render(**values, **about).encode())
 
 
@@ -100,16 +105,13 @@ def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object
     charts = [plot.chart for plot in _plots(sections)]
     behind = frozenset[str]().union(*(chart.ids for chart in charts))
     played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
-    script, bundle = (TEMPLATES[0] / "report.js").read_text(encoding="utf-8"), view_script()
     return {
         **_top(whole),
         "lead": next((text for section, text in texts if section.leads), ""),
         "sections": [each for each in texts if not each[0].leads],
         "downloads": downloads(whole.model) if whole.is_identified else (),
-        "script": Markup(script),  # noqa: S704 - our own
-        "script_source": f"{_hash(script)} {_hash(bundle)}",
         "carried": carried(whole, behind, played),
-        "bundle": deflated(bundle),
+        "bundle": deflated(view_script()),
         "run": whole.source,
         "picture": arm(whole.robot, _pose(whole)),
     }

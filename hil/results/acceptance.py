@@ -263,13 +263,13 @@ def checked(found: Acceptance) -> Table:
     """Checks with their values and limits."""
     return table(
         "Checks",
-        ("check", *figures("value", "at least", "at most"), "unit", ""),
+        ("check", "result", *figures("value", "at least", "at most"), "unit"),
         (
             (
                 check.subject,
+                check.word if check.word == "good" else Marked(check.word),
                 *(signed(_text(each)) for each in (check.value, check.least, check.most)),
                 unit(check.unit),
-                check.word if check.word == "good" else Marked(check.word),
             )
             for check in found.checks
         ),

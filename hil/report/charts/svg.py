@@ -1,7 +1,8 @@
 """Charts as SVG: panels for a page, each a picture that takes the width it is given; or one file.
 
 Text stays text, and colours are classes that the page's style sheet gives for light and dark paper.
-Points of measurements carry the measurement's id (``data-m``), which `report.js` shows and follows.
+Points carry the id of their measurement (``data-m``), which ``web/src/report.js`` shows and
+follows.
 A file is for papers: light, with its legend, needing nothing else.
 """
 
