@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,8 +22,12 @@ from hil.cli.planning import poses
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.cli.measuring import OnBus
+    from hil.estimation.loads.figures import Load
     from hil.planning.plan import Plan
+    from hil.results.load_file import LoadFile
     from hil.runs.run import Run
 
 TWO_RUNS = "two-runs"
@@ -90,7 +95,8 @@ def two_runs(
     show(tables.goodness_of_fit(kept), tables.not_shown(kept), tables.torque_constants(kept))
     if found.load.is_loose or kept.p_value <= LOOSE:
         show_causes(without, runs[1], known=("load",))
-    say(f"load in {path}; hil report {loaded} shows it")
+    _write_page(loaded, runs[0], runs[1:], found.load, kept)
+    say(f"load in {path}; hil report {loaded} shows it beside the robot")
 
 
 @payload.command()
@@ -164,13 +170,31 @@ def measure(
     with working("estimating the load"):
         load = find_load(bare, runs, mass)
         said = verdict(load, advised(known, [run.planned for run in runs], load))
-        write_load(output, bare_run, runs, LoadFit(bare_run.robot, load), said)
+        kept = write_load(output, bare_run, runs, LoadFit(bare_run.robot, load), said)
     say_simulated(*runs)
     for line in said:
         say(line)
     if load.is_loose:
         show_causes(bare_run.path, *runs, known=("load",))
+    _write_page(output, bare_run, runs, load, kept)
     say(f"load in {output / NAME}")
+
+
+def _write_page(
+    folder: Path, bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile
+) -> None:
+    """Write the load's page, and state where it is."""
+    with working("writing the page"):
+        from hil.errors import NotEnoughData, NotIdentifiable
+        from hil.report.further_pages import write_payload_page
+        from hil.results.findings import found_in
+        from hil.results.identification import method_for
+
+        model = None
+        with suppress(NotEnoughData, NotIdentifiable):
+            model = found_in(bare, method_for(bare)[0]).model
+        page = write_payload_page(folder, model, loaded, found, kept)
+    say(f"page in {page}")
 
 
 def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:

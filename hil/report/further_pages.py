@@ -1,4 +1,4 @@
-"""Pages beside reports, one HTML file each: of an acceptance, a history, a validation, a watch.
+"""Pages beside reports, one HTML file each: of an acceptance, a history, a load, a validation.
 
 All are one template: a word and its sentence, facts, charts, tables.
 
@@ -7,12 +7,14 @@ A history draws quantities of a machine over its runs, with intervals; what is m
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.estimation.intervals import SIGNIFICANT
+from hil.model.load import load_columns
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
 from hil.report.page import when, write_html
 from hil.report.pictures import tracking as tracking_chart
@@ -20,9 +22,11 @@ from hil.report.pictures import watch as watch_chart
 from hil.report.section import Plot
 from hil.report.sections.torques import over_time as torques_over_time
 from hil.results import history_file as tables
+from hil.results import load_tables
 from hil.results.acceptance import checked
 from hil.results.history_file import half_width
 from hil.results.rounding import unit
+from hil.results.tables.load import quantities as load_quantities
 from hil.results.tables.table import Column, Table, table
 from hil.results.tracking import PASSES
 from hil.results.validation import scores
@@ -33,16 +37,20 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from hil.estimation.loads.figures import Load
     from hil.results.acceptance import Acceptance
     from hil.results.history import History
+    from hil.results.load_file import LoadFile
     from hil.results.model import Model
     from hil.results.quantities import Kind
     from hil.results.validation import Validation
     from hil.runs.run import Run
+    from hil.view.stretches import Stretch
     from hil.watching.trace import Trace
 
 NOT_KNOWN = "not stated"
 VALIDATION, TRACKING, WATCH = "validation.html", "tracking.html", "watch.html"
+PAYLOAD = "payload.html"
 """Names of pages in the folders of what they are about."""
 
 
@@ -75,21 +83,72 @@ def write_validation_page(
         A damaged recording, or a full disk.
     """
     path = run.path / VALIDATION
-    plot = Plot(
-        "torque",
-        lambda: torques_over_time(most_demanding(stretches(model, recorded(run))), run.robot),
-        "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
-        " difference below.",
-        "Measured and predicted torque, after the low-pass; below it the residual. Of each axis the"
-        " recording that asks most of it.",
-    )
     _write(
         path,
         f"{run.robot.name}: validation",
         [(each.word, each.word, each.clause) for each in found.reasons],
-        (plot,),
+        tuple(_torques(model, [run])),
         (scores(found, notes),),
         simulated=run.journal.simulated,
+    )
+    return path
+
+
+def _torques(model: Model, runs: Sequence[Run], words: str = "") -> Iterator[Plot]:
+    """Measured and predicted torque, where anything of the runs can be predicted."""
+    found: dict[tuple[str, int], Stretch] = {}
+    for run in runs:
+        found |= stretches(model, recorded(run))
+    if found:
+        yield Plot(
+            "torque",
+            lambda: torques_over_time(most_demanding(found), model.robot),
+            "Measured and predicted torque of every axis over time with its interval of 95 %, and"
+            " their difference below.",
+            f"Measured and predicted torque, after the low-pass; below it the residual. {words}Of"
+            " each axis the recording that asks most of it.",
+        )
+
+
+def write_payload_page(
+    folder: Path, bare: Model | None, loaded: Sequence[Run], found: Load, kept: LoadFile
+) -> Path:
+    """Write the page of a load into its folder.
+
+    Parameters
+    ----------
+    bare : Model or None
+        Of the run without the load, whose friction the prediction has; None of one that does not
+        identify the robot.
+    loaded : sequence of Run
+        With the load.
+    found : Load
+    kept : LoadFile
+        The same with what else was found.
+
+    Raises
+    ------
+    FileError
+        A damaged recording, or a full disk.
+    """
+    path, robot, plots = folder / PAYLOAD, loaded[0].robot, tuple[Plot, ...]()
+    if bare is not None:
+        K = load_columns(robot).K
+        scatter = bare.scatter_covariance + K @ found.covariance @ K.T
+        carrying = replace(bare, values=found.p + K @ found.phi, scatter_covariance=scatter)
+        words = "Predicted with the load, and with the friction of the run without it. "
+        plots = tuple(_torques(carrying, loaded, words))
+    word = "doubtful" if found.is_loose or found.unidentifiable else "good"
+    first, *others = kept.verdict
+    notes = (*others, load_tables.goodness_of_fit(kept), load_tables.not_shown(kept))
+    quantities = replace(load_quantities(kept.load), notes=tuple(filter(None, notes)))
+    _write(
+        path,
+        f"{robot.name}: load",
+        [(word, word, first)],
+        plots,
+        (quantities, load_tables.changes(kept), load_tables.torque_constants(kept)),
+        simulated=any(run.journal.simulated for run in loaded),
     )
     return path
 

@@ -112,6 +112,15 @@ class TestLoad:
         assert f" {' '.join(heads)} z " in table
         assert re.search(r"p13 gravity of axis 5( −?\d+\.\d+){6} -sz6", table)
 
+    def test_its_own_page_shows_it_with_its_torques(self, kept, runs):
+        page = (runs / "loaded" / "payload.html").read_text()
+        assert re.search(r"<strong>\w+</strong> mass 10.86 kg as stated", page)
+        torque = page[page.index('id="plot-torque"') : page.index("<figcaption>")]
+        assert torque.count(">measured<") or torque.count("measured</span>")
+        assert [f"axis {k}, " in torque for k in range(1, 7)] == [True] * 6
+        assert "gravity of axis 5" in page
+        assert "A rigid load leaves" in page
+
     def test_its_tables_fit_a_terminal_of_80_columns(self, kept):
         for table in (changes(kept), quantities(kept.load), torque_constants(kept)):
             console = Console(file=io.StringIO(), width=80)
