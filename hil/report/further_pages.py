@@ -51,6 +51,8 @@ if TYPE_CHECKING:
 NOT_KNOWN = "not stated"
 VALIDATION, TRACKING, WATCH = "validation.html", "tracking.html", "watch.html"
 PAYLOAD = "payload.html"
+FIRST = 3
+"""Changes that stand above a history's charts in full, the clearest ones."""
 """Names of pages in the folders of what they are about."""
 
 
@@ -225,6 +227,8 @@ def write_history_page(path: Path, found: History) -> None:
     """Write the page, whole or not at all."""
     newest = found.runs[-1]
     changed = [("doubtful", "changed", sentence) for sentence in found.sentences(newest)]
+    if (further := len(changed) - FIRST) > 1:
+        changed[FIRST:] = [("doubtful", "changed", f"{further} further quantities, listed below")]
     unchanged = [("good", "unchanged", f"{newest.label}: nothing changed significantly")]
     _write(
         path,
@@ -273,12 +277,15 @@ def over_time(found: History, places: Sequence[int]) -> Chart:
 
 
 def _instants(found: History) -> tuple[np.ndarray, str]:
-    """Places of the runs along the axis: days, or their numbers where a run has no instant."""
+    """Places of the runs along the axis: days or hours; their numbers where one has no instant."""
     stamps = [run.measured for run in found.runs]
     if not all(stamps):
         return np.arange(1.0, len(stamps) + 1), "run"
     seconds = np.array([datetime.fromisoformat(stamp).timestamp() for stamp in stamps])
-    return (seconds - seconds[0]) / 86400.0, "days since the first run"
+    hours = (seconds - seconds[0]) / 3600.0
+    if np.ptp(hours) < 48.0:
+        return hours, "hours since the first run"
+    return hours / 24.0, "days since the first run"
 
 
 def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:

@@ -34,7 +34,7 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.intervals import SIGNIFICANT, combined_degrees
-from hil.results.rounding import rounded, signed, significant
+from hil.results.rounding import rounded, signed, significant, unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -124,8 +124,8 @@ class Change(NamedTuple):
         share = f" ({signed(significant(100 * self.relative, 2))} %)" if self.relative else ""
         return (
             f"{self.run}: {self.quantity.title} changed by {size} ± {half}"
-            f" {self.quantity.unit}{share} since {self.against}, p {_stated(self.adjusted)}; it may"
-            f" come from: {self.meaning}"
+            f" {unit(self.quantity.unit)}{share} since {self.against}, p {_stated(self.adjusted)};"
+            f" it may come from: {self.meaning}"
         )
 
 

@@ -32,8 +32,9 @@ def percent(part: float, whole: float) -> str:
 
 
 def significant(value: float, digits: int) -> str:
-    """Write a value with that many significant digits."""
-    return f"{value:#.{digits}g}".rstrip(".")
+    """Write a value with that many significant digits, in full below a million."""
+    text = f"{value:#.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text.rstrip(".")
 
 
 def clock(seconds: float) -> str:
