@@ -47,6 +47,7 @@ export class Curve {
     this.canvas.setAttribute('role', 'img');
     this.mark = document.createElement('div');
     this.mark.className = 'cursor';
+    this.mark.hidden = true;
     this.canvas.style.height = `${height}px`;
     this.mark.style.height = `${height - TOP - BOTTOM}px`;
     this.figure.append(this.caption, this.canvas, this.mark);
@@ -73,6 +74,7 @@ export class Curve {
 
   /** Mark an instant. */
   cursor(t) {
+    this.mark.hidden = false;
     this.mark.style.left = `${this._x(t)}px`;
     this.mark.style.top = `${this.canvas.offsetTop + TOP}px`;
   }

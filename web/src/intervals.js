@@ -30,10 +30,10 @@ export class Intervals {
   }
 
   _set(row, { value, half, share }) {
-    const known = half !== null;
+    const known = half !== null && share < WIDEST; // beyond the torque limit it says nothing
     row.value.textContent = known ? `${rounded(value, half)} ${row.unit}` : 'open';
-    row.half.textContent = known ? half.toPrecision(2).replace(/e\+?/, '·10^') : '–';
-    row.share.textContent = known ? percent(share) : '–';
+    row.half.textContent = known ? figure(half) : '–';
+    row.share.textContent = known ? figure(100 * share) : '–';
     const length = known ? Math.log(Math.max(share, NARROWEST) / NARROWEST) / Math.log(WIDEST / NARROWEST) : 1;
     row.bar.style.width = `${100 * Math.min(Math.max(length, 0.01), 1)}%`;
     row.bar.classList.toggle('open', !known);
@@ -46,6 +46,8 @@ function rounded(value, half) {
   return value.toFixed(places).replace('-', '−');
 }
 
-function percent(share) {
-  return 100 * share >= 100 ? '> 100' : (100 * share).toPrecision(2).replace(/e-.*/, '').slice(0, 7);
+/** Two significant digits, never with an exponent. */
+function figure(value) {
+  const places = Math.min(Math.max(1 - Math.floor(Math.log10(value || 1)), 0), 6);
+  return value.toFixed(places);
 }

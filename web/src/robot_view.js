@@ -230,7 +230,7 @@ export class RobotView {
     const radius = Math.max(...joints.map(({ capsule: { radius: each } }) => each));
     const wanted = Math.max(1.3 * (Math.max(...far) + 2 * radius), 0.3 * reach);
     const size = Math.max(Math.min(wanted, reach), 4 * radius);
-    return { middle: this.up.clone().multiplyScalar(0.25 * size), size };
+    return { middle: this.up.clone().multiplyScalar(0.12 * size), size };
   }
 
   _parts(part) {

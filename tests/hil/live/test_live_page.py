@@ -132,7 +132,12 @@ def test_friction_so_far_stands_beside_its_axis(browser: Chrome, page: Served) -
 
 PARAMETERS = [
     {"name": "p1", "meaning": "inertia of axis 1", "expression": "Izz1 + m3", "unit": "kg m2"},
-    {"name": "p2", "meaning": "gravity of axis 2", "expression": "sx2", "unit": "kg m"},
+    {
+        "name": "p13",
+        "meaning": "product of inertia xz of link 2",
+        "expression": "sx2",
+        "unit": "kg m2",
+    },
 ]
 
 
@@ -383,7 +388,9 @@ def test_everybody_can_use_it(browser: Chrome, page: Served, width: int, scheme:
     page.publish("note", text="joint 3 warms up")
     page.publish("fault", text="joint 2: following error; check the brake")
     page.publish("level", axis=1, level=51.2, speed=0.4, count=2, least=49.0, most=51.2)
+    page.publish("estimate", **estimate(0.00052, None))
     until(browser, lambda: text(browser, "fault"))
+    until(browser, lambda: "product of inertia" in text(browser, "intervals"))
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []
     assert browser.execute_script(ENDS) <= width
