@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from hil.results.problem import regression
     from hil.runs.run import Run
     from hil.tasks.exporting import export
-    from hil.tasks.judging import compare, validate
+    from hil.tasks.judging import accept, compare, draft_limits, fit_friction, validate
     from hil.tasks.measuring import dry_run, measure
     from hil.tasks.plans import plan
 
@@ -51,12 +51,15 @@ __all__ = [
     "Model",
     "Robot",
     "Run",
+    "accept",
     "available_robots",
     "base_parameters",
     "compare",
+    "draft_limits",
     "dry_run",
     "errors",
     "export",
+    "fit_friction",
     "gravity_torque",
     "identify",
     "import_recordings",
@@ -79,11 +82,14 @@ _LATER = {
     "Model": "hil.results.model",
     "Robot": "hil.model.robot",
     "Run": "hil.imports.arrays",
+    "accept": "hil.tasks.judging",
     "available_robots": "hil.model.robot",
     "base_parameters": "hil.model.base_parameters",
     "compare": "hil.tasks.judging",
+    "draft_limits": "hil.tasks.judging",
     "dry_run": "hil.tasks.measuring",
     "export": "hil.tasks.exporting",
+    "fit_friction": "hil.tasks.judging",
     "gravity_torque": "hil.model.dynamics",
     "identify": "hil.results.identification",
     "import_recordings": "hil.imports.importing",

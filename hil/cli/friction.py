@@ -36,18 +36,16 @@ def friction(
     """
     with working("reading the run") as now:
         from hil.estimation.friction.symmetry import BOUND
-        from hil.results.friction import evaluate
         from hil.results.friction_file import NAME, write_friction
         from hil.results.tables import friction as tables
         from hil.results.tables.terminal import show_remark
-        from hil.runs.pooling import recorded
         from hil.runs.run import Run
+        from hil.tasks.judging import fit_friction
 
         refuse_unwritable(folder / NAME)
         run = Run.open(folder)
-        bound = BOUND if asymmetry is None else asymmetry
         now("fitting models of friction")
-        found = evaluate(run, list(recorded(run)), model, bound)
+        found = fit_friction(run, model, BOUND if asymmetry is None else asymmetry)
     path = write_friction(run, found)
     say_simulated(run)
     show(tables.models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts))

@@ -215,14 +215,13 @@ def accept(
 
 
 def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.results.acceptance import draft, write_limits
-    from hil.results.model import Model
-    from hil.runs.run import Run
+    from hil.results.acceptance import write_limits
+    from hil.tasks.judging import draft_limits
 
     refuse_existing(output)
     refuse_no_folder(output)
     with working("reading the run"):
-        found = draft(Run.open(folder), Model.load(folder), factor)
+        found = draft_limits(folder, factor)
     write_limits(output, found)
     say(f"{len(found.quantities) + len(found.residual)} limits in {output}; set them to what the"
         " series may vary by")  # fmt: skip
@@ -233,19 +232,20 @@ def _accept(
 ) -> None:
     from checked_files.yaml_file import load_yaml
     from hil.report.further_pages import write_acceptance_page
-    from hil.results.acceptance import Limits, checked, judge, write_junit
-    from hil.results.model import Model
+    from hil.results.acceptance import Limits, checked, write_junit
     from hil.runs.atomic_file import file_errors
     from hil.runs.run import Run
+    from hil.tasks.judging import accept as judged
 
     bounds = load_yaml(limits, Limits)
     with file_errors(output, "made"):
         output.mkdir(parents=True, exist_ok=True)
     with working("judging the run by the limits"):
-        run, model = Run.open(folder), Model.load(folder)
-        found = judge(run, model, bounds)
+        run = Run.open(folder)
+        found = judged(run, bounds)
         write_acceptance_page(output / PAGE, run, found, stated)
-    write_junit(output / JUNIT, run.robot.name, model.provenance.measured, found)
+    measured = run.journal.sessions[-1].started if run.journal.sessions else ""
+    write_junit(output / JUNIT, run.robot.name, measured, found)
     say_simulated(run)
     show(checked(found))
     say_judgement(found, f"page in {output / PAGE}")

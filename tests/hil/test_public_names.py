@@ -142,6 +142,20 @@ def test_figures_are_those_of_a_page(campaign: Path, tmp_path: Path) -> None:
     assert figure.save(tmp_path / "p.svg").read_text() == figure.svg
 
 
+def test_a_run_is_accepted_by_limits_that_it_drafted(campaign: Path) -> None:
+    model = hil.identify(campaign)
+    model.save(campaign / "model.yaml")
+    limits = hil.draft_limits(campaign).model_copy(update={"outcome": "failed"})  # a small run
+    found = hil.accept(campaign, limits)
+    assert (found.word, len(found.checks) > 30) == ("good", True)
+    narrow = limits.quantities[0].model_copy(update={"most": limits.quantities[0].least})
+    assert (
+        hil.accept(campaign, limits.model_copy(update={"quantities": (narrow,)})).word == "failed"
+    )
+    with pytest.raises(hil.errors.NotEnoughData, match="friction"):
+        hil.fit_friction(campaign)
+
+
 def test_a_model_is_a_table(campaign: Path) -> None:
     table = hil.identify(campaign).to_dataframe()
     assert list(table.columns) == [
