@@ -51,9 +51,9 @@ if TYPE_CHECKING:
 NOT_KNOWN = "not stated"
 VALIDATION, TRACKING, WATCH = "validation.html", "tracking.html", "watch.html"
 PAYLOAD = "payload.html"
+"""Names of pages in the folders of what they are about."""
 FIRST = 3
 """Changes that stand above a history's charts in full, the clearest ones."""
-"""Names of pages in the folders of what they are about."""
 
 
 def _write(
