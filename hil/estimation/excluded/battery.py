@@ -189,9 +189,11 @@ class Battery:
     @cached_property
     def common(self) -> dict[int, Common]:
         """What the causes of each axis have in common; those of no axis are as all are."""
-        none, enlarged = np.zeros((len(self._residual), 0)), self._enlarged[:, :1]
+        scores = self._by_group(self._left * self._enlarged[:, :1])
         return {
-            int(axis): self._common(int(axis), own, self._left[:, own], none, enlarged)
+            int(axis): self._shared(
+                int(axis), own, scores[:, own], self.shares[:, own], self.information[own]
+            )
             for axis in np.unique(self._axis)
             for own in [self._of(int(axis))]
         }
@@ -314,14 +316,19 @@ class Battery:
 
     def _common(self, axis: int, own: Indices, D: Array, U: Array, enlarged: Array) -> Common:
         """What columns D of an axis, numbered `own`, have in common beside U."""
-        before = self.information[own]
         D = D - U @ (U.T @ D)
         information = np.einsum("ij,ij->j", D, D)
-        seen = information > SPAN * before
+        scores, shares = self._by_group(D * enlarged), self._by_group(D**2)
+        return self._shared(axis, own, scores, shares, information)
+
+    def _shared(
+        self, axis: int, own: Indices, scores: Array, shares: Array, information: Array
+    ) -> Common:
+        """The same of their scores and information by group, shape (n_groups, n_own)."""
+        seen = information > SPAN * self.information[own]
         if not seen.any():
             return Common(1.0, 0.0)
-        D, information = D[:, seen], information[seen]
-        scores, shares = self._by_group(D * enlarged), self._by_group(D**2)
+        scores, shares, information = scores[:, seen], shares[:, seen], information[seen]
         left = scores - shares / information * scores.sum(axis=0)
         phi, degrees = _dispersion(left, shares, information)
         several = degrees >= ALMOST_NONE

@@ -38,15 +38,15 @@ from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS, split_tie
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
 
 Key = tuple[str, int]
 """A cause and its axis, from 0; -1 where it concerns none. Torques that repeat bear their order."""
-STEP = 1e-4
-"""Of central differences, in units of the column: rounding and third derivatives cost 1e-8 each."""
+STEP = 1e-7
+"""Of differences, in units of the column: rounding and second derivatives cost some 1e-8 each."""
 ORDERS = range(1, 13)
 """How often a turn a torque may repeat: teeth of a bearing or a belt, and the spring of a
 counterweight, once."""
@@ -115,15 +115,16 @@ class _Rows:
         """With that of the motors."""
         return self.torque(*motion) + self._own(motor_torque(self.robot, *motion))
 
-    def along(self, function: Callable[..., Array], axis: int, *of: Array | float) -> Array:
-        """Derivative where position, speed and acceleration of an axis change by `of`."""
-        sides = []
-        for sign in (1.0, -1.0):
-            motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
-            for x, change in zip(motion, of, strict=True):
-                x[:, axis] += sign * STEP * change
-            sides.append(function(*motion))
-        return (sides[0] - sides[1]) / (2.0 * STEP)
+    def along(self, axis: int, *of: Array | float) -> tuple[Array, Array]:
+        """Derivatives where position, speed and acceleration of an axis change by `of`.
+
+        Of the torque of the rigid bodies, and of that of the motors.
+        """
+        motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
+        for x, change in zip(motion, of, strict=True):
+            x[:, axis] += STEP * change
+        bodies, motor = self.torque(*motion), self._own(motor_torque(self.robot, *motion))
+        return (bodies - self.rigid) / STEP, (motor - self.motor) / STEP
 
     @cached_property
     def by_time(self) -> Array:
@@ -206,8 +207,8 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         turns = bool(robot.revolute[axis])
         q, qd, qdd = (x[:, axis] for x in (rows.q, rows.qd, rows.qdd))
         unit = np.pi / 180 if turns else 1e-3
-        by_position = unit * rows.along(rows.whole, axis, 1.0, 0.0, 0.0)
-        scale = rows.along(rows.torque, axis, q, qd, qdd)
+        by_position = unit * np.add(*rows.along(axis, 1.0, 0.0, 0.0))
+        scale, _ = rows.along(axis, q, qd, qdd)
         yield at["zero"], by_position
         yield at["position scale"], 0.01 * (scale + mine * rows.motor)
         yield at["gear ratio"], -0.01 * (scale + mine * rows.rigid)
