@@ -8,10 +8,11 @@ are campaigns of eight minutes and a minute of free motion of other robots' twin
     python benchmarks/excluded.py [ROW ...] [--seed 900] [--clean 20] [--keep FOLDER]
 
 Rows: ``flaws`` (20 flaws of three sizes each), ``far`` (what no derivative shows), ``clean``,
-``sizes`` (each cause at its stated size, added to a clean run as its column), ``time``, ``axes``
-(on which axes of a clean run a mistake shows at all), ``distinguish`` (zeros and a load by the plan
-as it is and by one that is to distinguish them), ``runs`` (in the folder of `benchmarks.paper` or
-of its like, a plant's file beside its runs: none of them holds a cause that is not accounted for).
+``sizes`` (each cause at its stated size, added to a clean run as its column), ``time``, ``gears``
+(plants whose gears are soft, which is no cause), ``axes`` (on which axes of a clean run a mistake
+shows at all), ``distinguish`` (zeros and a load by the plan as it is and by one that is to
+distinguish them), ``runs`` (in the folder of `benchmarks.paper` or of its like, a plant's file
+beside its runs: none of them holds a cause that is not accounted for).
 Wrong maps are those of `wrong_maps`. Every row states how often *good* was off by more than three
 times its stated error.
 """
@@ -38,15 +39,15 @@ from twin_recordings import ROBOTS, Load, TwinRecorder
 
 from hil.errors import HilError
 from hil.estimation.drive_train import CERTAIN
+from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import across_gravity, columns
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
+from hil.estimation.excluded.limits import smallest as smallest_of
 from hil.estimation.excluded.proof import proved
 from hil.estimation.excluded.result import located
 from hil.estimation.identify import estimate
-from hil.estimation.signals import signals
-from hil.estimation.simultaneous import SimultaneousFit
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
@@ -63,6 +64,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.excluded.evidence import Evidence
     from hil.estimation.excluded.result import Excluded, Found
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
@@ -80,6 +83,8 @@ SIZES = (1 / 3, 1.0, 3.0)
 """Of the smallest size that is stated."""
 NAMED = ("first", "same", "accounted for", "other", "nothing")
 """Alone or before others, as the same in these data, fitted by the estimate, another cause."""
+GEARS = (80.0, 45.0, 20.0)
+"""Natural frequencies of all gears, motor held [Hz]."""
 ARM = 0.2
 """Of a load, across the last axis [m]."""
 
@@ -121,7 +126,7 @@ def _spring(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
 
 
 def _mesh(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
-    tau[:, k] += size * np.sin(12 * q[:, k])
+    tau[:, k] += size * np.sin(MESH * q[:, k])
 
 
 def _clip(_q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
@@ -147,6 +152,8 @@ def _clean(*_: object) -> None:
 
 HALF_WAY = 240.0
 """Of a campaign [s]."""
+MESH = 12
+"""Times a turn that a torque repeats."""
 RECORDED: dict[str, Change] = {
     "zero": _zero, "position scale": _scale, "gear ratio": _gear, "torque constant": _constant,
     "drift of torque constant": _drift, "late position": _late, "slip": _slip, "spring": _spring,
@@ -201,8 +208,15 @@ def _rub(plant: Plant, axis: int, size: float) -> None:
     plant["axes"][axis - 1]["friction"]["load"] = size / 100
 
 
+def _soften(plant: Plant, _axis: int, size: float) -> None:
+    plant["step"] = 0.0005  # a lone link between two gears swings several times as fast
+    for each in plant["axes"]:
+        own = each["drive"]
+        own["stiffness"] = own["load_inertia"] * (math.tau * size) ** 2
+
+
 PLANTS: dict[str, Callable[[Plant, int, float], None]] = {
-    "load": _load, "play": _play, "friction of the load": _rub,
+    "load": _load, "play": _play, "friction of the load": _rub, "gears": _soften,
 }  # fmt: skip
 FLAWS = (
     ("", "zero", 2), ("", "zero", 3), ("", "position scale", 3), ("", "gear ratio", 2),
@@ -386,10 +400,30 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
 
 
 def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
-    """Smallest size that is stated; of a load the first moment across the axis."""
+    """Smallest size that is stated; of a load the first moment across the axis.
+
+    What is stated of a slip and of a torque that repeats is that of the instant and of the order
+    that hardly show: `of_parts` has those of the flaws.
+    """
     own = [each for each in (proof.limits if proof else ())
            if each.cause == cause and each.axis == axis and each.part in ("", "sx6")]  # fmt: skip
     return min((each.size for each in own if each.size is not None), default=0.0)
+
+
+def of_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
+    """Smallest sizes of the slip half-way and of the torque that repeats, by cause and axis."""
+    run, found, evidence = rows_of(folder, seed)
+    every = columns(run.robot, found.p, evidence)
+    battery = Battery(evidence, every, every.fitted)
+    n_tests = sum(battery.visible[at].any() for at in every.tests.values())
+    of = {"slip": "slip", "repeats": f"repeats {MESH}"}
+    sizes = {}
+    for cause, axis in ((cause, axis) for _, cause, axis in FLAWS if cause in of):
+        at = every.tests[of[cause], axis - 1]
+        each = smallest_of(battery, at, int(n_tests))
+        away = [abs(float(every.names[k].part) - HALF_WAY) if cause == "slip" else 0 for k in at]
+        sizes[cause, axis] = float(each[int(np.argmin(away))])
+    return sizes
 
 
 def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
@@ -397,8 +431,11 @@ def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[S
     clean = {}
     for twin in dict.fromkeys(twin for twin, *_ in FLAWS):
         clean[twin] = said(folder, Case(twin, "", 0, 0.0, 0.0, seed)).proof
+    own = of_parts(folder, seed)
+    least = [own.get((cause, axis)) or smallest(clean[twin], cause, axis)
+             for twin, cause, axis in FLAWS]  # fmt: skip
     cases = [
-        Case(twin, cause, axis, times, times * smallest(clean[twin], cause, axis), seed + 1 + k)
+        Case(twin, cause, axis, times, times * least[k], seed + 1 + k)
         for k, (twin, cause, axis) in enumerate(FLAWS)
         for times in SIZES
     ]
@@ -406,8 +443,8 @@ def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[S
     cases = [c if c.cause in PLANTS and not c.twin else c._replace(seed=seed) for c in cases]
     count: dict[float, list[str]] = {times: [] for times in SIZES}
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
-        own = [c for c in cases if c.cause in PLANTS and not c.twin and c.size]
-        list(threads.map(lambda case: campaign(folder, case.seed, case), own))
+        plants = [c for c in cases if c.cause in PLANTS and not c.twin and c.size]
+        list(threads.map(lambda case: campaign(folder, case.seed, case), plants))
     print("| flaw | times | size | named | first | word |\n|---|---|---|---|---|---|")
     for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
         named = each.named(case)
@@ -472,6 +509,18 @@ def show_runs(folder: Path, pool: ProcessPoolExecutor) -> Iterator[Said]:
         yield from every
 
 
+def show_gears(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int) -> Iterator[Said]:
+    """Print what is named where gears are soft, which the estimate takes into account."""
+    for frequency in GEARS:
+        cases = [Case("", "gears", 0, frequency, frequency, seed + 100 + k) for k in range(n)]
+        every = list(pool.map(partial(said, folder), cases))
+        alarms = [each for each in every if each.found]
+        print(f"gears of {frequency:g} Hz: causes found in {len(alarms)} of {n}", flush=True)
+        for each in alarms[:3]:
+            print(f"  {each.word}: {'; '.join(map(str, each.found))[:300]}", flush=True)
+        yield from every
+
+
 def show_sizes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
     """Print how often a cause of the stated smallest size is found."""
     several = range(seed + 100, seed + 104)
@@ -484,15 +533,17 @@ def show_sizes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
         )
 
 
+def rows_of(folder: Path, seed: int) -> tuple[Run, Estimate, Evidence]:
+    """A clean run, its estimate, and the rows that causes are tested on."""
+    run = campaign(folder, seed)
+    found = estimate(run.robot, list(Pooled([run])))
+    assert found.joint is not None
+    return run, found, measured(run.robot, found.joint.solver, found.joint.prepared)
+
+
 def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
     """Of a clean run: causes tried, share in which any is found, and in which it is among them."""
-    run = campaign(folder, seed)
-    recorded = list(Pooled([run]))
-    found = estimate(run.robot, recorded)
-    assert found.drive_train is not None
-    prepared = [(motion, found.drive_train.applied(run.robot, signals(recording)))
-                for motion, recording in recorded if shows_parameters(motion)]  # fmt: skip
-    evidence = measured(run.robot, SimultaneousFit(run.robot, prepared), prepared)
+    run, found, evidence = rows_of(folder, seed)
     every, rng = columns(run.robot, found.p, evidence), np.random.default_rng(seed)
     clean = excluded(run.robot, found.p, evidence)
     visible = [each for each in clean.limits if each.size is not None and each.cause != "repeats"]
@@ -562,33 +613,31 @@ def show_honest(every: Sequence[Said]) -> None:
 def main() -> None:
     """Measure, identify, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
-    rows = ("flaws", "far", "clean", "sizes", "time", "axes", "distinguish", "runs")
-    parser.add_argument("rows", nargs="*", metavar="ROW", default=rows[:5])
+    parser.add_argument("rows", nargs="*", metavar="ROW", default=["flaws", "far", "clean", "sizes",
+                                                                   "time"])  # fmt: skip
     parser.add_argument("--seed", type=int, default=900)
     parser.add_argument("--clean", type=int, default=20, help="clean campaigns, as many twins")
     parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")
     given, every = parser.parse_args(), []
     with tempfile.TemporaryDirectory() as temporary, ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
-        folder = given.keep or Path(temporary)
+        folder, seed, n = given.keep or Path(temporary), given.seed, given.clean
         folder.mkdir(parents=True, exist_ok=True)
-        if "runs" in given.rows:
-            every += list(show_runs(folder, pool))
         if set(given.rows) - {"runs"} and not (folder / "plan.yaml").exists():
             hil("plan", ROBOT, "-o", folder / "plan.yaml", *PLAN)
-        if "flaws" in given.rows:
-            every += list(show_flaws(folder, pool, given.seed))
-        if "far" in given.rows:
-            every += list(show_far(folder, pool, given.seed))
-        if "clean" in given.rows:
-            every += list(show_clean(folder, pool, given.seed, given.clean))
-        if "sizes" in given.rows:
-            show_sizes(folder, pool, given.seed)
-        if "time" in given.rows:
-            show_time(folder, given.seed)
-        if "axes" in given.rows:
-            show_axes(folder, pool, given.seed)
-        if "distinguish" in given.rows:
-            show_distinguish(folder, pool, given.seed, given.clean)
+        rows: dict[str, Callable[[], Iterator[Said] | None]] = {
+            "runs": lambda: show_runs(folder, pool),
+            "flaws": lambda: show_flaws(folder, pool, seed),
+            "far": lambda: show_far(folder, pool, seed),
+            "clean": lambda: show_clean(folder, pool, seed, n),
+            "gears": lambda: show_gears(folder, pool, seed, n),
+            "sizes": lambda: show_sizes(folder, pool, seed),
+            "time": lambda: show_time(folder, seed),
+            "axes": lambda: show_axes(folder, pool, seed),
+            "distinguish": lambda: show_distinguish(folder, pool, seed, n),
+        }
+        for name, row in rows.items():
+            if name in given.rows:
+                every += list(row() or ())
         show_honest(every)
 
 
