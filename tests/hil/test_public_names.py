@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_run import write_run
+from small_run import identified_model, write_run
 
 import hil
 
@@ -90,8 +90,8 @@ def test_a_subset_of_measurements_is_identified(campaign: Path) -> None:
         run.only(kind="walk")
 
 
-def test_friction_over_time_is_known_of_a_loaded_model_too(campaign: Path, tmp_path: Path) -> None:
-    model = hil.identify(campaign)
+def test_friction_over_time_is_known_of_a_loaded_model_too(tmp_path: Path) -> None:
+    model = identified_model()
     model.save(tmp_path / "model.yaml")
     loaded = hil.Model.load(tmp_path / "model.yaml")
     time, level = model.friction_over_time(2)
@@ -116,7 +116,7 @@ def test_a_monte_carlo_study_needs_no_folders(campaign: Path, tmp_path: Path) ->
 
 def test_two_models_are_compared(campaign: Path) -> None:
     run = hil.Run.open(campaign)
-    one, two = hil.identify(run), hil.identify(run, "published")
+    one, two = identified_model(), hil.identify(run, "published")
     found = hil.compare(one, two)
     assert np.allclose(found.difference, one.values - two.values)
     assert "difference" in str(found)
@@ -133,7 +133,7 @@ def test_a_plan_is_made_checked_and_refused() -> None:
 
 
 def test_figures_are_those_of_a_page(campaign: Path, tmp_path: Path) -> None:
-    model = hil.identify(campaign)
+    model = identified_model()
     for figure in (
         hil.plot_torque(model, campaign), hil.plot_friction(model), hil.plot_parameters(model),
     ):  # fmt: skip
@@ -156,8 +156,8 @@ def test_a_run_is_accepted_by_limits_that_it_drafted(campaign: Path) -> None:
         hil.fit_friction(campaign)
 
 
-def test_a_model_is_a_table(campaign: Path) -> None:
-    table = hil.identify(campaign).to_dataframe()
+def test_a_model_is_a_table() -> None:
+    table = identified_model().to_dataframe()
     assert list(table.columns) == [
         "value", "standard_error", "low", "high", "unit", "meaning", "expression",
     ]  # fmt: skip

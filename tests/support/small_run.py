@@ -13,10 +13,11 @@ from drivers.drive_bus import AxisInfo
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.report.charts.chart import Chart
-from hil.results.identification import identify
+from hil.results import findings
 from hil.results.model_file import NAME
 from hil.runs.journal import BusName, axis_records
 from hil.runs.recording_file import Measured
+from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
 
 COUNTS = {"gravity": 12, "inertia": 24, "coupling": 3}
@@ -28,8 +29,18 @@ def write_run(path, robot, truth=None, seed=1, more=()):
     """Write a whole run of a small plan; friction decays and has an offset.
 
     `truth`: the robot as it is and its base parameters, if it is not as its file says.
-    `more`: measurements that the plan has besides.
+    `more`: measurements that the plan has besides. Without either it is a copy of one that is
+    recorded once a process.
     """
+    if truth is None and not more:
+        if not (kept := _place() / f"{robot.digest}-{seed}").exists():
+            _write(kept, robot, None, seed, ())
+        shutil.copytree(kept, path, dirs_exist_ok=True)
+        return RunFolder.open(path)
+    return _write(path, robot, truth, seed, more)
+
+
+def _write(path, robot, truth, seed, more):
     machine, p = truth or (robot, TABLE_3_A)
     plan = design(robot, COUNTS)
     plan = plan.model_copy(update={"measurements": (*plan.measurements, *more)})
@@ -49,28 +60,32 @@ def write_run(path, robot, truth=None, seed=1, more=()):
     return folder
 
 
-@cache
 def identified_model(seed=1):
     """The model of `write_run`'s small run of the manutec-r15, estimated once a process."""
-    return identify(RunFolder.open(_identified(seed)))
+    return _identified(seed)[1]
 
 
 def identified_run(path, seed=1):
-    """Put a copy of that run with its model at `path`; return that."""
-    shutil.copytree(_identified(seed), path)
-    identified_model(seed).save(path / NAME)
+    """Put a copy of that run with its model and all that was found at `path`; return that."""
+    kept, model = _identified(seed)
+    shutil.copytree(kept, path)
+    model.save(path / NAME)
     return path
 
 
 @cache
 def _identified(seed):
-    place = tempfile.TemporaryDirectory()
-    _KEPT.append(place)
-    return write_run(Path(place.name) / "run", load_robot("manutec-r15"), seed=seed).path
+    run = write_run(_place() / f"identified-{seed}" / "run", load_robot("manutec-r15"), seed=seed)
+    return run.path, findings.identify_and_keep(Run.open(run.path), "improved").model
 
 
-_KEPT = []
-"""Folders that are there until this process ends."""
+@cache
+def _temporary():
+    return tempfile.TemporaryDirectory()  # until this process ends
+
+
+def _place():
+    return Path(_temporary().name)
 
 
 def as_on_hardware(journal, bus):

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from small_run import write_run
 
-import hil.model.recursion  # noqa: F401 - else it is loaded in between, and rounds differently
 from checked_files.yaml_file import FileError
 from hil.cli import main
 from hil.estimation.identify import estimate

@@ -118,7 +118,8 @@ def test_a_plan_finds_the_file_of_its_robot_again(
     text = (ROBOTS / "manutec-r15.yaml").read_text().replace("name: manutec-r15", "name: mine")
     (robots / "mine.yaml").write_text(text)
     plan = plans / "plan.yaml"
-    assert hil("plan", robots / "mine.yaml", "-o", plan, "--gravity", 8)[0] == 0
+    few = ("--gravity", 4, "--inertia", 10, "--coupling", 1)
+    assert hil("plan", robots / "mine.yaml", "-o", plan, *few)[0] == 0
     assert "file: ../robots/mine.yaml" in plan.read_text()
     monkeypatch.chdir(robots)
     status, out, err = hil("dry-run", plan)

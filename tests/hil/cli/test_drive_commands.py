@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import pytest
 from probing_bench import DRIVES
 from rich.console import Console
-from small_run import write_run
+from small_run import identified_run
 
 from drivers.commissioning.verdict import Grade, Verdict
 from hil.cli import commissioning
-from hil.results.identification import identify
 from hil.terminal.keys import Keys, TerminalOperator
 
 if TYPE_CHECKING:
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from command_line import Hil
-
-    from hil.model.robot import Robot
 
 
 @pytest.fixture
@@ -40,11 +37,9 @@ def file_with(tmp_path: Path) -> Callable[[str, str], Path]:
 
 
 def test_an_identified_run_of_the_robot_shows_which_way_its_joints_turn(
-    hil: Hil, manutec: Robot, tmp_path: Path
+    hil: Hil, tmp_path: Path
 ) -> None:
-    run = write_run(tmp_path / "run", manutec)
-    identify(run).save(run.path / "model.yaml")
-    model = ("--model", tmp_path / "run")
+    model = ("--model", identified_run(tmp_path / "run"))
     status, out, _ = hil("drives", "check", "manutec-r15", *model, "--angle", 2, "--yes")
     assert status == 0
     assert re.search(r"ok +direction of the joint +confirmed, gravity", out)

@@ -108,7 +108,7 @@ def test_every_command_writes_json(
     line: str, hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    hil("plan", "manutec-r15", "--gravity", 8, "--inertia", 12, "-o", "plan.yaml")
+    hil("plan", "manutec-r15", "--gravity", 4, "--inertia", 10, "--coupling", 1, "-o", "plan.yaml")
     found = json.loads(hil(*line.split(), "--json")[1])
     assert found.get("tables") or found.get("points")
 
@@ -122,7 +122,7 @@ def test_what_is_refused_writes_no_json(hil: Hil) -> None:
 @pytest.mark.parametrize("words", [("-q", "plan"), ("plan", "-q")])
 def test_quiet_leaves_messages_out(hil: Hil, tmp_path: Path, words: tuple[str, ...]) -> None:
     plan = tmp_path / "plan.yaml"
-    arguments = ("manutec-r15", "--gravity", 8, "-o", plan)
+    arguments = ("manutec-r15", "--gravity", 4, "--inertia", 10, "--coupling", 1, "-o", plan)
     assert hil(*words, *arguments)[:2] == (0, "")
     assert "total" in hil("dry-run", plan, "-q")[1]
     assert out.messages is False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from small_run import write_run
+from small_run import identified_run
 
 from hil.runs.run import Run
 from hil.tasks.plans import KINDS, Unsuited, designed
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from command_line import Hil
 
-    from hil.model.robot import Robot
 
 ROBOT = "manutec-r15"
 
@@ -36,11 +35,11 @@ ROBOT = "manutec-r15"
     ],
 )
 def test_options_of_another_kind_are_refused_with_the_reason(
-    line: str, why: str, hil: Hil, tmp_path: Path, manutec: Robot
+    line: str, why: str, hil: Hil, tmp_path: Path
 ) -> None:
     words = line.split()
     if "RUN" in words:
-        words[words.index("RUN")] = str(write_run(tmp_path / "run", manutec).path)
+        words[words.index("RUN")] = str(identified_run(tmp_path / "run"))
     if "cell.yaml" in words:
         (tmp_path / "cell.yaml").write_text("boxes: []\n")
         words[words.index("cell.yaml")] = str(tmp_path / "cell.yaml")
@@ -56,10 +55,8 @@ def test_a_robot_is_needed(kind: str, hil: Hil, tmp_path: Path) -> None:
     assert (status, "give a robot" in err) == (2, True)
 
 
-def test_a_load_s_plan_is_made_beside_a_run_without_it(
-    hil: Hil, tmp_path: Path, manutec: Robot
-) -> None:
-    run, plan = write_run(tmp_path / "run", manutec).path, tmp_path / "slow.yaml"
+def test_a_load_s_plan_is_made_beside_a_run_without_it(hil: Hil, tmp_path: Path) -> None:
+    run, plan = identified_run(tmp_path / "run"), tmp_path / "slow.yaml"
     status, _, err = hil("plan", "--kind", "load", "--model", run, "--at-most", 500, "-o", plan)
     assert (status, "a load of 500 kg" in err, "lighter load" in err) == (1, True, True)
     status, _, err = hil("plan", "--kind", "load", "-o", plan)

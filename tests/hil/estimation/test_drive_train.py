@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from hil.estimation.estimate import Estimate
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
@@ -109,29 +110,28 @@ class TestSoftGears:
 
 
 class TestLoadFriction:
-    def test_its_share_is_a_result(
-        self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]
-    ) -> None:
-        found = estimate(manutec, [(m, loaded(manutec, r)) for m, r in recorded])
+    @pytest.fixture(scope="class")
+    def found(self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]) -> Estimate:
+        return estimate(manutec, [(m, loaded(manutec, r)) for m, r in recorded])
+
+    def test_its_share_is_a_result(self, found: Estimate) -> None:
         mu, error = found.load_friction
         assert mu[:3] == pytest.approx(MU[:3], abs=2e-3)
         assert (np.abs(mu - MU) < 4 * error).all()
 
     def test_parameters_hold_no_part_of_it(
-        self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]
+        self,
+        manutec: Robot,
+        recorded: Sequence[tuple[Measurement, Recording]],
+        found: Estimate,
     ) -> None:
-        plain, other = (
-            np.abs(estimate(manutec, run).p - TABLE_3_A)
-            for run in (recorded, [(m, loaded(manutec, r)) for m, r in recorded])
-        )
+        without = estimate(manutec, recorded)
+        plain, other = (np.abs(each.p - TABLE_3_A) for each in (without, found))
         assert np.linalg.norm(other) < 2 * np.linalg.norm(plain)
 
-    def test_it_makes_no_current_late(
-        self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]
-    ) -> None:
+    def test_it_makes_no_current_late(self, found: Estimate) -> None:
         """Where an axis changes from driving to braking, the load's friction has a corner too."""
-        found = estimate(manutec, [(m, loaded(manutec, r)) for m, r in recorded]).drive_train
-        assert np.abs(found.lag[MU > 0]).max() < 4e-5
+        assert np.abs(found.drive_train.lag[MU > 0]).max() < 4e-5
 
     def test_axes_without_it_have_no_columns_for_it(
         self, manutec: Robot, prepared: Prepared

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from small_run import as_on_hardware, write_run
+from small_run import as_on_hardware, identified_model, write_run
 from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import FileError
@@ -18,7 +18,6 @@ from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import compare, comparison
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
-from hil.results.identification import identify
 from hil.results.prediction import free_motion
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -192,7 +191,7 @@ class TestCommand:
 
     def test_a_model_of_two_runs_is_not_judged_by_one(self, run, tmp_path, console, manutec):
         shutil.copytree(run, tmp_path / "run")
-        model = identify(Run.open(run))
+        model = identified_model()
         of_two = model.provenance.model_copy(update={"together_with": ("second",)})
         replace(model, provenance=of_two).save(tmp_path / "run" / "model.yaml")
         with pytest.raises(Mismatch, match=r"made from 2 runs, .* --with second"):

@@ -12,9 +12,8 @@ from html import unescape
 import numpy as np
 import pytest
 from inflating import inflated
-from small_run import as_on_hardware, empty_plots, write_run
+from small_run import as_on_hardware, empty_plots, identified_run
 
-import hil.model.recursion  # noqa: F401 - else it is loaded in between, and rounds differently
 from hil import cli
 from hil.errors import NotIdentifiable
 from hil.estimation.estimate import LeftOut
@@ -34,6 +33,7 @@ from hil.results.tables.html import symbols
 from hil.runs.pooling import recorded
 from hil.runs.recording import Finding
 from hil.runs.run import Run
+from hil.runs.run_folder import RunFolder
 
 TITLE_OF_P11 = "inertia of link 5, x less y (p11)"
 PLOTS = {
@@ -50,8 +50,10 @@ PLOTS = {
 
 
 @pytest.fixture(scope="module")
-def folder(manutec, tmp_path_factory):
-    return write_run(tmp_path_factory.mktemp("report") / "run", manutec)
+def folder(tmp_path_factory):
+    path = identified_run(tmp_path_factory.mktemp("report") / "run")
+    (path / "model.yaml").unlink()
+    return RunFolder.open(path)
 
 
 @pytest.fixture(scope="module")

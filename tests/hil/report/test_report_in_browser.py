@@ -11,9 +11,10 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
-from small_run import write_run
+from small_run import identified_run
 
 from hil.report.page import report
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from selenium.webdriver import Chrome
     from selenium.webdriver.remote.webelement import WebElement
 
-    from hil.model.robot import Robot
-    from hil.runs.run import Run
 
 AXE = (Path(__file__).parents[2] / "support" / "axe.min.js").read_text(encoding="utf-8")
 FAULTS = """
@@ -58,8 +57,8 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
 
 
 @pytest.fixture(scope="module")
-def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return write_run(tmp_path_factory.mktemp("browsed") / "run", manutec)
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return Run.open(identified_run(tmp_path_factory.mktemp("browsed") / "run"))
 
 
 @pytest.fixture(scope="module")

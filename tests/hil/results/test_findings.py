@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from small_run import write_run
 
-import hil.model.recursion  # noqa: F401 - else it is loaded in between, and rounds differently
 from checked_files.yaml_file import FileModel
 from hil.report.page import report
 from hil.results import findings

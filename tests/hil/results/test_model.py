@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from scipy import stats
-from small_run import write_run
+from small_run import identified_model, write_run
 from trajectory_run import write_trajectory_run
 
 import hil
@@ -35,8 +35,8 @@ def run(manutec, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def model(run):
-    return identify(run)
+def model():
+    return identified_model()
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from small_run import write_run
+from small_run import identified_model, write_run
 from stated_model import stated_model
 
 from hil.friction.law import FrictionLaw
-from hil.results.identification import identify
 from hil.runs.run import Run
 from hil.view.along_motion import predicted
 from hil.view.scene import of_run
@@ -30,7 +29,7 @@ MOST = 100_000
 def test_a_model_of_strokes_is_drawn_with_its_friction(manutec: Robot, tmp_path: Path) -> None:
     write_run(tmp_path / "run", manutec)
     run = Run.open(tmp_path / "run")
-    scene = of_run(run, MOST, identify(run))
+    scene = of_run(run, MOST, identified_model())
     assert scene.measured is not None
     assert scene.predicted is not None
     assert scene.predicted.words == "predicted"
