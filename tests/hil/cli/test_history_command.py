@@ -110,6 +110,7 @@ def test_runs_without_a_model_are_identified_where_that_is_asked_for(
     assert (folders[1] / "model.yaml").exists()
 
 
+@pytest.mark.long
 def test_what_changed_is_named_by_its_cause_where_recordings_of_both_runs_are_there(
     hil: Hil, tmp_path: Path
 ) -> None:

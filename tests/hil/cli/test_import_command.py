@@ -61,6 +61,7 @@ def test_maps_or_a_draft(hil: Hil, folder: Path, arguments: tuple[str, ...]) -> 
     assert not (folder / "x").exists()
 
 
+@pytest.mark.long
 def test_maps_are_imported_at_once_by_processes(hil: Hil, folder: Path) -> None:
     write_csv(folder / "more.csv", table(5.0))
     write_map(folder, a_map("more.csv"), "second.yaml")

@@ -131,6 +131,7 @@ def test_a_model_of_another_robot_is_refused(
     assert "make it with: hil identify" in err
 
 
+@pytest.mark.long
 def test_a_motion_is_measured_for_the_purpose(
     hil: Hil, folders: tuple[Path, Path], tmp_path: Path
 ) -> None:

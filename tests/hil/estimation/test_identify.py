@@ -154,6 +154,7 @@ class TestExactness:
 
 
 class TestCalibration:
+    @pytest.mark.long
     def test_intervals_of_95_percent_cover_about_that_often(self, robot, symmetric):
         reference = estimates(robot, symmetric)
         drawn = [estimates(robot, noisy(robot, symmetric, seed)) for seed in range(6)]

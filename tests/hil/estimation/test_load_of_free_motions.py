@@ -40,6 +40,7 @@ def fitted(robot, runs, *of_load, **gains):
     return fit_load(robot, [bare], lambda _: [loaded], *of_load, **gains)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_load(twin: TwinRecorder) -> None:
     held = []
     for seed in range(6):
@@ -111,6 +112,7 @@ def test_one_run_may_be_of_strokes_and_the_other_imported(twin: TwinRecorder, im
     assert found.present.p_value < 1e-6
 
 
+@pytest.mark.long
 def test_runs_of_both_kinds_without_and_with_the_load_are_one_regression(
     twin: TwinRecorder,
 ) -> None:

@@ -213,6 +213,7 @@ def test_in_a_pause_the_axes_are_sampled_and_stand_still(
     assert all(a.remaining >= b.remaining - 2.0 for a, b in pairwise(events))
 
 
+@pytest.mark.long
 def test_s_ends_a_real_run_with_all_axes_off(plan_file: Path, tmp_path: Path) -> None:
     hand, theirs = pty.openpty()
     folder = tmp_path / "run"

@@ -199,6 +199,7 @@ class TestModelNote:
     def test_no_model_is_needed(self, page):
         assert "There is no model.yaml yet" in page
 
+    @pytest.mark.long
     def test_the_report_is_by_the_method_that_the_model_was_made_by(self, as_it_was):
         identify(Run.open(as_it_was), "published").save(as_it_was / "model.yaml")
         text = report(Run.open(as_it_was)).read_text()
@@ -225,11 +226,13 @@ class TestOtherRuns:
         assert "SIMULATED" not in page
         assert "socketcan &lt;can0&gt;" in page
 
+    @pytest.mark.long
     def test_an_incomplete_run_says_what_is_missing(self, copy):
         (copy / "recordings" / "i05.h5").unlink()
         text = text_of(report(Run.open(copy)).read_text())
         assert "Remedy: finish the run with hil run … --resume i05 1 of 39 planned" in text
 
+    @pytest.mark.long
     def test_a_run_that_holds_too_little_is_refused(self, copy):
         for path in (copy / "recordings").glob("i*.h5"):
             path.unlink()

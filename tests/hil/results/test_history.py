@@ -63,6 +63,7 @@ def with_coulomb(model: Model, axis: int, factor: float) -> Model:
     return replace(model, friction_law=law)
 
 
+@pytest.mark.long
 def test_an_unchanged_machine_is_marked_in_at_most_one_new_run_of_a_hundred() -> None:
     rng, runs, degrees = np.random.default_rng(1), 4000, 4
     shape = (runs, N_TESTS, 2)

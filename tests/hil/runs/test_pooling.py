@@ -57,6 +57,7 @@ def together(run, again):
     return identify(Run.open(run), others=[Run.open(again)])
 
 
+@pytest.mark.long
 def test_the_same_recordings_twice_give_the_same_model_surer(together):
     """By the root of two at least: with few measurements the jackknife is careful.
 

@@ -101,6 +101,7 @@ def relative(found: Array, expected: Array) -> float:
 
 @settings(deadline=None, max_examples=60)
 @given(n=st.sampled_from([1, 3, 6]), seed=st.integers(0, 2**32 - 1))
+@pytest.mark.long
 def test_accelerations_of_any_arm_are_pinocchios(n: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     arm = random_arm(n, rng)
@@ -125,6 +126,7 @@ def test_mass_matrix_and_bias_of_any_arm_are_pinocchios(seed: int) -> None:
 
 @settings(deadline=None, max_examples=60)
 @given(n=st.sampled_from([2, 4]), seed=st.integers(0, 2**32 - 1))
+@pytest.mark.long
 def test_arms_that_slide_and_turn_from_any_angle_move_as_pinocchios(n: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     kinds = np.column_stack([rng.integers(0, 2, n), rng.uniform(-3.0, 3.0, n)])

@@ -84,6 +84,7 @@ def test_the_robots_have_the_right_number_of_base_parameters(name: str, count: i
     assert len(base_parameters(load_robot(ROBOTS / f"{name}.yaml"))) == count
 
 
+@pytest.mark.long
 def test_the_plant_has_parameters_that_the_robot_can_have(robot: Path, folder: Path) -> None:
     found = true_parameters(load_robot(robot), folder / "plant.yaml")
     assert np.all(np.isfinite(found))

@@ -64,6 +64,7 @@ def test_uncertain_gains_are_carried_to_the_intervals() -> None:
     assert moved == pytest.approx(found.drive_effect[:, 0], rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_though_the_law_of_friction_is_wrong(robot: Robot) -> None:
     def strange(qd: np.ndarray) -> np.ndarray:
         return 6.0 * np.sign(qd) * (1.0 + 0.6 * np.exp(-((qd / 0.15) ** 2))) + 2.0 * np.sin(4 * qd)
