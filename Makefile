@@ -11,9 +11,9 @@ PROFILE ?= ci-long
 VENV := .venv
 BIN := $(VENV)/bin
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
-PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	"$$p" -c '$(USABLE)' >/dev/null 2>&1 && echo "$$p" && break; done)
-PYTHONS ?= python3.11 python3.12 python3.13
+PYTHONS ?= python3.11 python3.12 python3.13 python3.14
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 MADE := $(VENV)/made
 RUNTIME := $(VENV)/installed

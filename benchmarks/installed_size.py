@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from figures import ROOT, Figure, keep
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -26,7 +27,7 @@ def needed(names: Iterable[str]) -> dict[str, float]:
     sizes: dict[str, float] = {}
     asked = list(names)
     while asked:
-        name = asked.pop().lower()
+        name = canonicalize_name(asked.pop())
         if name in sizes:
             continue
         try:
