@@ -71,7 +71,9 @@ def session(master: str) -> dict[str, Any]:
     return seen
 
 
-def carried_out(script_of_master: str, *arguments: str, options: str = "") -> str:
+def carried_out(
+    script_of_master: str, *arguments: str, options: str = "", timeout: float = 120
+) -> str:
     """Return what a script printed in a network namespace with the plant in it.
 
     Its environment has the plant's process in PLANT_PID; `options` are the plant's.
@@ -87,7 +89,7 @@ def carried_out(script_of_master: str, *arguments: str, options: str = "") -> st
         ["unshare", "-n", "bash", "-c", script],  # noqa: S607
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=timeout,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import ethercat_processes
+import pytest
 from foreign_ethercat import THEIRS, carried_out, needs
 
 from drivers.ethercat.al_states import ERROR, AlState
 from hil.planning.plan import dump_plan
 from hil.runs.run import Run
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
+DOCS = Path(__file__).parents[3] / "docs"
 SYNC_MANAGER_WATCHDOG = 0x1B
 
 
@@ -33,6 +32,22 @@ def test_hil_run_measures(tmp_path: Path) -> None:
     assert "0 flagged" in printed
     assert len(Run.open(folder)) == 2
     assert "restored: true" in (folder / "found-settings.yaml").read_text()
+
+
+@needs()
+@pytest.mark.long
+def test_the_commands_of_the_tutorial_measure_and_identify(tmp_path: Path) -> None:
+    text = (DOCS / "tutorials" / "ethercat.md").read_text(encoding="utf-8")
+    lines = text.split("## 4.")[1].split("```\n")[1].splitlines()
+    script = tmp_path / "steps.py"
+    script.write_text(
+        f"import os, subprocess, sys\nos.chdir({str(tmp_path)!r})\nfor line in {lines!r}:\n"
+        "    subprocess.run([sys.executable, '-m', *line.split()], check=True)\n"
+    )
+    printed = carried_out(str(script), timeout=600)
+    assert "6 nodes" in printed
+    assert "0 flagged, 0 left out; SYNC in lock-step" in printed
+    assert (tmp_path / "runs" / "ethercat" / "model.yaml").exists()
 
 
 @needs()
