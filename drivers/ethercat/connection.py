@@ -144,10 +144,18 @@ class EthercatConnection(Connection):
         while self._data.unusual or self._data.irregular:
             if self._data.now() > ends or self._refused():
                 raise self._diagnose() or NodeSilent(
-                    f"not all drives take part in the exchange of process data {START_TIME:g} s"
-                    f" after OP was asked for; check {self.wiring}"
+                    f"{self._why_irregular()} {START_TIME:g} s after OP was asked for; check"
+                    f" {self.wiring}"
                 )
             self._data.sync()
+
+    def _why_irregular(self) -> str:
+        if self._clocks is None or self._data.unusual:
+            return "not all drives take part in the exchange of process data"
+        return (
+            "the drives' clocks do not agree, or frames come out of their cycles (relieve this"
+            " computer of other work, use --realtime, or state distributed_clock: false),"
+        )
 
     def refuse_unwatched(self) -> None:
         """Refuse drives whose watchdog is not as it was set (see `EthercatDrive`)."""

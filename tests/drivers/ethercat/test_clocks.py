@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from plant_wire import PlantWire
 
-from drivers.drive_bus import Move, SampleFlag
+from drivers.drive_bus import Move, NodeSilent, SampleFlag
 from drivers.ethercat.bus import EthercatBus
 from drivers.ethercat.clocks import OUT_OF_STEP, Passage, delays
 from drivers.ethercat.reference_clock import SHIFT, ReferenceClock
@@ -220,6 +220,16 @@ def test_drives_without_clocks_are_served_as_frames_come(
         assert bus.remarks == ()
         assert not any(node.clock.is_cyclic for node in wire.segment.nodes)
     assert not any(any(sample.flags) for sample in seen)
+
+
+def test_a_clock_that_does_not_follow_is_stated_before_power_on(
+    bus: ServoAxes, wire: Cable
+) -> None:
+    node = wire.segment.nodes[4]
+    node.clock.compare = lambda *_: node.controller.put(reg.TIME_DIFFERENCE, 4, 50_000)  # type: ignore[method-assign]
+    with pytest.raises(NodeSilent, match=r"clocks do not agree.*distributed_clock: false"):
+        bus.__enter__()
+    assert not any(node.dictionary.get(0x6041) & 4 for node in wire.segment.nodes)
 
 
 def test_a_reference_that_is_lost_is_not_followed(bus: ServoAxes, wire: Cable) -> None:
