@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
+from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent
 from drivers.ethercat.access import CoeAccess
 from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.connection import EthercatConnection
@@ -18,7 +19,7 @@ from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.ethercat.rules import RULES
 from drivers.ethercat.scan import scan_line
 from drivers.ethercat.slaves import Slaves
-from drivers.remote_dictionary import RemoteDictionary
+from drivers.remote_dictionary import NoAnswer, RemoteDictionary
 from drivers.session.connection import UnpoweredDrives
 from drivers.sync_clock import LockStep
 
@@ -54,6 +55,7 @@ class EthercatBus:
 
     def __init__(self, wire: Wire, pacing: PacingName = "auto") -> None:
         self._wire = wire
+        self._asked: list[EthercatDrive] = []
         self.lock_step = pacing == "lock-step"
 
     def __enter__(self) -> Self:
@@ -84,6 +86,7 @@ class EthercatBus:
         """Reach drives by their mailboxes alone."""
         line = self._line()
         reached = _reached(line, Slaves(line), drives)
+        self._asked += (drive for drive, _ in reached)
         servers = tuple(_server(drive, axis.node, axis.name) for drive, axis in reached)
         found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
         clock = self._clock(drives.sync_period)
@@ -99,7 +102,9 @@ class EthercatBus:
 
         def drive(place: Place) -> EthercatDrive:
             label = f"{place.name} (node {place.node})"
-            return EthercatDrive(partial(slaves.at, place.node, place.alias), line, label, timeout)
+            find = partial(slaves.at, place.node, place.alias)
+            self._asked.append(EthercatDrive(find, line, label, timeout))
+            return self._asked[-1]
 
         return tuple(_server(drive(place), place.node, place.name) for place in places)
 
@@ -131,7 +136,11 @@ class EthercatBus:
         return cycle_time(drives), MAX_LOAD
 
     def shutdown(self) -> None:
-        """Close it."""
+        """Bring drives that were asked back to the AL state in which they were found; close it."""
+        with suppress(BusUnavailable):
+            for drive in self._asked:
+                with suppress(DriveRefused, NodeSilent, NoAnswer):
+                    drive.hand_back()
         self._wire.close()
 
     def _line(self) -> Line:

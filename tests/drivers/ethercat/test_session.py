@@ -311,10 +311,12 @@ def test_a_scan_shows_al_states_and_what_drives_offer(wire: PlantWire) -> None:
 
 
 def test_one_axis_jogs_and_no_other_is_powered(wire: PlantWire, drives: DrivesFile) -> None:
-    way, bus = math.radians(3), EthercatBus(wire, "lock-step")
-    stroke = jog(bus, drives, drives.axes[1], way, math.radians(5), Scripted())
+    way = math.radians(3)
+    with EthercatBus(wire, "lock-step") as bus:
+        stroke = jog(bus, drives, drives.axes[1], way, math.radians(5), Scripted())
+        assert al(wire)[:1] + al(wire)[2:] == [AlState.INIT] * (AXES - 1)
     assert stroke.q[-1] - stroke.q[0] == pytest.approx(way, abs=2e-3)
-    assert al(wire)[:1] + al(wire)[2:] == [AlState.INIT] * (AXES - 1)
+    assert al(wire) == [AlState.INIT] * AXES, "as it was found"
     assert [word & 0x4F for word in shown(wire)] == [OFF] * AXES
 
 
@@ -327,8 +329,10 @@ def test_an_axis_is_homed_where_it_stands(wire: PlantWire, drives: DrivesFile) -
 
 
 def test_monitoring_asks_by_mailboxes_what_drives_show(wire: PlantWire, drives: DrivesFile) -> None:
-    picture = EthercatBus(wire, "lock-step").picture(drives)
-    picture.listen(0.05)
+    with EthercatBus(wire, "lock-step") as bus:
+        picture = bus.picture(drives)
+        picture.listen(0.05)
+    assert al(wire) == [AlState.INIT] * AXES
     assert [axis.state for axis in picture.axes] == [State.SWITCH_ON_DISABLED] * AXES
     assert all(abs(axis.q) < 0.1 for axis in picture.axes if axis.q is not None)
     assert set(shown(wire)) == {OFF}
