@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.commissioning.kept_values import EXACT
 from drivers.commissioning.requirement import Lack, Use
-from drivers.commissioning.requirements import REQUIREMENTS as OF_THE_PROFILE
 from drivers.ethercat.requirements import REQUIREMENTS as OVER_ETHERCAT
 
 if TYPE_CHECKING:
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from drivers.fieldbus import Entry
 
 DOCS = Path(__file__).parents[2] / "docs"
+BUSES = {"CAN": REQUIREMENTS, "EtherCAT": OVER_ETHERCAT}
 USES = {
     Use.ASK: "compared or shown, where it can be read",
     Use.READ: "read",
@@ -34,21 +34,17 @@ USES = {
 
 
 def needed() -> str:
-    """Return what a drive must offer: objects, use, what follows where they are missing."""
-    return _needed(REQUIREMENTS.values())
+    """Return what a drive must offer: objects, use, what follows where they are missing, where."""
 
-
-def needed_over_ethercat() -> str:
-    """Return what EtherCAT needs beside the profile."""
-    return _needed(row for row in OVER_ETHERCAT.values() if row.entry not in OF_THE_PROFILE)
-
-
-def _needed(rows: Iterable[Requirement]) -> str:
-    def follows(row: Requirement) -> tuple[str, str]:
+    def follows(row: Requirement) -> tuple[str, str, str]:
         sentence = row.without if row.lack is Lack.SILENT else f"{row.lack.value}: {row.without}"
-        return USES[row.use], sentence
+        named = [name for name, rows in BUSES.items() if row.entry in rows]
+        return USES[row.use], sentence, ", ".join(named)
 
-    return _table(("object", "use", "if missing"), _grouped(rows, follows))
+    rows = {**OVER_ETHERCAT, **REQUIREMENTS}
+    ordered = [*REQUIREMENTS, *(entry for entry in OVER_ETHERCAT if entry not in REQUIREMENTS)]
+    head = ("object", "use", "if missing", "bus")
+    return _table(head, _grouped([rows[entry] for entry in ordered], follows))
 
 
 def kept() -> str:
@@ -60,7 +56,6 @@ def kept() -> str:
 
 TABLES: dict[tuple[str, str], Callable[[], str]] = {
     ("reference/can.md", "requirements"): needed,
-    ("reference/ethercat.md", "requirements"): needed_over_ethercat,
     ("reference/drives.md", "kept values"): kept,
 }
 """By file and name of the mark."""
