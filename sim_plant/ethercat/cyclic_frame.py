@@ -28,12 +28,11 @@ _TIME = 8
 
 
 class _Copy(NamedTuple):
-    """Bytes of a frame that belong to bytes of a slave's memory."""
+    """Bytes of a slave's memory, and the bytes of a frame that belong to them."""
 
-    controller: Controller
-    place: int
-    start: int
-    end: int
+    memory: bytearray
+    there: slice
+    here: slice
 
 
 class _Shown(NamedTuple):
@@ -74,6 +73,8 @@ class CyclicFrame:
 
     Attributes
     ----------
+    by_frames : list of EthercatSlave
+        Those whose outputs act as the frame comes, and not at SYNC0.
     is_plain : bool
         The layout is one of process data for all slaves, of registers that are read, and of the
         first slave's time: whatever else is to be passed datagram by datagram.
@@ -105,9 +106,10 @@ class CyclicFrame:
         self._layout = struct.Struct(layout)
         self._head = self._layout.unpack_from(frame)
         self.is_plain &= not any(self._head[2::3])  # counters, which begin at zero
-        self.is_plain &= {id(each.controller) for each in self._written} == {
-            id(controller) for controller in self._controllers
+        self.is_plain &= {id(each.memory) for each in self._written} == {
+            id(controller.memory) for controller in self._controllers
         } and len(self._written) == len(self._controllers)
+        self.by_frames = [slave for slave in slaves if not slave.clock.cycle]
 
     def fits(self, frame: bytes) -> bool:
         """Whether a frame is laid out alike, and slaves are set up as they were."""
@@ -121,10 +123,10 @@ class CyclicFrame:
     def passed(self, frame: bytes) -> bytes:
         """Return what becomes of a frame that fits."""
         passing = bytearray(frame)
-        for controller, place, start, end in self._read:
-            passing[start:end] = controller.memory[place : place + end - start]
-        for controller, place, start, end in self._written:
-            controller.memory[place : place + end - start] = frame[start:end]
+        for memory, there, here in self._read:
+            passing[here] = memory[there]
+        for memory, there, here in self._written:
+            memory[there] = frame[here]
         for slave, delay, others, start in self._references:
             time = passing[start : start + _TIME] = slave.time(delay)
             for other, behind in others:
@@ -160,13 +162,13 @@ class CyclicFrame:
     def _take(self, controller: Controller, part: LogicalPart, start: int, end: int) -> None:
         guard = _guard(controller, part)
         self.is_plain &= guard is not None and guard.is_written
-        self._written.append(_Copy(controller, part.place, start, end))
+        self._written.append(_copy(controller, part.place, start, end))
 
     def _give(self, controller: Controller, part: LogicalPart, start: int, end: int) -> None:
         guard = _guard(controller, part)
         is_register = part.place + part.size <= reg.PROCESS_MEMORY
         self.is_plain &= is_register or (guard is not None and not guard.is_written)
-        self._read.append(_Copy(controller, part.place, start, end))
+        self._read.append(_copy(controller, part.place, start, end))
 
     def _show(self, datagram: Datagram) -> None:
         start = datagram.place + HEADER_SIZE
@@ -186,6 +188,10 @@ class CyclicFrame:
     def _count(self, datagram: Datagram, count: int) -> None:
         place = datagram.place + HEADER_SIZE + datagram.size
         self._counted.append((place, count))
+
+
+def _copy(controller: Controller, place: int, start: int, end: int) -> _Copy:
+    return _Copy(controller.memory, slice(place, place + end - start), slice(start, end))
 
 
 def _guard(controller: Controller, part: LogicalPart) -> SyncManager | None:

@@ -101,7 +101,11 @@ class Segment(TimedNetwork):
             answer = usual.passed(frame)
             for node in self.nodes:
                 node.take_outputs()
-            self._finish_cycle(self._usual_cycle)
+            self._exchanged.clear()
+            for node in usual.by_frames:
+                node.exchange()
+            if self._clock == "sync":
+                self._advance(self._usual_cycle)
             return answer
         self._show_links(len(reached))
         passing = bytearray(frame)
@@ -174,13 +178,13 @@ class Segment(TimedNetwork):
         elif waits:
             self._finish_cycle()
 
-    def _finish_cycle(self, cycle: float | None = None) -> None:
-        """Exchange where SYNC0 does not, and let a cycle pass, by default as it is set now."""
+    def _finish_cycle(self) -> None:
         self._exchanged.clear()
         for node in self.nodes:
-            node.synchronize()
+            if not node.clock.cycle:
+                node.exchange()
         if self._clock == "sync":
-            self._advance(self.cycle if cycle is None else cycle)
+            self._advance(self.cycle)
 
     def _latch_once(self) -> list[int]:
         """Latch all axes, unless that was done at this instant for another slave; return all."""

@@ -219,11 +219,6 @@ class EthercatSlave(Cia402Drive):
         """Whether it takes part in the exchange of process data."""
         return self.states.state in (AlState.SAFEOP, AlState.OP)
 
-    def synchronize(self) -> None:
-        """Latch inputs and let outputs act, where SYNC0 does not."""
-        if self.exchanges and not self.clock.cycle:
-            self._exchange()
-
     def _take_outputs(self, events: set[int]) -> bool:
         """Return whether process data were exchanged: outputs, inputs of a slave without any."""
         managers = self.controller.managers
@@ -235,14 +230,18 @@ class EthercatSlave(Cia402Drive):
                 self._feed()
         return written or (not outputs.is_active and inputs.is_active and inputs.start in events)
 
-    def _exchange(self) -> None:
+    def exchange(self) -> None:
+        """Latch inputs and let outputs act, where the slave takes part."""
+        state = self.states.state
+        if state is not AlState.OP and state is not AlState.SAFEOP:
+            return
         data, memory = self.process_data.latch(self._latch_axes()), self.controller.memory
         if self._known is not self.controller.set_up:
             self._look_up()
         start, end = self._inputs
         if end - start == len(data):
             memory[start:end] = data
-        if self._new_outputs and self.states.state is AlState.OP:
+        if self._new_outputs and state is AlState.OP:
             self._new_outputs = False
             self.process_data.act(memory, *self._outputs)
 
@@ -288,8 +287,7 @@ class EthercatSlave(Cia402Drive):
 
     def _sync0(self) -> None:
         self._start_sync0(self.clock.cycle // 2)
-        if self.exchanges:
-            self._exchange()
+        self.exchange()
 
     # States
 

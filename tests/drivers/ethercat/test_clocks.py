@@ -119,16 +119,16 @@ def test_inputs_are_of_sync0_and_stand_under_it_however_late_this_computer_is(
         samples(bus, 30)
         node = wire.segment.nodes[0]
         latched: list[tuple[int, int]] = []
-        exchange = node._exchange
+        exchange = node.exchange
 
         def noted() -> None:
             exchange()
             now = node.clock.system(wire.segment.time)
             latched.append((now, node.dictionary.get(0x6064)))
 
-        node._exchange = noted  # type: ignore[method-assign]
+        node.exchange = noted  # type: ignore[method-assign]
         seen = samples(bus, 40)
-        node._exchange = exchange  # type: ignore[method-assign]
+        node.exchange = exchange  # type: ignore[method-assign]
     instants, positions = np.array(latched[: len(seen)]).T
     times, q = np.array([(sample.time, sample.q[0]) for sample in seen]).T
     assert np.allclose(np.diff(times), bus.period, atol=1e-9)
