@@ -22,11 +22,13 @@ from hil.view.scene import Scene
 from hil.view.stretches import carriers
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
     from hil.results.model import Model
+    from hil.runs.recording import Recording
     from hil.view.along_motion import Shown
 
 EACH = 400
@@ -55,23 +57,38 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
     if shown is not None and shown is not own:  # behind the run's own, whose ids they may have
         others = (pair for pair in shown.recordings if pair[0].id in played)
         recordings += beside(others, shown.stretches)
-    if not recordings:
-        return ""
-    tracks = measured(run.robot, recordings, EACH * len(recordings))
-    scene = Scene(
-        title=run.robot.name,
-        robot=_with_limits(run.robot, recordings),
-        segments=tracks.segments,
-        planned=tracks.set_point,
-        measured=tracks,
-        predicted=tracks.predicted,
-    )
     titles = base_parameters(run.robot).titles if of else ()
     parameters = {
         name: {"title": title, "by": [[each, round(100 * share, 1)] for each, share in by]}
         for (name, by), title in zip(of.items(), titles, strict=True)
     }
-    return deflated(scene.data() | {"parameters": parameters})
+    return packed_recordings(run.robot, recordings, parameters)
+
+
+def packed_recordings(
+    robot: Robot,
+    recordings: Sequence[Shown],
+    parameters: Mapping[str, object] | None = None,
+) -> str:
+    """Return recordings as `hil.view.packed` has them, compressed; empty where there are none."""
+    if not recordings:
+        return ""
+    tracks = measured(robot, recordings, EACH * len(recordings))
+    scene = Scene(
+        title=robot.name,
+        robot=_with_limits(robot, recordings),
+        segments=tracks.segments,
+        planned=tracks.set_point,
+        measured=tracks,
+        predicted=tracks.predicted,
+    )
+    return deflated(scene.data() | {"parameters": dict(parameters or {})})
+
+
+def first_pose(robot: Robot, recording: Recording) -> Array:
+    """Configuration where a recording begins; all joints at 0 where that is not known."""
+    there = recording.q[np.isfinite(recording.q).all(axis=1)]
+    return there[0] if len(there) else np.zeros(robot.n_joints)
 
 
 def _with_limits(robot: Robot, shown: Sequence[Shown]) -> Robot:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.estimation.intervals import SIGNIFICANT
 from hil.model.load import load_columns
+from hil.report.carried import first_pose, packed_recordings
+from hil.report.charts.arm import arm
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
 from hil.report.page import when, write_html
 from hil.report.pictures import tracking as tracking_chart
@@ -31,6 +33,7 @@ from hil.results.tables.table import Column, Table, table
 from hil.results.tracking import PASSES
 from hil.results.validation import scores
 from hil.runs.pooling import recorded
+from hil.view.along_motion import beside
 from hil.view.stretches import most_demanding, stretches
 
 if TYPE_CHECKING:
@@ -38,13 +41,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.estimation.loads.figures import Load
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
     from hil.results.acceptance import Acceptance
     from hil.results.history import History
     from hil.results.load_file import LoadFile
     from hil.results.model import Model
     from hil.results.quantities import Kind
     from hil.results.validation import Validation
+    from hil.runs.recording import Recording
     from hil.runs.run import Run
+    from hil.view.along_motion import Shown
     from hil.view.stretches import Stretch
     from hil.watching.trace import Trace
 
@@ -54,6 +61,45 @@ PAYLOAD = "payload.html"
 """Names of pages in the folders of what they are about."""
 FIRST = 3
 """Changes that stand above a history's charts in full, the clearest ones."""
+
+
+class Torques(NamedTuple):
+    """Measured and predicted torque as a plot, and its recordings, which the page plays."""
+
+    plots: tuple[Plot, ...] = ()
+    shown: tuple[Shown, ...] = ()
+
+    def values(self, robot: Robot) -> dict[str, object]:
+        """What the page shows of them beside the plot."""
+        first = first_pose(robot, self.shown[0].recording) if self.shown else None
+        return {
+            "carried": packed_recordings(robot, self.shown),
+            "picture": "" if first is None else arm(robot, first),
+        }
+
+    @classmethod
+    def of(cls, model: Model, runs: Sequence[Run], words: str = "") -> Torques:
+        """Predict runs; empty where nothing of them can be predicted."""
+        found: dict[tuple[str, int], Stretch] = {}
+        pairs: dict[str, tuple[RecordedMotion, Recording]] = {}
+        for run in runs:
+            own = {motion.id: (motion, recording) for motion, recording in recorded(run)}
+            found = {key: each for key, each in found.items() if key[0] not in own}
+            found |= stretches(model, own.values())
+            pairs |= own
+        if not found:
+            return cls()
+        chosen = most_demanding(found)
+        played = dict.fromkeys(each.recording for each in chosen)
+        plot = Plot(
+            "torque",
+            lambda: torques_over_time(chosen, model.robot),
+            "Measured and predicted torque of every axis over time with its interval of 95 %, and"
+            " their difference below.",
+            f"Measured and predicted torque, after the low-pass; below it the residual. {words}Of"
+            " each axis the recording that asks most of it.",
+        )
+        return cls((plot,), tuple(beside((pairs[name] for name in played), found)))
 
 
 def _write(
@@ -66,11 +112,21 @@ def _write(
     facts: Mapping[str, str] | None = None,
     simulated: bool = False,
     note: str = "",
+    played: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the page, whole or not at all; verdicts: word that colours it, word, reason."""
+    """Write the page, whole or not at all.
+
+    Parameters
+    ----------
+    verdicts : sequence of (str, str, str)
+        Word that colours it, word, reason.
+    played : mapping, optional
+        As of `Torques.values`.
+    """
     write_html(
         path, "result.html", title=title, verdicts=verdicts, plots=plots,
         tables=[each for each in tables if each], facts=facts or {}, simulated=simulated, note=note,
+        **(played or {"carried": ""}),
     )  # fmt: skip
 
 
@@ -84,32 +140,17 @@ def write_validation_page(
     FileError
         A damaged recording, or a full disk.
     """
-    path = run.path / VALIDATION
+    path, torques = run.path / VALIDATION, Torques.of(model, [run])
     _write(
         path,
         f"{run.robot.name}: validation",
         [(each.word, each.word, each.clause) for each in found.reasons],
-        tuple(_torques(model, [run])),
+        torques.plots,
         (scores(found, notes),),
+        played=torques.values(run.robot),
         simulated=run.journal.simulated,
     )
     return path
-
-
-def _torques(model: Model, runs: Sequence[Run], words: str = "") -> Iterator[Plot]:
-    """Measured and predicted torque, where anything of the runs can be predicted."""
-    found: dict[tuple[str, int], Stretch] = {}
-    for run in runs:
-        found |= stretches(model, recorded(run))
-    if found:
-        yield Plot(
-            "torque",
-            lambda: torques_over_time(most_demanding(found), model.robot),
-            "Measured and predicted torque of every axis over time with its interval of 95 %, and"
-            " their difference below.",
-            f"Measured and predicted torque, after the low-pass; below it the residual. {words}Of"
-            " each axis the recording that asks most of it.",
-        )
 
 
 def write_payload_page(
@@ -133,13 +174,13 @@ def write_payload_page(
     FileError
         A damaged recording, or a full disk.
     """
-    path, robot, plots = folder / PAYLOAD, loaded[0].robot, tuple[Plot, ...]()
+    path, robot, torques = folder / PAYLOAD, loaded[0].robot, Torques()
     if bare is not None:
         K = load_columns(robot).K
         scatter = bare.scatter_covariance + K @ found.covariance @ K.T
         carrying = replace(bare, values=found.p + K @ found.phi, scatter_covariance=scatter)
         words = "Predicted with the load, and with the friction of the run without it. "
-        plots = tuple(_torques(carrying, loaded, words))
+        torques = Torques.of(carrying, loaded, words)
     word = "doubtful" if found.is_loose or found.unidentifiable else "good"
     first, *others = kept.verdict
     notes = (*others, load_tables.goodness_of_fit(kept), load_tables.not_shown(kept))
@@ -148,9 +189,10 @@ def write_payload_page(
         path,
         f"{robot.name}: load",
         [(word, word, first)],
-        plots,
+        torques.plots,
         (quantities, load_tables.changes(kept), load_tables.torque_constants(kept)),
         simulated=any(run.journal.simulated for run in loaded),
+        played=torques.values(robot),
     )
     return path
 

@@ -14,10 +14,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from markupsafe import Markup
 
-from hil.report.carried import carried, downloads
+from hil.report.carried import carried, downloads, first_pose
 from hil.report.charts.arm import arm
 from hil.report.reported_run import ReportedRun
 from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 
     from jinja2 import Environment
 
-    from hil.arrays import Array
     from hil.report.section import Plot, Section
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
@@ -82,13 +80,14 @@ def _plots(sections: Iterable[Section]) -> list[Plot]:
 
 def write_html(path: Path, template: str, **values: object) -> None:
     """Write a page, whole or not at all, with when and by which version it is written."""
-    script, further = _HERE / "templates" / "report.js", values.get("bundle", "")
-    own = script.read_text(encoding="utf-8")
+    own = (_HERE / "templates" / "report.js").read_text(encoding="utf-8")
+    bundle = view_script() if values["carried"] else ""
     about = {
+        "bundle": deflated(bundle),
         "written": now(),
         "version": versions()["canopen-robot-identification"],
         "script": Markup(own),  # noqa: S704 - our own
-        "script_source": " ".join(map(_hash, (own, view_script()) if further else (own,))),
+        "script_source": " ".join(map(_hash, filter(None, (own, bundle)))),
     }
     write_file(path, _templates().get_template(template).render(**values, **about).encode())
 
@@ -111,22 +110,14 @@ def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object
         "sections": [each for each in texts if not each[0].leads],
         "downloads": downloads(whole.model) if whole.is_identified else (),
         "carried": carried(whole, behind, played),
-        "bundle": deflated(view_script()),
         "run": whole.source,
-        "picture": arm(whole.robot, _pose(whole)),
+        "picture": arm(whole.robot, first_pose(whole.robot, whole.campaign[0].recording)),
     }
 
 
 def _hash(script: str) -> str:
     """Source of a script by its content, as a policy names it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
-
-
-def _pose(run: ReportedRun) -> Array:
-    """Configuration of the robot's picture: where its first recording begins."""
-    q = run.campaign[0].recording.q
-    there = q[np.isfinite(q).all(axis=1)]
-    return there[0] if len(there) else np.zeros(run.robot.n_joints)
 
 
 def _top(run: ReportedRun) -> dict[str, object]:

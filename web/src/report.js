@@ -17,7 +17,8 @@ export async function report() {
   saved.parameters();
   saved.points();
   saved.play();
-  document.querySelector('.hint').hidden = false;
+  const hint = document.querySelector('.hint');
+  if (hint) hint.hidden = false;
   window.report = saved;
 }
 
