@@ -239,6 +239,7 @@ def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> No
     """Write and show what was found, however the watch ended."""
     from hil.report.further_pages import write_watch_page
     from hil.results.watch import alarms, watched, write_watched
+    from hil.runs.run import Run
 
     found = watcher.found(the_plan.digest, model)
     if not found.learned:
@@ -247,5 +248,9 @@ def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> No
     tables = watched(found), alarms(found)
     show(*tables)
     file, units = write_watched(output, found), tuple(axis.unit for axis in found.axes)
-    page = write_watch_page(output, the_plan.robot.name, watcher.trace, units, tables)
+    journal = output / RUN / "run.json"
+    simulated = journal.exists() and Run.open(output / RUN).journal.simulated
+    page = write_watch_page(
+        output, the_plan.robot.name, watcher.trace, units, tables, simulated=simulated
+    )
     say(f"alarms and thresholds in {file}, page in {page}")

@@ -213,7 +213,13 @@ def write_tracking_page(folder: Path, runs: Mapping[str, Run], delay: float, err
 
 
 def write_watch_page(
-    folder: Path, robot: str, trace: Trace, units: tuple[str, ...], shown: Sequence[Table]
+    folder: Path,
+    robot: str,
+    trace: Trace,
+    units: tuple[str, ...],
+    shown: Sequence[Table],
+    *,
+    simulated: bool,
 ) -> Path:
     """Write the page of a watch into its folder."""
     path = folder / WATCH
@@ -223,7 +229,7 @@ def write_watch_page(
         "Measured and predicted torque of every axis around its first alarm, or at the end.",
         "Torques around each axis's first alarm, or at the end of the watch.",
     )
-    _write(path, f"{robot}: watch", (), (plot,), shown)
+    _write(path, f"{robot}: watch", (), (plot,), shown, simulated=simulated)
     return path
 
 

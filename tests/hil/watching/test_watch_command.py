@@ -139,7 +139,9 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     assert "from outside at" in done.output
     assert "2 alarms in" in done.output
     assert "no lasting cause by which it differs from" in done.output  # pushes are over soon
-    assert "<svg viewBox" in (folder / "watch.html").read_text()
+    page = (folder / "watch.html").read_text()
+    assert "<svg viewBox" in page
+    assert ">SIMULATED<" in page
     found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
     for axis in found.axes:  # a push in the first 15 s of motion counts as scatter too
