@@ -109,11 +109,13 @@ class TestSoftGears:
         assert np.linalg.norm(error) < 0.02 * np.linalg.norm(without)
 
 
-class TestLoadFriction:
-    @pytest.fixture(scope="class")
-    def found(self, manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]) -> Estimate:
-        return estimate(manutec, [(m, loaded(manutec, r)) for m, r in recorded])
+@pytest.fixture(scope="module")
+def found(manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]) -> Estimate:
+    """Estimated where friction grows with the load."""
+    return estimate(manutec, [(m, loaded(manutec, r)) for m, r in recorded])
 
+
+class TestLoadFriction:
     def test_its_share_is_a_result(self, found: Estimate) -> None:
         mu, error = found.load_friction
         assert mu[:3] == pytest.approx(MU[:3], abs=2e-3)
