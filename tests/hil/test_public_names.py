@@ -143,7 +143,7 @@ def test_figures_are_those_of_a_page(campaign: Path, tmp_path: Path) -> None:
 
 
 def test_a_run_is_accepted_by_limits_that_it_drafted(campaign: Path) -> None:
-    model = hil.identify(campaign)
+    model = identified_model()
     model.save(campaign / "model.yaml")
     limits = hil.draft_limits(campaign).model_copy(update={"outcome": "failed"})  # a small run
     found = hil.accept(campaign, limits)

@@ -91,6 +91,7 @@ def test_slow_accelerations_get_longer_ramps(manutec: Robot) -> None:
     assert planned(changed(manutec, acceleration_limit=1.5)) == []
 
 
+@pytest.mark.long
 def test_by_minutes_too(manutec: Robot) -> None:
     short = changed(manutec, q_min=-0.4, q_max=0.4)
     assert dry_run(design_within(short, 10.0, stated_noise(short)), short).problems == ()
