@@ -51,6 +51,7 @@ from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.diagnosis import diagnose
 from hil.results.problem import regression
+from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 from hil.tasks.robot_drives import packaged_drives
@@ -217,10 +218,10 @@ def settings(folder: Path, name: str) -> tuple[Path, Path]:
         text = text.replace("sync_period: 0.004", f"sync_period: {case.sync}")
         content = yaml.safe_load(plan.read_text()) | {"sample_period": case.sync}
         plan = folder / f"{name}-plan.yaml"
-        plan.write_text(yaml.safe_dump(content, sort_keys=False))
+        write_file(plan, yaml.safe_dump(content, sort_keys=False).encode())
     if case.increments is not None:
         text = text.replace("revolution: 4096", f"revolution: {case.increments}")
-    own.write_text(text)
+    write_file(own, text.encode())  # at once: seeds side by side read it
     return plan, own
 
 
