@@ -13,10 +13,10 @@ parameters comes along, so that it can be counted with theirs.
 How far a gear gives way, what it transmits says, and that the motor's torque says: without that of
 the rotor and friction it is what the arm takes, rings of the arm on its gears included, which no
 torque that is calculated from the motors' motion holds. So links are placed by measured torques.
-Compliances are first found by these too. Their noise makes such a column alike to the torque that
-it is to explain, so then all is found again from links in their places, with columns of the torque
-that is calculated from their motion: what is left of noise has nothing to do with it (instrumental
-variables).
+Whether any gear is soft, columns of calculated torques show: noise of measured ones would make such
+a column alike to the torque that it is to explain. Where one is, compliances are first found by
+measured torques, which hold the rings, then all again from links in their places, with columns of
+the torque that is calculated from their motion.
 
 A torque that is sampled every T shows a corner of the motion where the next sample is. As long as
 corners fall anywhere between samples, as `hil plan` arranges it, that is noise. What remains of it
@@ -175,6 +175,10 @@ def find_drive_train(
     """
     loaded = np.zeros(robot.n_joints, dtype=bool) if loaded is None else loaded
     accelerated = [(m, s) for m, s in prepared if _shows_lag(m)]
+    if start is None or not start.soft.any():
+        first = _found(robot, accelerated, loaded, None, calculated=True)
+        if not first.soft.any():
+            return first
     placed = np.zeros(robot.n_joints) if start is None else start.soft_compliance
     found = _found(robot, accelerated, loaded, start)
     soft = found.soft | (placed != 0.0)
@@ -193,7 +197,12 @@ def find_drive_train(
 
 
 def _found(
-    robot: Robot, accelerated: Prepared, loaded: Mask, before: DriveTrain | None
+    robot: Robot,
+    accelerated: Prepared,
+    loaded: Mask,
+    before: DriveTrain | None,
+    *,
+    calculated: bool = False,
 ) -> DriveTrain:
     """The same from links that are in their places as far as these are known."""
     if not accelerated:
@@ -214,7 +223,7 @@ def _found(
     all_late = State.of(robot.n_joints, late=True)
     late = shift_names(shifts)
     p = found(condensed_blocks(robot, (axes for _, axes in stacks), late), all_late.soft).p
-    rows = _with_gears(robot, stacks, p, loaded)
+    rows = _with_gears(robot, stacks, p, loaded, calculated=calculated)
     blocks = condensed_blocks(robot, rows, late, compliance_names(robot))
     every = found(blocks, ~all_late.soft)
     if before is not None:
@@ -250,10 +259,15 @@ def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> l
 
 
 def _with_gears(
-    robot: Robot, stacks: Sequence[tuple[Signals, Sequence[Stacked]]], p: Array, loaded: Mask
+    robot: Robot,
+    stacks: Sequence[tuple[Signals, Sequence[Stacked]]],
+    p: Array,
+    loaded: Mask,
+    *,
+    calculated: bool,
 ) -> Iterator[list[Stacked]]:
     """The same with columns of load friction where it is, and K behind those of p."""
-    transmitted = [_smooth_load(robot, s, p, loaded) for s, _ in stacks]
+    transmitted = [_smooth_load(robot, s, p, loaded, by_motion=calculated) for s, _ in stacks]
     rows = [
         np.stack([x[each.index] for x in (*s.link, *twist)])
         for (s, axes), (twist, _) in zip(stacks, transmitted, strict=True)
@@ -274,11 +288,11 @@ def _with_gears(
 
 
 def _smooth_load(
-    robot: Robot, s: Signals, p: Array, loaded: Mask
+    robot: Robot, s: Signals, p: Array, loaded: Mask, *, by_motion: bool
 ) -> tuple[tuple[Array, Array, Array], Array]:
     """Torque that gears transmit, smoothed, with two derivatives, and what friction knows of it."""
     calculated = inverse_dynamics(robot, p, *s.link)
-    load = calculated if s.twist is not None else _transmitted(robot, p, s)
+    load = calculated if by_motion or s.twist is not None else _transmitted(robot, p, s)
     for _ in range(PASSES):
         load = s.smoothed(load)
     friction = _of_load(s, calculated) if loaded.any() else calculated
