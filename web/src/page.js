@@ -43,7 +43,7 @@ function played(scene, data) {
   page.follow();
   return {
     scene, player, show: (q) => scene.show(q), seek: (t) => player.seek(t), q: (t) => recorded.q(t),
-    segments: recorded.segments, passed: (number) => page.passed(number),
+    segments: recorded.segments, passed: (number) => page.passed(number), steps: page.steps,
   };
 }
 
@@ -83,7 +83,8 @@ class Played {
   }
 
   get joint() {
-    return this.chosen >= 0 ? this.chosen : this.current.axes[0] ?? 0;
+    if (this.chosen >= 0) return this.chosen;
+    return this.current.recorded ? this.current.axes[0] ?? 0 : this.recorded.busiest(this.current, this.steps);
   }
 
   _enter(number) {
@@ -104,8 +105,11 @@ class Played {
 
   /** Configurations by which the volume of a segment is drawn; none where it is hidden. */
   passed(number) {
-    const step = this.data.robot.joints.map(({ step: each }) => each);
-    return at('show-swept').checked ? this.recorded.passed(this.recorded.segments[number], step) : [];
+    return at('show-swept').checked ? this.recorded.passed(this.recorded.segments[number], this.steps) : [];
+  }
+
+  get steps() {
+    return this.data.robot.joints.map(({ step }) => step);
   }
 
   _draw() {

@@ -57,6 +57,13 @@ export class Recorded {
     };
   }
 
+  /** Joint that goes furthest from one end of a segment to the other, in steps of its own. */
+  busiest({ begin, end }, step) {
+    const [from, to] = [this.q(begin), this.q(end)];
+    const ways = step.map((each, j) => Math.abs(to[j] - from[j]) / each);
+    return ways.indexOf(Math.max(...ways));
+  }
+
   /** Configurations that a segment passes from end to end, each apart from all others by a step. */
   passed({ begin, end }, step) {
     const way = [];

@@ -125,6 +125,19 @@ def test_three_instants_of_a_plan_are_drawn_as_planned(
     assert complaints(browser) == []
 
 
+def test_a_plan_opens_on_the_axis_that_moves_most(
+    browser: Chrome, plan_page: Path, manutec: Robot
+) -> None:
+    motion = planned(design(manutec, COUNTS, 0.0, WORKSPACE), manutec)
+    begin, end = motion.at(np.array([motion.segments[0].begin, motion.segments[0].end]))[0]
+    show(browser, plan_page)
+    steps = np.array(browser.execute_script("return window.view.steps"))
+    most = int(np.argmax(np.abs(end - begin) / steps))
+    titles = browser.execute_script("return document.getElementById('curves').textContent")
+    assert titles.startswith(f"axis {most + 1}: position")
+    assert np.abs(end - begin)[most] > 0.01
+
+
 def test_a_robot_is_really_drawn(browser: Chrome, plan_page: Path) -> None:
     """What the axis that is measured is marked with is seen at one of its points."""
     show(browser, plan_page)
