@@ -20,7 +20,6 @@ times its stated error.
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 import tempfile
 import time
@@ -28,11 +27,12 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil
+from planted_flaws import HALF_WAY, MESH, PLANTS, RECORDED, STATED
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from twin_recordings import ROBOTS, Load, TwinRecorder
@@ -41,7 +41,7 @@ from hil.errors import HilError
 from hil.estimation.drive_train import CERTAIN
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.causes import CAUSES
-from hil.estimation.excluded.columns import across_gravity, columns
+from hil.estimation.excluded.columns import columns
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
 from hil.estimation.excluded.limits import smallest as smallest_of
@@ -51,7 +51,6 @@ from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
-from hil.model.robot import Robot, parse_robot
 from hil.planning.measurement import shows_parameters
 from hil.results.identification import model_of
 from hil.results.prediction import uncertainty
@@ -63,16 +62,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
+    from planted_flaws import Change
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.excluded.evidence import Evidence
     from hil.estimation.excluded.result import Excluded, Found
+    from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]
-    Plant = dict[str, Any]
-    Change = Callable[[Array, Array, Array, int, float], None]
     Recorded = tuple[RecordedMotion, Recording]
 
 PLAN = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
@@ -85,139 +84,6 @@ NAMED = ("first", "same", "accounted for", "other", "nothing")
 """Alone or before others, as the same in these data, fitted by the estimate, another cause."""
 GEARS = (80.0, 45.0, 20.0)
 """Natural frequencies of all gears, motor held [Hz]."""
-ARM = 0.2
-"""Of a load, across the last axis [m]."""
-
-
-# What a map, a drives file or a machine does to positions and torques of an axis, from 0; sizes are
-# in the units of the table of causes.
-def _zero(q: Array, _tau: Array, _time: Array, k: int, size: float) -> None:
-    q[:, k] -= math.radians(size)
-
-
-def _scale(q: Array, _tau: Array, _time: Array, k: int, size: float) -> None:
-    q[:, k] /= 1 + size / 100
-
-
-def _gear(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
-    q[:, k] *= 1 + size / 100
-    tau[:, k] /= 1 + size / 100
-
-
-def _constant(_q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
-    tau[:, k] /= 1 + size / 100
-
-
-def _drift(_q: Array, tau: Array, time: Array, k: int, size: float) -> None:
-    tau[:, k] /= 1 + size / 100 * time / 3600
-
-
-def _late(q: Array, _tau: Array, time: Array, k: int, size: float) -> None:
-    q[:, k] = np.interp(time - size / 1000, time, q[:, k])
-
-
-def _slip(q: Array, _tau: Array, time: Array, k: int, size: float) -> None:
-    if time[0] > HALF_WAY:
-        q[:, k] -= math.radians(size)
-
-
-def _spring(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
-    tau[:, k] += size * q[:, k]
-
-
-def _mesh(q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
-    tau[:, k] += size * np.sin(MESH * q[:, k])
-
-
-def _clip(_q: Array, tau: Array, _time: Array, k: int, size: float) -> None:
-    np.clip(tau[:, k], -size, size, out=tau[:, k])
-
-
-def _flip(*which: int) -> Change:
-    def change(*given: Any) -> None:
-        for place in which:
-            given[place][:, given[3]] *= -1
-
-    return change
-
-
-def _swap(q: Array, tau: Array, _time: Array, k: int, _size: float) -> None:
-    for x in (q, tau):
-        x[:, [k, k + 1]] = x[:, [k + 1, k]]
-
-
-def _clean(*_: object) -> None:
-    pass
-
-
-HALF_WAY = 240.0
-"""Of a campaign [s]."""
-MESH = 12
-"""Times a turn that a torque repeats."""
-RECORDED: dict[str, Change] = {
-    "zero": _zero, "position scale": _scale, "gear ratio": _gear, "torque constant": _constant,
-    "drift of torque constant": _drift, "late position": _late, "slip": _slip, "spring": _spring,
-    "repeats": _mesh, "torque at its limit": _clip, "wrong direction of an axis": _flip(0, 1),
-    "wrong sign of a position": _flip(0), "wrong sign of a torque": _flip(1),
-    "two axes exchanged": _swap,
-}  # fmt: skip
-
-
-# What a robot file states otherwise, the machine being as it was.
-def _turned(robot: Robot, _axis: int, size: float) -> Robot:
-    a, down = math.radians(size), np.array(robot.gravity)
-    other = np.cos(a) * down - np.sin(a) * np.linalg.norm(down) * across_gravity(robot)[0]
-    return _restated(robot, {"gravity": other.tolist()})
-
-
-def _rotor(robot: Robot, axis: int, size: float) -> Robot:
-    joints = yaml.safe_load(robot.text)["joints"]
-    inertia = float(joints[axis]["drive"]["rotor_inertia"]) / (1 + size / 100)
-    joints[axis]["drive"]["rotor_inertia"] = inertia
-    return _restated(robot, {"joints": joints})
-
-
-def _restated(robot: Robot, keys: dict[str, Any]) -> Robot:
-    return parse_robot(yaml.safe_dump(yaml.safe_load(robot.text) | keys), robot.source)
-
-
-STATED = {"gravity": _turned, "rotor inertia": _rotor}
-
-
-# What a plant has otherwise.
-def drive(plant: Plant, axis: int, **factors: float) -> None:
-    """Multiply values of a drive, axes from 1."""
-    own = plant["axes"][axis - 1]["drive"]
-    for key, factor in factors.items():
-        own[key] = type(own[key])(own[key] * factor)
-
-
-def _load(plant: Plant, _axis: int, size: float) -> None:
-    plant["payload"] = {"mass": size / ARM, "centre": [ARM, 0, 0]}
-
-
-def _play(plant: Plant, axis: int, size: float) -> None:
-    own = plant["axes"][axis - 1]["drive"]
-    own["stiffness"] = (
-        own["load_inertia"] * (2 * math.pi * 80.0) ** 2
-    )  # as stiff as a step of 1 ms allows
-    own["backlash"] = 2 * math.radians(size)
-
-
-def _rub(plant: Plant, axis: int, size: float) -> None:
-    plant["axes"][axis - 1]["friction"]["load"] = size / 100
-
-
-def _soften(plant: Plant, _axis: int, size: float) -> None:
-    plant["step"] = 0.0005  # a lone link between two gears swings several times as fast
-    for each in plant["axes"]:
-        own = each["drive"]
-        own["stiffness"] = own["load_inertia"] * (math.tau * size) ** 2
-
-
-PLANTS: dict[str, Callable[[Plant, int, float], None]] = {
-    "load": _load, "play": _play, "friction of the load": _rub, "gears": _soften,
-}  # fmt: skip
 FLAWS = (
     ("", "zero", 2), ("", "zero", 3), ("", "position scale", 3), ("", "gear ratio", 2),
     ("", "gear ratio", 4), ("", "torque constant", 2), ("", "torque constant", 5),
@@ -332,7 +198,8 @@ def imported(folder: Path, case: Case) -> Run:
     n, names = twin.n, []
     for number, (_, each) in enumerate(twin.recorded(case.seed, load)):
         q, tau = each.q.copy(), each.tau.copy()
-        RECORDED.get(case.cause, _clean)(q, tau, each.time, case.axis - 1, case.size)
+        if change := RECORDED.get(case.cause):
+            change(q, tau, each.time, case.axis - 1, case.size)
         head = ",".join(["t", *(f"{x}{k + 1}" for x in ("q", "tau") for k in range(n))])
         names.append(f"{number}.csv")
         table = np.column_stack([each.time, q, tau])

@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 from back_and_forth import exported, strokes
-from excluded import drive
 from foreign_recordings import ROBOTS, record
 from loads import write as write_loads
 
@@ -175,7 +174,7 @@ def _campaign(folder: Path, name: str) -> None:
     content |= differs
     if name in GREATER:
         axis, factor = GREATER[name]
-        drive(content, axis, torque_constant=factor)
+        content["axes"][axis - 1]["drive"]["torque_constant"] *= factor
     plant = folder / f"{name}.plant.yaml"
     plant.write_text(yaml.safe_dump(content, sort_keys=False))
     must(folder, "run", f"{plan}.yaml", "-o", name, "--channel", plant, "--bus-option",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sim_plant.faults.fault_plan import Fault
+    from sim_plant.faults.faulty_segment import FaultySegment
     from sim_plant.slave_network import CanFrame
 
     Condition = Callable[[can.Message], bool]
@@ -45,7 +46,48 @@ class Seen(NamedTuple):
     data: bytes
 
 
-class LoggedBus(can.BusABC):
+class WitnessedLog:
+    """The log of a bus to a faulty plant, and the witness of what follows its first fault.
+
+    Parameters
+    ----------
+    network : FaultyNetwork or FaultySegment
+    witness : Witness
+    interrupted : bool
+        Ctrl-C is pressed at the moment at which the first fault begins.
+
+    Attributes
+    ----------
+    log : list of Seen
+        Frames that got through, to the drives and to us.
+    began : int or None
+        Length of the log when the first fault began.
+    """
+
+    def __init__(
+        self, network: FaultyNetwork | FaultySegment, witness: Witness, *, interrupted: bool
+    ) -> None:
+        self.network, self.witness, self._interrupted = network, witness, interrupted
+        self.log: list[Seen] = []
+        self.began: int | None = None
+
+    def leave_alone(self) -> None:
+        """Let time pass without us."""
+        for _ in range(round(SETTLING / STEP)):
+            self.network.elapse(STEP)
+            self._look(len(self.log))
+
+    def _look(self, here: int) -> None:
+        begins = self.began is None and bool(self.network.present)
+        if begins:
+            self.began = here
+            self.witness.begin()
+        self.witness.look()
+        if begins and self._interrupted:
+            signal.raise_signal(signal.SIGINT)
+
+
+class LoggedBus(can.BusABC, WitnessedLog):
     """The faulty plant as a python-can bus in lock-step.
 
     Parameters
@@ -61,12 +103,8 @@ class LoggedBus(can.BusABC):
 
     Attributes
     ----------
-    log : list of Seen
-        Frames that got through, to the drives and to us.
-    began : int or None
-        Length of the log when the first fault began.
-    witness : Witness
-        Of all that followed.
+    log, began, witness
+        As of `WitnessedLog`.
     truth : ndarray
         State of the plant as it was latched for the last sample.
     """
@@ -81,17 +119,14 @@ class LoggedBus(can.BusABC):
         interrupted: bool = False,
         reaction: float = 0.0,
     ) -> None:
-        super().__init__("faulty plant")
+        can.BusABC.__init__(self, "faulty plant")
         self.channel_info = "faulty plant"
         self.plant = load_plant(ROBOT)
         at_once = () if condition else tuple(faults)
-        self.network = FaultyNetwork(self.plant, "sync", FaultPlan(faults=at_once))
-        self.witness = Witness(self.network, reaction)
+        network = FaultyNetwork(self.plant, "sync", FaultPlan(faults=at_once))
+        WitnessedLog.__init__(self, network, Witness(network, reaction), interrupted=interrupted)
         self.truth = self.plant.state
-        self.log: list[Seen] = []
-        self.began: int | None = None
         self._condition, self._waiting = condition, tuple(faults)
-        self._interrupted = interrupted
         self._syncs = 0
         self._inbox: deque[can.Message] = deque()
         self.network.power_on()
@@ -120,24 +155,9 @@ class LoggedBus(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         return (self._inbox.popleft() if self._inbox else None), False
 
-    def leave_alone(self) -> None:
-        """Let time pass without us."""
-        for _ in range(round(SETTLING / STEP)):
-            self.network.elapse(STEP)
-            self._look(len(self.log))
-
     def _take(self, frames: Sequence[CanFrame]) -> None:
         for _, identifier, data in frames:
             self.log.append(Seen(self._syncs, False, identifier, data))
             self._inbox.append(
                 can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
             )
-
-    def _look(self, here: int) -> None:
-        begins = self.began is None and bool(self.network.present)
-        if begins:
-            self.began = here
-            self.witness.begin()
-        self.witness.look()
-        if begins and self._interrupted:
-            signal.raise_signal(signal.SIGINT)

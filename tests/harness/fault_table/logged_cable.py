@@ -7,7 +7,6 @@ what it answers. So whatever reads such a log reads both.
 
 from __future__ import annotations
 
-import signal
 import struct
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from plant_wire import PlantWire
 
 from drivers.canopen.pdo_mapping import received
 from drivers.drives_file import load_drives
-from fault_table.logged_bus import ROBOT, SETTLING, STEP, SYNC, Seen
+from fault_table.logged_bus import ROBOT, SYNC, Seen, WitnessedLog
 from fault_table.witness import Witness
 from hil.model.robot import ROBOTS
 from sim_plant.ethercat.al_states import AlState
@@ -72,7 +71,7 @@ class WatchedSegment:
         return self._segment.time
 
 
-class LoggedCable(PlantWire):
+class LoggedCable(PlantWire, WitnessedLog):
     """The faulty slaves at the other end of a wire.
 
     Parameters
@@ -93,14 +92,11 @@ class LoggedCable(PlantWire):
     ) -> None:
         self.plant = load_plant(ROBOT)
         faulty = FaultySegment(self.plant, "sync", FaultPlan(faults=tuple(faults)))
-        super().__init__(faulty)
-        self.network = faulty
-        self.witness = Witness(WatchedSegment(faulty._network, self.plant), reaction)  # type: ignore[arg-type]
-        self.log: list[Seen] = []
-        self.began: int | None = None
+        PlantWire.__init__(self, faulty)
+        witness = Witness(WatchedSegment(faulty._network, self.plant), reaction)  # type: ignore[arg-type]
+        WitnessedLog.__init__(self, faulty, witness, interrupted=interrupted)
         self.truth: NDArray[np.float64] = self.plant.state.copy()
         self._before = self.truth
-        self._interrupted = interrupted
         self._syncs = 0
         faulty.power_on()
 
@@ -128,12 +124,6 @@ class LoggedCable(PlantWire):
         self._look(here)
         return True
 
-    def leave_alone(self) -> None:
-        """Let time pass without us."""
-        for _ in range(round(SETTLING / STEP)):
-            self.network.elapse(STEP)
-            self._look(len(self.log))
-
     def _note(self, ours: bool, identifier: int, data: bytes) -> None:
         self.log.append(Seen(self._syncs, ours, identifier, data))
 
@@ -143,12 +133,3 @@ class LoggedCable(PlantWire):
             end = datagram.place + 10 + datagram.size
             if int.from_bytes(frame[end : end + 2], "little") == BOTH:
                 self._note(False, 0x180 + axis.node, datagram.data[OUTPUTS:])
-
-    def _look(self, here: int) -> None:
-        begins = self.began is None and bool(self.network.present)
-        if begins:
-            self.began = here
-            self.witness.begin()
-        self.witness.look()
-        if begins and self._interrupted:
-            signal.raise_signal(signal.SIGINT)
