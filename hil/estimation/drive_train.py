@@ -267,7 +267,7 @@ def _with_gears(
     calculated: bool,
 ) -> Iterator[list[Stacked]]:
     """The same with columns of load friction where it is, and K behind those of p."""
-    transmitted = [_smooth_load(robot, s, p, loaded, by_motion=calculated) for s, _ in stacks]
+    transmitted = [_smooth_load(robot, s, p, loaded, calculated=calculated) for s, _ in stacks]
     rows = [
         np.stack([x[each.index] for x in (*s.link, *twist)])
         for (s, axes), (twist, _) in zip(stacks, transmitted, strict=True)
@@ -288,14 +288,15 @@ def _with_gears(
 
 
 def _smooth_load(
-    robot: Robot, s: Signals, p: Array, loaded: Mask, *, by_motion: bool
+    robot: Robot, s: Signals, p: Array, loaded: Mask, *, calculated: bool
 ) -> tuple[tuple[Array, Array, Array], Array]:
     """Torque that gears transmit, smoothed, with two derivatives, and what friction knows of it."""
-    calculated = inverse_dynamics(robot, p, *s.link)
-    load = calculated if by_motion or s.twist is not None else _transmitted(robot, p, s)
+    load = of_links = inverse_dynamics(robot, p, *s.link)
+    if s.twist is None and not calculated:
+        load = _transmitted(robot, p, s)
     for _ in range(PASSES):
         load = s.smoothed(load)
-    friction = _of_load(s, calculated) if loaded.any() else calculated
+    friction = _of_load(s, of_links) if loaded.any() else of_links
     return (load, *derivatives(load, s.period)), friction
 
 
