@@ -79,7 +79,7 @@ MUTANTS = (
     Mutant("drivers/canopen/pdo_mapping.py", "AT_SYNC = range(241)", "AT_SYNC = range(256)"),
     Mutant(_PDO, "                or len(data) != sizes[slot]\n", ""),
     Mutant(_PDO, "                or frame.is_extended_id\n", ""),
-    Mutant(_PDO, "math.inf if flag & SampleFlag.MISSING or elapsed <= 0",
+    Mutant("drivers/cycle_data.py", "math.inf if flag & SampleFlag.MISSING or elapsed <= 0",
            "0.0 if flag & SampleFlag.MISSING or elapsed <= 0"),
     Mutant(_PDO, "self.feed_forward(axis, 0, 0)", "pass"),
     Mutant("drivers/cia402/unwrapping.py", "self._inner.lead(axis, self._wrapped(axis, target))",

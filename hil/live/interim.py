@@ -83,7 +83,7 @@ class Interim:
         except NotEnoughData:
             return
         if not self._open.any():
-            yield from (self._predicted(motion.kind, each, s) for axes in stacks for each in axes)
+            yield from (self._predicted(motion, each, s) for axes in stacks for each in axes)
         if any(stacks):
             self._blocks.append(condensed_blocks(self._robot, stacks).without(ROTOR))
 
@@ -112,21 +112,22 @@ class Interim:
             self._degrees = np.maximum(found.degrees_of_freedom[:n], 1.0)
             self._p = regression.solution[:n]
 
-    def _predicted(self, kind: str, each: Stacked, s: Signals) -> Line:
+    def _predicted(self, motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
         A, y = each.X[:, : each.n_base], each.torques[:, 0]
         common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
         basis, _ = orthonormal(np.hstack([each.friction, common]))
         left = A - basis @ (basis.T @ A)
         predicted = left @ self._p + basis @ (basis.T @ y) + each.torques[:, 1]
         variance = np.einsum("nk,kl,nl->n", left, self._covariance, left).clip(0.0)
-        before = self._left.setdefault((kind, each.axis), [])
+        before = self._left.setdefault((motion.kind, each.axis), [])
         noise = sorted(before)[(len(before) - 1) // 2] if before else np.inf
         band = 1.96 * np.sqrt(variance + noise)
         before.append(float(np.mean((y + each.torques[:, 1] - predicted) ** 2)))
         drawn = slice(None, None, -(-len(y) // POINTS))
         shown = (y + each.torques[:, 1], predicted, band)
         columns = (column[drawn, np.newaxis] for column in shown)
-        return lines.torque([each.axis], s.time[each.index[drawn]], *columns)
+        time = s.time[each.index[drawn]]
+        return lines.torque([each.axis], time, *columns, measurement=motion.id)
 
 
 def estimate_line(

@@ -28,9 +28,10 @@ level
     What a recording shows of the friction of one ``axis`` (`level_of`): ``level``, ``speed``,
     ``measurement``, and of all so far ``count``, ``least`` and ``most``.
 torque
-    Measured torque beside the predicted one: ``axes``, from 0, ``t`` [s], and ``measured``,
-    ``predicted`` and ``band``, a list an instant with a number an axis each. The band about the
-    predicted torque holds 95 % of what is normal; null where it is not known.
+    Measured torque beside the predicted one: ``axes``, from 0, and ``torque``, ``predicted`` and
+    ``band``, of each axis the track that continues its own (`hil.view.packed`), on the bus's time.
+    The band about the predicted torque holds 95 % of what is normal. ``measurement``: that of the
+    recording, or "" of a run that is watched.
 estimate
     What the recordings show of the base parameters so far: ``recordings``, their number, and
     ``parameters``, of each ``name``, ``meaning``, ``unit``, ``expression``, ``value``, ``half``:
@@ -58,6 +59,7 @@ import numpy as np
 
 from hil.measuring.events import AboutMeasurement
 from hil.terminal.progress import doing, notice
+from hil.view.packed import Track
 from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:
@@ -143,6 +145,8 @@ Line = dict[str, object]
 
 _PLACES = {"q": 6, "tau": 4}
 """Decimals, far finer than any encoder or current is shown."""
+TORQUE = 1e-4
+"""Resolution of tracks of torque [N m or N], the same."""
 
 
 def encoded(kind: str, **values: object) -> bytes:
@@ -197,7 +201,7 @@ def sample(taken: Sample) -> Line:
     }
 
 
-def torque(axes: Sequence[int], time: Array, *torques: Array) -> Line:
+def torque(axes: Sequence[int], time: Array, *torques: Array, measurement: str = "") -> Line:
     """What stands in the line ``torque``.
 
     Parameters
@@ -208,13 +212,12 @@ def torque(axes: Sequence[int], time: Array, *torques: Array) -> Line:
         [s].
     *torques : ndarray, shape (n, n_axes)
         Measured, predicted and band [N m or N].
+    measurement : str
+        Of the recording.
     """
-    names = ("measured", "predicted", "band")
-    rows = (
-        [[_number(x, _PLACES["tau"]) for x in row] for row in each.tolist()] for each in torques
-    )
-    found = dict(zip(names, rows, strict=True))
-    return {"axes": list(axes), "t": [round(t, 4) for t in time.tolist()], **found}
+    names = ("torque", "predicted", "band")
+    tracks = ([Track(time, column).data(TORQUE) for column in each.T] for each in torques)
+    return {"axes": list(axes), "measurement": measurement, **dict(zip(names, tracks, strict=True))}
 
 
 def alarm(raised: Alarm, unit: str) -> Line:

@@ -1,4 +1,6 @@
-// Position, velocity, torque and distance over the segment that is played, with a cursor.
+// Position, velocity, torque and distance over a span of time, with a cursor.
+import { shown } from './elements.js';
+
 const HEIGHT = 132;
 const LEFT = 58;
 const BOTTOM = 18;
@@ -35,11 +37,8 @@ function parts(values) {
 
 export class Curve {
   /** `lines(joint)` gives {name, value(t), instants(begin, end, n), dashed, colour, band(t)}. */
-  constructor(host, { title, lines, seek, bounds = () => [], height = HEIGHT }) {
-    this.height = height;
-    this.lines = lines;
-    this.title = title;
-    this.bounds = bounds;
+  constructor(host, { title, lines, seek, bounds = () => [], least = () => 0, height = HEIGHT }) {
+    Object.assign(this, { height, lines, title, bounds, least });
     this.figure = document.createElement('figure');
     this.figure.className = 'curve';
     this.caption = document.createElement('figcaption');
@@ -59,17 +58,24 @@ export class Curve {
     });
   }
 
-  /** Draw anew for a joint and a span of time. */
-  draw(joint, begin, end) {
-    this.span = [begin, end];
+  /** Draw anew for a joint and a span of time, which is counted from `origin`, with a rule at each of `marks`. */
+  draw(joint, begin, end, { origin = begin, marks = [] } = {}) {
+    Object.assign(this, { span: [begin, end], origin, marks });
     this.caption.replaceChildren(...this._caption(joint));
-    this.canvas.setAttribute('aria-label', `${this.title(joint)}, curve over time`);
     this.drawn = this.lines(joint).map((line) => {
       const t = line.instants(begin, end, 300);
       return { ...line, t, y: t.map((each) => line.value(each)), band: line.band && t.map((each) => line.band(each)) };
     });
+    this.canvas.setAttribute('aria-label', `${this.title(joint)}, over time; ${this._ends()}`);
     this._scale(joint);
     this._paint();
+  }
+
+  /** Values at the end of what is drawn, for who does not see it. */
+  _ends() {
+    const ends = this.drawn.map(({ name, y }) => [name, y.findLast(Number.isFinite)]);
+    const known = ends.filter(([name, value]) => name && value !== undefined);
+    return known.length ? `at its end ${known.map(([name, value]) => `${name} ${shown(value, 100)}`).join(', ')}` : 'none yet';
   }
 
   /** Mark an instant. */
@@ -98,6 +104,8 @@ export class Curve {
       for (const v of each.y) if (Number.isFinite(v)) { low = Math.min(low, v - reach); high = Math.max(high, v + reach); }
     }
     if (!(low <= high)) [low, high] = [-1, 1];
+    const lacking = Math.max(this.least(joint) - (high - low), 0) / 2;
+    [low, high] = [low - lacking, high + lacking];
     const room = Math.max(0.08 * (high - low), 1e-3 * Math.max(Math.abs(low), Math.abs(high)), 1e-3);
     this.low = low - room;
     this.high = high + room;
@@ -165,9 +173,12 @@ export class Curve {
     }
     pen.strokeStyle = colour('--warn');
     for (const v of this.limits) this._line(pen, LEFT, this._y(v), this.width - RIGHT, this._y(v));
+    pen.strokeStyle = colour('--bad');
+    pen.lineWidth = 2;
+    for (const t of this.marks) if (t >= this.span[0] && t <= this.span[1]) this._line(pen, this._x(t), this._y(this.high), this._x(t), this._y(this.low));
     const [begin, end] = this.span;
     const wide = this.width < 340 ? 3 : 5;
-    const from = this.origin ?? begin; // where time is counted from
+    const from = this.origin;
     const { values: instants, digits: places } = ticks(begin - from, Math.max(end - from, begin - from + 1e-3), wide);
     pen.textAlign = 'center';
     pen.textBaseline = 'alphabetic';

@@ -1,6 +1,8 @@
 // The curves of what is recorded or planned: position, velocity, torque beside the predicted one, distance.
 import { Curve } from './curves.js';
 
+const LEAST = 0.02; // share of the torque limit that a scale of torque spans at least, lest noise fill it
+
 /** Curves into a host; a click on one calls seek(t). */
 export function curvesOf(host, { robot: { joints }, workspace, prediction }, recorded, seek) {
   const line = (track, name, colour, rest = {}) => ({
@@ -12,28 +14,31 @@ export function curvesOf(host, { robot: { joints }, workspace, prediction }, rec
     ...(of ? [line(of[j], 'measured', '--measured')] : []),
     ...(planned ? [line(planned[j], setPoint, '--planned', { dashed: Boolean(measured), value: (t) => planned[j].at(t)[rate] })] : []),
   ];
-  const add = (title, lines, bounds) => new Curve(host, { title, lines, seek, bounds });
+  const add = (title, lines, rest) => new Curve(host, { title, lines, seek, ...rest });
   const within = (j) => (band ? { band: (t) => band[j].at(t)[0] } : {});
   const found = [];
   if (torque || predicted) {
     found.push(add((j) => `axis ${j + 1}: ${word(joints[j])}, ${joints[j].torque_unit}`, (j) => [
       ...(predicted ? [line(predicted[j], prediction, '--planned', { dashed: Boolean(torque), ...within(j) })] : []),
       ...(torque ? [line(torque[j], 'measured', '--measured')] : []),
-    ], (j) => both(joints[j].torque)));
+    ], { bounds: (j) => both(joints[j].torque), least: (j) => LEAST * (joints[j].torque ?? 0) }));
   }
   if (torque && predicted) {
     const left = (j) => ({ value: (t) => torque[j].at(t)[0] - predicted[j].at(t)[0] });
     found.push(add((j) => `axis ${j + 1}: measured less predicted, ${joints[j].torque_unit}`, (j) => [
       line(predicted[j], band ? 'interval of 95 %' : '', '--planned', { dashed: true, value: (t) => 0 * predicted[j].at(t)[0], ...within(j) }),
       line(predicted[j], 'difference', '--measured', left(j)),
-    ]));
+    ], { least: (j) => (LEAST / 2) * (joints[j].torque ?? 0) }));
   }
-  found.push(
-    add((j) => `axis ${j + 1}: position, ${joints[j].unit}`, motion(measured, 0), (j) => [joints[j].lower, joints[j].upper]),
-    add((j) => `axis ${j + 1}: velocity, ${joints[j].unit}/s`, motion(velocity, 1), (j) => both(joints[j].velocity)),
-  );
+  if (measured || planned) {
+    const [limits, speeds] = [(j) => [joints[j].lower, joints[j].upper], (j) => both(joints[j].velocity)];
+    found.push(
+      add((j) => `axis ${j + 1}: position, ${joints[j].unit}`, motion(measured, 0), { bounds: limits }),
+      add((j) => `axis ${j + 1}: velocity, ${joints[j].unit}/s`, motion(velocity, 1), { bounds: speeds }),
+    );
+  }
   if (distance) {
-    found.push(add(() => 'nearest distance of a link to a box, m', () => [line(distance.track, 'distance', '--measured')], () => [workspace.margin]));
+    found.push(add(() => 'nearest distance of a link to a box, m', () => [line(distance.track, 'distance', '--measured')], { bounds: () => [workspace.margin] }));
   }
   return found;
 }

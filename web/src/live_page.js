@@ -3,13 +3,13 @@ import { clock, make } from './elements.js';
 import { Hand } from './hand.js';
 import { Intervals } from './intervals.js';
 import { LiveAxes } from './live_axes.js';
+import { LiveCurves } from './live_curves.js';
+import { Recorded } from './recorded.js';
 import { RobotView } from './robot_view.js';
-import { TorqueCharts } from './torque_charts.js';
 
 const at = (id) => document.getElementById(id);
 const SILENT = 2; // after which samples, or all signs of life, are missed [s]
 const NOTICES = 200;
-const KEPT = 1500; // samples to look back at: a minute
 const AT_THE_TERMINAL = 'stop it with Ctrl-C at the terminal, or by the emergency stop';
 const ENDS = {
   finished: ['the run is finished, the axes are off', ''],
@@ -59,8 +59,9 @@ export class LivePage {
     at('fault').textContent = '';
     if (!this.robot) this._open(line);
     this.text = text;
-    [this.past, this.watched, this.rate, this.event] = [[], line.watched, undefined, undefined];
-    this.charts.forget(line.watched);
+    [this.watched, this.rate, this.event] = [line.watched, undefined, undefined];
+    this.recorded = Recorded.growing(line.robot.joints);
+    this.curves.begin(this.recorded, line.watched);
     this.hand?.enable(line.hand);
     this.headline = '';
     this.measurements = line.measurements;
@@ -74,7 +75,7 @@ export class LivePage {
   _open({ robot, workspace }) {
     this.robot = robot;
     this.axes = new LiveAxes(at('axes'), robot.joints);
-    this.charts = new TorqueCharts(at('torques'), robot.joints, (t) => this._seek(t));
+    this.curves = new LiveCurves(at('torques'), { robot, prediction: 'predicted' }, (t) => this._look(t));
     this.intervals = new Intervals(at('intervals'));
     try {
       this.scene = new RobotView(at('scene'), { robot, workspace });
@@ -90,7 +91,7 @@ export class LivePage {
     const scheme = matchMedia('(prefers-color-scheme: dark)');
     const set = () => {
       this.scene.theme(scheme.matches);
-      this.charts.redraw();
+      this.curves.draw();
     };
     scheme.addEventListener('change', set);
     set();
@@ -111,8 +112,8 @@ export class LivePage {
     this.sampled = performance.now();
     if (!this.sample) requestAnimationFrame(() => this._draw());
     this.sample = line;
-    this.past.push(line);
-    if (this.past.length > KEPT) this.past.shift();
+    this.recorded.stand(line.t, line.q);
+    this.curves.draw();
   }
 
   /** How much faster than the clock the bus's time passes, averaged over a second. */
@@ -124,10 +125,10 @@ export class LivePage {
     this.since = { t, now };
   }
 
-  /** Stand as at an instant that has passed; without one, as now. */
-  _seek(t) {
-    this.back = t === undefined ? undefined : this.past.find((each) => each.t >= t);
-    if (this.back) this._stand(this.back);
+  /** Show the robot as at an instant that has passed; without one, as now. */
+  _look(t) {
+    this.back = t !== undefined;
+    this._stand(this.recorded.q(this.back ? t : this.recorded.duration));
   }
 
   async _push(torque, lasts) {
@@ -140,14 +141,14 @@ export class LivePage {
   _draw() {
     const { q, tau, t } = this.sample;
     this.sample = undefined;
-    if (!this.back) this._stand({ q, tau });
+    this.axes.show(q, tau);
+    if (!this.back) this._stand(q);
     if (this.event?.total) at('progress').value = Math.min(t / this.event.total, 1);
   }
 
-  _stand({ q, tau }) {
-    this.q = q.map((each, j) => each ?? this.q?.[j] ?? 0);
+  _stand(q) {
+    this.q = q.map((each, j) => (Number.isFinite(each) ? each : this.q?.[j] ?? 0));
     this.scene?.show(this.q);
-    this.axes.show(q, tau);
   }
 
   _headline({ text }) {
@@ -155,7 +156,9 @@ export class LivePage {
   }
 
   _torque(line) {
-    this.charts.take(line);
+    if (!line.torque[0].time.differences.length) return;
+    this.recorded.take(line);
+    this.curves.draw();
   }
 
   _estimate(line) {
@@ -164,7 +167,7 @@ export class LivePage {
   }
 
   _alarm(line) {
-    this.charts.alarm(line);
+    this.curves.alarm(line);
     this._note({ ...line, text: `axis ${line.axis + 1}: ${line.torque.toFixed(1)} ${line.unit} from outside, threshold ${line.threshold.toFixed(1)} ${line.unit}` });
   }
 
@@ -184,9 +187,11 @@ export class LivePage {
     this.axes.friction(line);
   }
 
-  _note({ at: when, text }, kind = '') {
+  /** A notice; where the bus's time of it is known, one looks back at it by a click. */
+  _note({ at: when, text, t }, kind = '') {
     const time = make('time', { text: new Date(1000 * when).toLocaleTimeString() });
-    at('notices').prepend(make('li', { class: kind || false }, time, text));
+    const shown = !Number.isFinite(t) ? time : make('button', { type: 'button', class: 'then', title: 'Look back at it', onclick: () => this.curves.look(t) }, time);
+    at('notices').prepend(make('li', { class: kind || false }, shown, text));
     while (at('notices').childElementCount > NOTICES) at('notices').lastElementChild.remove();
   }
 

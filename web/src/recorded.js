@@ -1,4 +1,4 @@
-// What is played: tracks of all joints and the segments of the time line.
+// What is played: tracks of all joints and the segments of the time line, of a page's data or as lines of a run bring them.
 import { Track } from './track.js';
 
 const tracks = (given) => given && given.map((each) => new Track(each));
@@ -26,6 +26,29 @@ export class Recorded {
     this.band = tracks(data.band);
     this.distance = distances(data.distance);
     this.recorded = data.segments.filter((each) => each.recorded);
+  }
+
+  /** A run that goes on, of which nothing has come yet. */
+  static growing(joints) {
+    const each = () => joints.map(() => new Track());
+    return Object.assign(new Recorded({ segments: [] }), { measured: each(), torque: each(), predicted: each(), band: each() });
+  }
+
+  /** Take the positions of one instant, null where a joint's is missing. */
+  stand(t, q) {
+    q.forEach((value, j) => this.measured[j].extend([t], [value ?? NaN]));
+    this.duration = t;
+  }
+
+  /** Take torques that follow upon those there are: of a recording, or of all axes as they pass by. */
+  take({ axes, measurement, ...lines }) {
+    for (const name of ['torque', 'predicted', 'band']) {
+      tracks(lines[name]).forEach(({ time, value }, i) => this[name][axes[i]].extend(time, value));
+    }
+    const [begin, end] = [0, -1].map((i) => tracks(lines.torque)[0].time.at(i));
+    const last = this.segments.findLast((each) => each.id === measurement && each.axes[0] === axes[0]);
+    if (last) last.end = end;
+    else this.segments.push({ id: measurement, axes, begin, end });
   }
 
   /** What the robot does: as measured where that is known. */

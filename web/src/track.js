@@ -2,12 +2,22 @@
 // With slopes the piecewise parabolas of a planned stroke come out exactly.
 import { unpack } from './packed.js';
 
+const KEPT = 60_000; // knots of a track that grows: 40 minutes of samples for the eye, of which 25 come a second
+
 export class Track {
-  constructor({ time, value, slope }) {
-    this.time = unpack(time);
-    this.value = unpack(value);
-    this.slope = slope ? unpack(slope) : null;
+  /** What a page has of a track; without it, one that grows. */
+  constructor(given) {
+    this.time = given ? unpack(given.time) : [];
+    this.value = given ? unpack(given.value) : [];
+    this.slope = given?.slope ? unpack(given.slope) : null;
     this.last = 0; // players ask for one instant after the other
+  }
+
+  /** Add what comes after. */
+  extend(time, value) {
+    this.time.push(...time);
+    this.value.push(...value);
+    if (this.time.length > KEPT) for (const each of [this.time, this.value]) each.splice(0, KEPT / 4);
   }
 
   /** Number of the last knot at or before t. */

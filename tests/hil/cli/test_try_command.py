@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from live_page import PUSH, STOP, Served, events, watching
+from unpacked import unpacked
 
 from checked_files.yaml_file import load_yaml
 from hil.cli import try_plans, trying
@@ -101,7 +102,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
         for now, before in zip(last, (row["share"] for row in estimates[0]), strict=True)
     )
     torques = [line for line in visitor.of("torque") if len(line["axes"]) == 6]
-    times = [t for line in torques for t in line["t"]]
+    times = [t for line in torques for t in unpacked(line["torque"][0]["time"])]
     assert times == sorted(times)
     assert times[-1] - times[0] > 15.0
 

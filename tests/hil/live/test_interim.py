@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from small_run import write_run
 from synthetic import TABLE_3_A
+from unpacked import unpacked
 
 from hil.cli.try_plans import mixed
 from hil.live import estimator
@@ -67,10 +68,10 @@ def test_torques_are_predicted_before_they_are_used_and_lie_in_their_band(
     _, torques = shown
     inside: list[bool] = []
     for line in torques:
-        measured, predicted = (np.array(line[name])[:, 0] for name in ("measured", "predicted"))
-        band = [row[0] for row in line["band"]]
-        assert len(line["t"]) == len(band) <= 120
-        if None not in band:
+        tracks = [line[name][0]["value"] for name in ("torque", "predicted", "band")]
+        measured, predicted, band = map(unpacked, tracks)
+        assert len(line["torque"][0]["time"]["differences"]) == len(band) <= 120
+        if np.isfinite(band).all():
             inside += list(np.abs(measured - predicted) <= band)
     assert len(inside) > 500
     assert 0.9 < np.mean(inside) <= 1.0

@@ -195,14 +195,16 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
     one = np.sin(t)[:, np.newaxis]
     page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, np.full((40, 1), np.inf)))
     until(browser, lambda: "none yet" not in label(browser, 1))
-    assert label(browser, 1).startswith("axis 2, N m: torque over time; measured")
+    assert label(browser, 1).startswith("axis 2: torque, N m, over time; at its end predicted")
+    assert "measured" in label(browser, 1)
     assert "none yet" in label(browser, 0)
     assert complaints(browser) == []
 
 
 def label(browser: Chrome, axis: int) -> str:
     name = browser.execute_script(
-        "return document.querySelectorAll('#torques > figure > canvas')[arguments[0]].ariaLabel",
+        "return document.querySelectorAll('#torques figure:first-child canvas')[arguments[0]]"
+        "?.ariaLabel ?? 'none yet'",
         axis,
     )
     return str(name)
@@ -222,18 +224,68 @@ def test_one_cursor_goes_through_curves_and_robot(
         q = (0.5 + 0.001 * k, *Q[1:])
         page.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
     until(browser, lambda: "none yet" not in label(browser, 0))
-    until(browser, lambda: browser.execute_script("return window.live.charts.end > 23.9"))
-    set_to = "const s = document.querySelector('.time input'); s.value = arguments[0];"
-    browser.execute_script(f"{set_to} s.dispatchEvent(new Event('input'));", 0.5)
-    t = browser.execute_script("return window.live.charts.cursor")
-    assert 18.0 < t < 20.0
+    until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 23.9"))
+    look_back(browser, 19.0)
     shown = browser.execute_script("return window.live.scene.q[0]")
-    assert shown == pytest.approx(0.5 + 0.001 * (t - 4.0) / 0.04, abs=0.002)
+    assert shown == pytest.approx(0.5 + 0.001 * (19.0 - 4.0) / 0.04, abs=0.002)
+    until(browser, lambda: cursors(browser) == [True] * 12)
+    begin, end = browser.execute_script("return window.live.curves.span")
+    assert begin <= 19.0 <= end <= begin + 10.0 + 1e-9
+    browser.find_element(By.CSS_SELECTOR, ".time button").click()  # what has passed is played
+    until(browser, lambda: browser.execute_script("return window.live.curves.player.time") > 19.1)
     page.sample(Sample(24.1, Q, TAU, (0,) * 6, False))
-    browser.find_element(By.CSS_SELECTOR, ".time button").click()
+    browser.find_element(By.CSS_SELECTOR, ".time button:last-child").click()
+    until(browser, lambda: cursors(browser) == [False] * 12)
     page.sample(Sample(24.2, (2.0, *Q[1:]), TAU, (0,) * 6, False))
     until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 2.0)
     assert complaints(browser) == []
+
+
+def look_back(browser: Chrome, t: float) -> None:
+    set_to = "const s = document.querySelector('.time input'); s.value = arguments[0];"
+    browser.execute_script(f"{set_to} s.dispatchEvent(new Event('input'));", t)
+
+
+def cursors(browser: Chrome) -> list[bool]:
+    """Return which curves have a cursor."""
+    return browser.execute_script(  # type: ignore[no-any-return]
+        "return [...document.querySelectorAll('#torques .cursor')].map((each) => !each.hidden);"
+    )
+
+
+def test_recordings_that_have_passed_can_be_looked_back_at(browser: Chrome, page: Served) -> None:
+    for begin in (4.0, 8.0):
+        t = begin + 0.1 * np.arange(20)
+        one = np.sin(t)[:, np.newaxis] * np.ones(2)
+        columns = (40 * one, 41 * one, np.full((20, 2), 9.0))
+        page.publish("torque", **lines.torque([1, 3], t, *columns, measurement=f"g{begin:.0f}"))
+    for k in range(100):
+        page.sample(Sample(4.0 + 0.1 * k, (0.01 * k, *Q[1:]), TAU, (0,) * 6, False))
+    until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 13.8"))
+    until(browser, lambda: "none yet" not in label(browser, 3))
+    assert spans(browser, 1) == pytest.approx([8.0, 9.9])
+    look_back(browser, 5.0)
+    until(browser, lambda: spans(browser, 1) == pytest.approx([4.0, 5.9]))
+    assert cursors(browser) == [axis in (1, 3) for axis in range(6) for _ in range(2)]
+    assert browser.execute_script("return window.live.scene.q[0]") == pytest.approx(0.1)
+    assert "measuring" in text(browser, "doing")  # the run goes on
+
+
+def spans(browser: Chrome, axis: int) -> list[float]:
+    return browser.execute_script(  # type: ignore[no-any-return]
+        "return window.live.curves.curves[arguments[0]][0].span", axis
+    )
+
+
+def test_an_event_is_looked_back_at(browser: Chrome, watched: tuple[Served, Any]) -> None:
+    page, _ = watched
+    for k in range(3):
+        page.sample(Sample(6.1 + k, (1.0 + 0.1 * k, *Q[1:]), TAU, (0,) * 6, False))
+    until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 1.2)
+    page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=6.6)
+    until(browser, lambda: "from outside" in text(browser, "notices"))
+    browser.find_element(By.CSS_SELECTOR, "#notices .then").click()
+    assert browser.execute_script("return window.live.scene.q[0]") == pytest.approx(1.05)
 
 
 def test_a_link_that_is_dragged_pushes_the_plant_and_is_let_go(

@@ -1,0 +1,17 @@
+"""Numbers of a page, as its script unpacks them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from hil.arrays import Array
+
+
+def unpacked(given: Any) -> Array:
+    """Undo `hil.view.packed.packed`; NaN where nothing is known."""
+    differences = np.array(given["differences"], dtype=float)
+    sums = given["step"] * np.cumsum(np.nan_to_num(differences))
+    return np.where(np.isnan(differences), np.nan, sums)

@@ -1,0 +1,108 @@
+// Torques of a run that goes on, beside their prediction, and the instant that they share with the robot: now, or one
+// that has passed.
+import { curvesOf } from './curves_of.js';
+import { clock, make } from './elements.js';
+import { Player } from './player.js';
+
+const EVERY = 80; // between two drawings, a dozen a second [ms]
+const WINDOW = 10; // what is shown of torques that pass by [s]
+
+export class LiveCurves {
+  /** `stand(t)` is called with an instant, or with nothing for now. */
+  constructor(host, data, stand) {
+    Object.assign(this, { host, data, stand, player: new Player(0) });
+    this.slider = make('input', { type: 'range', step: 'any', 'aria-label': 'Instant shown, from the oldest to now', oninput: () => this.look(Number(this.slider.value)) });
+    this.button = make('button', { type: 'button', text: 'Play', onclick: () => this._toggle() });
+    this.label = make('span', { class: 'small' });
+    this.bar = make('div', { class: 'row time' }, this.button, this.slider, this.label, make('button', { type: 'button', text: 'Now', onclick: () => this.look() }));
+    host.after(this.bar);
+    this.player.addEventListener('time', () => this._follow());
+    this.player.addEventListener('state', () => { this.button.textContent = this.player.playing ? 'Pause' : 'Play'; });
+    new ResizeObserver(() => this.draw()).observe(host);
+  }
+
+  /** Begin anew with a run of which nothing has come, whose torques pass by or come by recordings. */
+  begin(recorded, passing) {
+    const { torque, predicted, band } = recorded;
+    Object.assign(this, { recorded, passing, alarms: [], back: false, span: [0, WINDOW] });
+    this.player.pause();
+    this.host.replaceChildren();
+    this.curves = this.data.robot.joints.map(() => {
+      const cell = make('div');
+      this.host.append(cell);
+      return curvesOf(cell, this.data, { torque, predicted, band }, (t) => this.look(t));
+    });
+    this.host.hidden = this.bar.hidden = true;
+  }
+
+  alarm(alarm) {
+    this.alarms.push(alarm);
+  }
+
+  /** Look at an instant of what has passed; at none, go on with what comes. */
+  look(t) {
+    this.back = t !== undefined && t < this.recorded.duration;
+    if (this.back) this.player.seek(t);
+    else this.player.pause();
+    if (!this.back) this.stand();
+    this.draw();
+  }
+
+  _toggle() {
+    if (!this.back) this.look(this.first);
+    this.player.toggle();
+  }
+
+  _follow() {
+    if (this.back) this.stand(this.player.time);
+    this.draw();
+  }
+
+  get first() {
+    return this.recorded.measured[0].time[0] ?? 0;
+  }
+
+  /** What has come, or another instant or size, is drawn when it is time. */
+  draw() {
+    if (this.due || !this.recorded) return;
+    this.due = setTimeout(() => requestAnimationFrame(() => {
+      this.due = 0;
+      this._draw();
+    }), this.back ? 0 : EVERY);
+  }
+
+  _draw() {
+    const { recorded, player } = this;
+    player.duration = recorded.duration;
+    const t = this.back ? player.time : recorded.duration;
+    this.bar.hidden = !recorded.duration;
+    this.host.hidden = !recorded.segments.length;
+    [this.slider.min, this.slider.max, this.slider.value] = [this.first, recorded.duration, t];
+    this.label.textContent = this.back ? `${clock(recorded.duration - t)} ago` : '';
+    if (this.host.hidden) return;
+    if (this.passing) this._slide(t);
+    this.curves.forEach((curves, j) => {
+      const [begin, end] = this.passing ? this.span : this._recording(j, t);
+      const marks = this.alarms.filter(({ axis }) => axis === j).map((each) => each.t);
+      for (const each of curves) {
+        each.draw(j, begin, end, { origin: this.passing ? recorded.duration : begin, marks });
+        if (this.back) each.cursor(t);
+        each.mark.hidden = !this.back || t < begin || t > end;
+      }
+    });
+  }
+
+  /** Let the window hold an instant; it ends now where nothing is looked back at. */
+  _slide(t) {
+    if (this.back && t >= this.span[0] && t <= this.span[1]) return;
+    const end = Math.min(this.back ? t + WINDOW / 2 : t, this.recorded.duration);
+    this.span = [Math.max(end - WINDOW, this.first), end];
+  }
+
+  /** Span of the last recording that an axis has at an instant, or of its first. */
+  _recording(j, t) {
+    const own = this.recorded.segments.filter(({ axes }) => axes.includes(j));
+    const { begin, end } = own.findLast((each) => each.begin <= t) ?? own[0] ?? { begin: 0, end: 1 };
+    return [begin, end];
+  }
+}
