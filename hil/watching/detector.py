@@ -251,12 +251,13 @@ class Detector:
         # before scatter is known everything is doubtful, and the quietest blocks would be chosen
         doubted = doubtful.any(axis=0) & self._scatter.known
         self._doubted = np.where(doubted, self._doubted + duration, 0.0)
+        trusted = (self._doubted == 0) | (self._doubted > longest)
+        self._turning.settle(trusted)
         if self._since < self.windows[-1] + len(left):
             return
-        used = sure & ((self._doubted == 0) | (self._doubted > longest))
+        used = sure & trusted
         self._scatter.take(means, used)
         self._level.follow(columns, left, used, duration)
-        self._turning.settle()
 
 
 def _presliding(model: Model) -> Array:

@@ -71,8 +71,8 @@ class Turning:
     def __init__(self, known: Array, period: float, still: float = 0.1) -> None:
         n = len(known)
         self._row = np.zeros((len(DISTANCES), n))
-        self._squares, self._products, self._slips = np.zeros((3, len(DISTANCES), n))
-        self._seen, self._shown = np.zeros(n), np.zeros(n, dtype=bool)
+        self._sums, self._new = np.zeros((2, 4, len(DISTANCES), n))
+        self._shown = np.zeros(n, dtype=bool)
         self._known = known > 0
         nearest = np.abs(np.log(DISTANCES[:, np.newaxis] / np.where(self._known, known, 1e-3)))
         self._taken = nearest.argmin(axis=0)
@@ -123,11 +123,17 @@ class Turning:
         doubt[turning & ~self._shown] = 1e3  # nothing is seen before enough turning was
         return Turned(rows[:, self._taken, self._axes], damping, doubt)
 
-    def settle(self, enough: int = 25) -> None:
-        """Take the distance and damping that fit best of each axis, after `enough` samples."""
-        self._shown = self._seen >= enough
-        damping = self._products.clip(0.0) / np.maximum(self._slips, 1e-12)
-        best = (self._squares - damping * self._products).argmin(axis=0)
+    def settle(self, used: Flags | bool = True, enough: int = 25) -> None:
+        """Let the samples since last time count, of axes that are `used`.
+
+        Takes the distance and damping that fit best of each axis, after `enough` samples.
+        """
+        self._sums += np.where(used, self._new, 0.0)
+        self._new[:] = 0.0
+        squares, products, slips, (seen, *_) = self._sums
+        self._shown = seen >= enough
+        damping = products.clip(0.0) / np.maximum(slips, 1e-12)
+        best = (squares - damping * products).argmin(axis=0)
         self._taken = np.where(self._shown & ~self._known, best, self._taken)
         self._damping = np.where(self._shown, damping[self._taken, self._axes], 0.0)
 
@@ -162,8 +168,5 @@ class Turning:
     def _learn(self, used: Flags, rows: Array, slip: Array, friction: Array, level: Array) -> None:
         if used.any():
             error = friction[:, np.newaxis] - rows * level[:, np.newaxis]
-            counted = used[:, np.newaxis]
-            self._squares += np.sum(counted * error**2, axis=0)
-            self._products += np.sum(counted * error * slip, axis=0)
-            self._slips += np.sum(counted * slip**2, axis=0)
-            self._seen += used.sum(axis=0)
+            shown = np.stack([error**2, error * slip, slip**2, np.ones_like(error)])
+            self._new += np.sum(used[:, np.newaxis] * shown, axis=1)

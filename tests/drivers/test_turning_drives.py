@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
+from unittest.mock import Mock, call
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import yaml
 from personalities import drives_for, plant_file
 
 from drivers.axis import Wrap
+from drivers.cia402.unwrapping import unwrapped
 from drivers.drive_bus import DriveRefused, Move, Tripped
 from drivers.opening import open_drive_bus
 from sim_plant.personality import load_personality
@@ -52,6 +55,16 @@ def test_each_position_is_one_place_of_the_axis(place: int) -> None:
     wrap = Wrap(low=20, size=150, first=-20)
     assert 20 <= wrap.wrapped(place) < 170
     assert wrap.unwrapped(wrap.wrapped(place)) == place
+
+
+def test_every_target_goes_out_within_the_range_of_its_drive() -> None:
+    inner, wrap = Mock(), Wrap(low=20, size=150, first=-20)
+    there = unwrapped(inner, [SimpleNamespace(wrap=wrap), SimpleNamespace(wrap=None)])
+    there.lead(0, -7)
+    there.command(0, -7, 0x1F)
+    there.lead(1, -7)
+    assert inner.lead.call_args_list == [call(0, 143), call(1, -7)]
+    assert inner.command.call_args_list == [call(0, 143, 0x1F)]
 
 
 def test_axes_pass_the_end_of_the_range_as_if_there_were_none(tmp_path: Path) -> None:

@@ -46,6 +46,22 @@ def test_damping_while_bristles_bend_is_found_with_the_distance() -> None:
     assert turning.damping == pytest.approx([400.0, 50.0])
 
 
+def test_a_push_while_an_axis_turns_teaches_it_no_distance() -> None:
+    step, level = back_and_forth(), np.full((2000, 2), 50.0)
+    distances = np.array([DISTANCES[3], DISTANCES[2]])
+    friction = level * directions(step, distances)
+    turning = Turning(np.zeros(2), PERIOD)
+    turning.take(step, 0 * step, friction, level)
+    turning.settle()
+    pushed = friction + np.array([180.0, 0.0])  # axis 1, 3.6 times as strong as friction
+    turning.take(step, 0 * step, pushed, level)
+    turning.settle(np.array([False, True]))
+    assert turning.distance == pytest.approx(distances)
+    turning.take(step, 0 * step, friction, level)
+    turning.settle()
+    assert turning.distance == pytest.approx(distances)
+
+
 def test_a_standstill_teaches_no_distance() -> None:
     step, level = back_and_forth(), np.full((2000, 2), 50.0)
     friction = level * directions(step, np.array([DISTANCES[4], DISTANCES[3]]))
