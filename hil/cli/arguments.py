@@ -136,7 +136,9 @@ DrivesChannel = Annotated[
 BusOptions = Annotated[
     list[str] | None,
     typer.Option(
-        "--bus-option", help="Additional option of the interface as key=value; may be repeated."
+        "--bus-option",
+        metavar="KEY=VALUE",
+        help="Additional option of the interface; may be repeated.",
     ),
 ]
 BitRate = partial(typer.Option, min=10_000, max=1_000_000)

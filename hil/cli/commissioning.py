@@ -41,7 +41,8 @@ def check(
     drives_file: Drives,
     where: DrivesBus,
     axis: Annotated[
-        list[str] | None, typer.Option(help="Axis to check; all by default; may be repeated.")
+        list[str] | None,
+        typer.Option(metavar="AXIS", help="Axis to check; all by default; may be repeated."),
     ] = None,
     angle: Annotated[
         float, typer.Option(min=0.5, max=20, help="Amplitude of the small moves \\[deg].")
@@ -158,7 +159,8 @@ def home(
 def reset_faults(
     drives_file: Drives,
     axis: Annotated[
-        list[str] | None, typer.Option(help="Axis to reset; all by default; may be repeated.")
+        list[str] | None,
+        typer.Option(metavar="AXIS", help="Axis to reset; all by default; may be repeated."),
     ] = None,
     *,
     where: DrivesBus,

@@ -67,10 +67,12 @@ def scan(
 def new(
     output: Annotated[Path, output_option(new_file, "Drives file to write.")],
     eds: Annotated[
-        list[Path] | None, typer.Option(help="EDS or DCF file of a drive; may be repeated.")
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="EDS or DCF file of a drive; may be repeated."),
     ] = None,
     esi: Annotated[
-        list[Path] | None, typer.Option(help="ESI file of an EtherCAT drive; may be repeated.")
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="ESI file of an EtherCAT drive; may be repeated."),
     ] = None,
     nodes: Nodes = None,
     interface: Annotated[

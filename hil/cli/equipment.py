@@ -72,6 +72,9 @@ def equipped(command: Any, path: str) -> Any:
     if hasattr(command, "commands"):
         return command
     command.params += _common_options()
+    for each in command.params:
+        if getattr(each, "is_flag", False):
+            each.metavar = ""  # else some versions of typer show a type, as if a value followed
     _write_json_after(command, path)
     return command
 

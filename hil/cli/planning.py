@@ -157,6 +157,7 @@ def plan(
     refine: Annotated[
         list[Path] | None,
         typer.Option(
+            metavar="RUN",
             help="Run that the plan continues: its least precise parameters, or the faster strokes"
             " of a load; may be repeated.",
             autocompletion=runs,
@@ -207,7 +208,10 @@ def plan(
     ] = None,
     axis: Annotated[
         list[int] | None,
-        _friction(help="Number of an axis from 1; a sweep takes several, and all by default."),
+        _friction(
+            metavar="NUMBER",
+            help="Number of an axis from 1; a sweep takes several, and all by default.",
+        ),
     ] = None,
     period: Annotated[
         float | None,
@@ -251,8 +255,9 @@ def plan(
     pose: Annotated[
         list[str] | None,
         _load(
+            metavar="AXIS=VALUE",
             help="Axis and its position in all measurements, such as axis5=90 \\[deg; m]; may be"
-            " repeated."
+            " repeated.",
         ),
     ] = None,
 ) -> None:

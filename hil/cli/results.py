@@ -38,7 +38,10 @@ Method = Annotated[
 Others = Annotated[
     list[Path] | None,
     typer.Option(
-        "--with", help="Additional run to identify jointly; may be repeated.", autocompletion=runs
+        "--with",
+        metavar="RUN",
+        help="Additional run to identify jointly; may be repeated.",
+        autocompletion=runs,
     ),
 ]
 
