@@ -118,6 +118,7 @@ def track(
 
 def _show(output: Path, model: str, delay: float) -> None:
     from hil.report.further_pages import write_tracking_page
+    from hil.results.model import Model
     from hil.results.tracking import PASSES, tracked, tracking, write_tracking
     from hil.runs.run import Run
 
@@ -127,7 +128,7 @@ def _show(output: Path, model: str, delay: float) -> None:
     say_simulated(*runs.values())
     show(tracking(found))
     file = write_tracking(output, found)
-    page = write_tracking_page(output, runs, delay, tracking(found))
+    page = write_tracking_page(output, runs, Model.load(model), delay, tracking(found))
     say(f"following errors in {file}, page in {page}")
 
 
@@ -238,6 +239,7 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
 def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show what was found, however the watch ended."""
     from hil.report.further_pages import write_watch_page
+    from hil.results.model import Model
     from hil.results.watch import alarms, watched, write_watched
     from hil.runs.run import Run
 
@@ -245,12 +247,8 @@ def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> No
     if not found.learned:
         return
     output.mkdir(parents=True, exist_ok=True)
-    tables = watched(found), alarms(found)
-    show(*tables)
-    file, units = write_watched(output, found), tuple(axis.unit for axis in found.axes)
-    journal = output / RUN / "run.json"
-    simulated = journal.exists() and Run.open(output / RUN).journal.simulated
-    page = write_watch_page(
-        output, the_plan.robot.name, watcher.trace, units, tables, simulated=simulated
-    )
+    show(watched(found), alarms(found))
+    file = write_watched(output, found)
+    run = Run.open(output / RUN) if (output / RUN / "run.json").exists() else None
+    page = write_watch_page(output, run, Model.load(model), found, watcher.trace)
     say(f"alarms and thresholds in {file}, page in {page}")

@@ -233,6 +233,7 @@ def _accept(
     from checked_files.yaml_file import load_yaml
     from hil.report.further_pages import write_acceptance_page
     from hil.results.acceptance import Limits, checked, write_junit
+    from hil.results.model import Model
     from hil.runs.atomic_file import file_errors
     from hil.runs.run import Run
     from hil.tasks.judging import accept as judged
@@ -243,7 +244,7 @@ def _accept(
     with working("judging the run by the limits"):
         run = Run.open(folder)
         found = judged(run, bounds)
-        write_acceptance_page(output / PAGE, run, found, stated)
+        write_acceptance_page(output / PAGE, run, Model.load(folder), found, stated)
     measured = run.journal.sessions[-1].started if run.journal.sessions else ""
     write_junit(output / JUNIT, run.robot.name, measured, found)
     say_simulated(run)

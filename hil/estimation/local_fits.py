@@ -191,6 +191,8 @@ def _mass_element(
     pr = root @ (Q.T @ C)
     left = C - W @ pr
     weight = s.qdd[used, element[1]] ** 2
+    weights = np.zeros(len(used))
+    weights[used] = Q @ root[0]
     return LocalFit(
         id=m.id,
         kind=m.kind,
@@ -201,7 +203,7 @@ def _mass_element(
         sides=embedded(pr[0], signals.place, n),
         friction=embedded(levels @ pr, signals.place, n),
         gram=embedded(left.T @ left / (len(W) - W.shape[1]), signals.place, n),
-        leverage=float(np.linalg.norm(root[0])),
+        leverage=s.error_of_sum(weights),
         row=weight @ signals.element[used] / weight.sum(),
     )
 

@@ -143,6 +143,16 @@ class Signals:
         filtered: Array = fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
         return filtered[first : first + len(x)]
 
+    def error_of_sum(self, weights: Array) -> float:
+        """Standard error of a weighted sum of filtered samples, per that of one of them.
+
+        Where the noise was white before the filter h: of the sum of a_i (h * e)_i it is |h * a|,
+        of one sample |h|.
+        """
+        one = np.zeros_like(weights)
+        one[len(one) // 2] = 1.0
+        return float(np.linalg.norm(self.filtered(weights)) / np.linalg.norm(self.filtered(one)))
+
     def smoothed(self, x: Array) -> Array:
         """Weighted mean over a Blackman window along the first axis."""
         return smooth(x, self.period)

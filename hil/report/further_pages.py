@@ -18,7 +18,7 @@ from hil.model.load import load_columns
 from hil.report.carried import first_pose, packed_recordings
 from hil.report.charts.arm import arm
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
-from hil.report.page import when, write_html
+from hil.report.page import duration, when, write_html
 from hil.report.pictures import tracking as tracking_chart
 from hil.report.pictures import watch as watch_chart
 from hil.report.section import Plot
@@ -32,6 +32,7 @@ from hil.results.tables.load import quantities as load_quantities
 from hil.results.tables.table import Column, Table, table
 from hil.results.tracking import PASSES
 from hil.results.validation import scores
+from hil.results.watch import alarms, watched
 from hil.runs.pooling import recorded
 from hil.view.along_motion import beside
 from hil.view.stretches import most_demanding, stretches
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from hil.results.model import Model
     from hil.results.quantities import Kind
     from hil.results.validation import Validation
+    from hil.results.watch import Alarm, Watched
     from hil.runs.recording import Recording
     from hil.runs.run import Run
     from hil.view.along_motion import Shown
@@ -197,9 +199,12 @@ def write_payload_page(
     return path
 
 
-def write_tracking_page(folder: Path, runs: Mapping[str, Run], delay: float, errors: Table) -> Path:
+def write_tracking_page(
+    folder: Path, runs: Mapping[str, Run], model: Model, delay: float, errors: Table
+) -> Path:
     """Write the page of a tracking into its folder; arguments as of `hil.report.pictures`."""
     path, run = folder / TRACKING, runs[PASSES[0]]
+    torques = Torques.of(model, [runs["both"]], "Velocity and torque were fed forward. ")
     plot = Plot(
         "errors",
         lambda: tracking_chart(runs, delay),
@@ -208,36 +213,58 @@ def write_tracking_page(folder: Path, runs: Mapping[str, Run], delay: float, err
         " below, the smaller ones by themselves.",
     )
     title = f"{run.robot.name}: following errors"
-    _write(path, title, (), (plot,), (errors,), simulated=run.journal.simulated)
+    _write(
+        path, title, (), (plot, *torques.plots), (errors,),
+        simulated=run.journal.simulated, played=torques.values(run.robot),
+    )  # fmt: skip
     return path
 
 
 def write_watch_page(
-    folder: Path,
-    robot: str,
-    trace: Trace,
-    units: tuple[str, ...],
-    shown: Sequence[Table],
-    *,
-    simulated: bool,
+    folder: Path, run: Run | None, model: Model, found: Watched, trace: Trace
 ) -> Path:
-    """Write the page of a watch into its folder."""
-    path = folder / WATCH
+    """Write the page of a watch into its folder; without a run where nothing was recorded."""
+    path, units = folder / WATCH, tuple(axis.unit for axis in found.axes)
+    torques = Torques() if run is None else Torques.of(model, [_around(run, found.alarms)])
     plot = Plot(
         "watch",
         lambda: watch_chart(trace, units),
         "Measured and predicted torque of every axis around its first alarm, or at the end.",
         "Torques around each axis's first alarm, or at the end of the watch.",
     )
-    _write(path, f"{robot}: watch", (), (plot,), shown, simulated=simulated)
+    _write(
+        path,
+        f"{model.robot.name}: watch",
+        [("doubtful" if found.alarms else "good", found.count, f"in {duration(found.watched)}")],
+        (plot, *torques.plots),
+        (watched(found), alarms(found)),
+        simulated=run is not None and run.journal.simulated,
+        played=torques.values(model.robot),
+    )
     return path
 
 
+def _around(run: Run, raised: Sequence[Alarm]) -> Run:
+    """The recordings with the first alarm of each axis; without one the last recording."""
+    first = {each.axis: each.time for each in reversed(raised)}
+    kept: list[str] = []
+    for motion, recording in recorded(run) if first else ():
+        begin, end = recording.time[[0, -1]]
+        within = [axis for axis, time in first.items() if begin <= time <= end]
+        if within:
+            kept.append(motion.id)
+        first = {axis: time for axis, time in first.items() if axis not in within}
+        if not first:
+            break
+    return run.only(kept or run.ids[-1:])
+
+
 def write_acceptance_page(
-    path: Path, run: Run, found: Acceptance, stated: Mapping[str, str]
+    path: Path, run: Run, model: Model, found: Acceptance, stated: Mapping[str, str]
 ) -> None:
     """Write the page, whole or not at all; `stated`: facts that the run does not hold."""
     sessions, count = run.journal.sessions, len(found.checks)
+    torques = Torques.of(model, [run])
     failed = sum(check.word == "failed" for check in found.checks)
     many = "are outside their" if failed > 1 else "is outside its"
     _write(
@@ -252,12 +279,14 @@ def write_acceptance_page(
                 else f"all {count} checks are within their limits",
             )
         ],
-        tables=(checked(found), _drives(run)),
+        torques.plots,
+        (checked(found), _drives(run)),
         facts={
             **{name: text or NOT_KNOWN for name, text in stated.items()},
             "Measured": when(sessions[-1].started) if sessions else NOT_KNOWN,
             "Bus": sessions[-1].bus if sessions else NOT_KNOWN,
         },
+        played=torques.values(run.robot),
         simulated=run.journal.simulated,
     )
 

@@ -115,6 +115,11 @@ class Watched(FileModel):
         """Alarms an hour; NaN where nothing was watched."""
         return 3600 * len(self.alarms) / self.watched if self.watched else float("nan")
 
+    @property
+    def count(self) -> str:
+        """How many alarms there were, in words."""
+        return f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
+
 
 def write_watched(folder: Path, found: Watched) -> Path:
     """Keep what was found in a folder; return the file's path."""
@@ -176,9 +181,7 @@ def _sentence(found: Watched) -> str:
     learned = f"thresholds learned from {clock(found.learned)} of motion"
     if not found.watched:
         return f"{learned}; nothing was watched, watch for longer"
-    number = len(found.alarms) or "no"
-    alarm = "alarm" if len(found.alarms) == 1 else "alarms"
-    return f"{number} {alarm} in {clock(found.watched)}, {found.rate:.3g} an hour; {learned}"
+    return f"{found.count} in {clock(found.watched)}, {found.rate:.3g} an hour; {learned}"
 
 
 def _hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:

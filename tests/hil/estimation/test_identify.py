@@ -10,6 +10,7 @@ from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.identify import estimate
 from hil.estimation.local_fits import local_fit
 from hil.estimation.signals import signals
+from hil.estimation.two_step import TwoStep
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix
@@ -111,17 +112,36 @@ class TestLocalFits:
     @pytest.mark.parametrize("measurement", [GRAVITY, INERTIA], ids=lambda m: m.kind)
     def test_a_standard_error_is_what_noise_does_to_the_element(self, robot, measurement):
         clean = record(robot, measurement, TABLE_3_A, Friction())
-        misses = []
-        for _, recording in noisy(robot, [(measurement, clean)] * 20):
-            local = local_fit(robot, measurement, signals(recording)).at(TABLE_3_A)
-            misses.append((local.value - local.model) / local.standard_error)
-        assert 0.3 < np.median(np.abs(misses)) < 1.5  # 0.67 to 1.0 for Student's t
+        found = [
+            local_fit(robot, measurement, signals(recording)).at(TABLE_3_A)
+            for _, recording in noisy(robot, [(measurement, clean)] * 100)
+        ]
+        scatter = np.std([local.value for local in found])
+        stated = np.sqrt(np.mean([local.standard_error**2 for local in found]))
+        assert stated == pytest.approx(scatter, rel=0.2)  # both are of 100: 10 % each
 
     def test_a_gravity_measurement_without_a_window_is_refused(self, robot):
         short = GRAVITY.model_copy(update={"stroke": 0.05})
         s = signals(record(robot, short, TABLE_3_A, Friction()))
         with pytest.raises(NotEnoughData, match="no window of constant velocity"):
             local_fit(robot, short, s)
+
+
+class TestTwoStep:
+    def test_a_row_counts_by_the_torque_limit_of_its_axis(self, robot, symmetric):
+        """Eq. (16): of an axis with a limit beyond measure nothing counts beside the others."""
+        local = [local_fit(robot, m, signals(recording)) for m, recording in symmetric]
+        joints = list(robot.file.joints)
+        joints[1] = joints[1].model_copy(update={"torque_limit": 1e9})
+        strong = replace(robot, file=robot.file.model_copy(update={"joints": tuple(joints)}))
+        wrong = [
+            replace(each, sides=each.sides * [1.2, *[1.0] * 15]) if each.axis == 1 else each
+            for each in local
+        ]
+        of_others = [7, 12]  # p8 and p13, which gravity of axis 3 shows as well
+        sound, found = (TwoStep(strong, each).solve()[of_others] for each in (local, wrong))
+        assert found == pytest.approx(sound, rel=1e-6)
+        assert TwoStep(robot, wrong).solve()[of_others] != pytest.approx(sound, rel=1e-3)
 
 
 class TestExactness:

@@ -142,6 +142,8 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     page = (folder / "watch.html").read_text()
     assert "<svg viewBox" in page
     assert ">SIMULATED<" in page
+    assert "<strong>2 alarms</strong>" in page
+    assert 'data-r="t"' in page  # the recording with the alarms is played
     found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
     for axis in found.axes:  # a push in the first 15 s of motion counts as scatter too
