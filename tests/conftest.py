@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -58,6 +59,23 @@ LONG = (
     "hil/cli/test_ended_by_a_signal.py",
     "hil/cli/test_mixture.py",
     "hil/cli/test_without_numba.py",
+    "hil/results/test_problem.py",
+    "sim_plant/twin/test_twin.py",
+    "hil/live/test_live_run.py",
+    "hil/runs/test_pooling.py",
+    "hil/results/test_model_file.py",
+    "sim_plant/ethercat/test_foreign_masters.py",
+    "hil/cli/test_validate_command.py",
+    "hil/results/test_validation.py",
+    "hil/results/test_findings.py",
+    "hil/test_public_names.py",
+    "hil/ground_truth/test_comparison.py",
+    "hil/runs/test_foreign_run_folder.py",
+    "hil/cli/test_accept_command.py",
+    "hil/results/test_tracking.py",
+    "hil/test_notebook.py",
+    "sim_plant/serving/test_foreign_master.py",
+    "test_signal_dispositions.py",
     "hil/estimation/test_excluded.py",
     "hil/estimation/test_distinguishing.py",
     "hil/watching/test_watch_command.py",
@@ -107,6 +125,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: LONG.index(_place(item.path) or LONG[-1]))
 
 
+@cache
 def _place(path: Path) -> str | None:
     """Return which of `LONG` a path lies in."""
     within = (place for place in LONG if path.is_relative_to(Path(__file__).parent / place))

@@ -240,6 +240,7 @@ class TestDirection:
         assert "no model of the robot" in self.judged(None, 94.5).found
 
 
+@pytest.mark.long
 def test_on_the_plant_each_joint_that_carries_a_load_shows_which_way_it_turns(
     manutec: Robot,
 ) -> None:

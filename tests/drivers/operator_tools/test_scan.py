@@ -211,6 +211,7 @@ def test_an_answer_without_end_is_given_up() -> None:
     assert not found.dictionary.entries
 
 
+@pytest.mark.long
 def test_drives_in_real_time_are_heard_and_asked(ideal_machine) -> None:
     stop = threading.Event()
     with (

@@ -404,6 +404,7 @@ def test_a_plan_of_absurd_size_is_refused_at_once(
     assert "less than or equal" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.long
 def test_a_built_in_robot_has_a_twin_and_an_unknown_one_is_named(hil: Hil, tmp_path: Path) -> None:
     assert hil("twin", "manutec-r15", "-o", tmp_path / "twin")[0] == 0
     assert {path.name for path in (tmp_path / "twin").iterdir()} == {"plant.yaml", "drives.yaml"}

@@ -86,6 +86,7 @@ def test_names_complete_as_they_are_taken(tmp_path: Path, monkeypatch: pytest.Mo
     assert completion.robots("p") == ["plan.yaml"]
 
 
+@pytest.mark.long
 def test_json_holds_the_tables_with_numbers_and_messages_go_elsewhere(
     hil: Hil, tmp_path: Path, manutec: Robot
 ) -> None:

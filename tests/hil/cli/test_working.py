@@ -156,6 +156,7 @@ def test_an_interrupt_leaves_the_terminal_as_it_was(tmp_path: Path) -> None:
     assert not (tmp_path / "plan.yaml").exists()
 
 
+@pytest.mark.long
 def test_a_robot_of_forty_joints_is_shown_without_a_table_that_nobody_can_read(
     hil: Hil, tmp_path: Path, chains: ChainBuilder
 ) -> None:

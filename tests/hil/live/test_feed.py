@@ -187,6 +187,7 @@ def test_a_listener_that_ends_is_missed_once_and_the_run_goes_on(
     assert lines_of(tmp_path / "note")[-1]["kind"] == "end"
 
 
+@pytest.mark.long
 def test_a_listener_that_never_reads_is_never_waited_for(
     small_plan: Plan, manutec: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -138,6 +138,7 @@ def test_where_there_is_no_hand_nothing_can_be_pushed(page: Served) -> None:
     assert page.ask("POST", "/push", PUSH, PUSHED)[0] == 404
 
 
+@pytest.mark.long
 def test_a_stop_is_asked_for_once_the_last_page_is_closed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -215,6 +216,7 @@ def test_a_late_page_is_told_what_has_passed(
     assert got[-1]["t"] == 2.0
 
 
+@pytest.mark.long
 def test_one_page_too_many_is_refused_and_the_others_go_on(page: Served) -> None:
     pages = [watching(page.port) for _ in range(CLIENTS_MAX)]
     streams_of = [events(each) for each in pages]

@@ -107,6 +107,7 @@ def test_neither_the_page_nor_its_template_names_a_section() -> None:
     assert not [name for name in MODULES if f"{name}." in template or f'"{name}"' in template]
 
 
+@pytest.mark.long
 def test_a_further_section_is_shown_with_its_table_and_its_plot_once_it_is_listed(
     mixed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,6 +26,7 @@ MOST = 100_000
 """Instants; with fewer of them accelerations are too coarse to judge torques by."""
 
 
+@pytest.mark.long
 def test_a_model_of_strokes_is_drawn_with_its_friction(manutec: Robot, tmp_path: Path) -> None:
     write_run(tmp_path / "run", manutec)
     run = Run.open(tmp_path / "run")
