@@ -109,6 +109,7 @@ def test_a_first_robot_file_comes_from_one_source(
     assert hil("robot", "new", *options, "-o", tmp_path / "arm.yaml")[0] == 2
 
 
+@pytest.mark.long
 def test_a_plan_finds_the_file_of_its_robot_again(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -36,6 +36,7 @@ def file_with(tmp_path: Path) -> Callable[[str, str], Path]:
     return write
 
 
+@pytest.mark.long
 def test_an_identified_run_of_the_robot_shows_which_way_its_joints_turn(
     hil: Hil, tmp_path: Path
 ) -> None:

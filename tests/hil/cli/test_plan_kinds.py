@@ -55,6 +55,7 @@ def test_a_robot_is_needed(kind: str, hil: Hil, tmp_path: Path) -> None:
     assert (status, "give a robot" in err) == (2, True)
 
 
+@pytest.mark.long
 def test_a_load_s_plan_is_made_beside_a_run_without_it(hil: Hil, tmp_path: Path) -> None:
     run, plan = identified_run(tmp_path / "run"), tmp_path / "slow.yaml"
     status, _, err = hil("plan", "--kind", "load", "--model", run, "--at-most", 500, "-o", plan)

@@ -91,6 +91,7 @@ def test_the_model_that_made_the_data_is_chosen(kind):
     assert chosen.count(kind) == 3
 
 
+@pytest.mark.long
 def test_richer_models_are_not_chosen_for_their_freedom():
     found = [choose(0, *measured("linear", 2.0, seed), LIMIT) for seed in range(8)]
     for each in found:

@@ -265,6 +265,7 @@ def test_no_link_is_ever_farther_from_the_base_than_its_reach(chains, seed: int)
     assert np.all(farthest <= reaches(robot) + 1e-9)
 
 
+@pytest.mark.long
 def test_commands_state_a_box_that_guards_nothing(
     small_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

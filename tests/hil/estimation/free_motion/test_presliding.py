@@ -95,6 +95,7 @@ def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
         assert (axis.bend.standard_error > 0) == (axis.presliding > 0)
 
 
+@pytest.mark.long
 def test_torques_follow_the_way_where_rows_are_samples_of_a_motion() -> None:
     found = estimate(arm(), with_presliding(), "free motion").free
     assert found is not None
