@@ -731,6 +731,7 @@ def test_a_drive_that_does_not_switch_off_is_reported_never_swallowed(
     assert can_bus.drives[1].state == can_bus.drives[3].state == "off"
 
 
+@pytest.mark.long  # powering down waits for drives that no frame reaches, 5 s by the clock
 def test_a_dead_bus_is_reported_as_such(can_bus: Any, drive_bus: CanopenDriveBus) -> None:
     def die(_: can.Message) -> None:
         raise can.CanOperationError("Network is down")
