@@ -199,8 +199,15 @@ if __name__ == "__main__":
             rows = [p for p in everything if np.isclose(p.share, share)]
             for what, chosen in (("all", rows), ("moving", [p for p in rows if not p.turning])):
                 seen_in_time = 100 * np.mean([p.delay <= within + 1e-6 for p in chosen])
-                kept[f"{100 * share:.0f}-percent-{what}"] = Figure(seen_in_time, "%")
+                name = f"{100 * share:.0f}-percent-{what}"
+                kept[name] = Figure(seen_in_time, "%")
+                kept[f"{name}-number"] = Figure(len(chosen))
+                delays = [1e3 * p.delay for p in chosen]
+                kept[f"{name}-median"] = Figure(float(np.median(delays)), "ms")
+        blind = 100 * np.array([[axis.blind for axis in each.axes] for each in quiet])
+        kept |= {"least-blind": Figure(blind.min(), "%"), "most-blind": Figure(blind.max(), "%")}
+        command = f"python benchmarks/pushes.py --hours {asked.hours:g} --seeds"
         keep(
-            "pushes", kept, depends=("hil/watching", "hil/estimation"),
-            command="python benchmarks/pushes.py", seeds=asked.seeds,
+            "pushes", kept, depends=("hil/watching",), seeds=asked.seeds,
+            command=" ".join([command, *map(str, asked.seeds)]),
         )  # fmt: skip

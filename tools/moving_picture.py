@@ -29,7 +29,7 @@ from browser import opened_browser, resize  # noqa: E402 - it stands among the t
 
 SIZE = 960, 860
 """Of the page, in which three charts have room beside each other; not shrunk, to stay readable."""
-SHOWN = "#torques > figure:nth-child(n + 4) { display: none }"
+SHOWN = "#torques > div:nth-child(n + 4) { display: none }"
 """Style of the film: the axes of the wrist are left out."""
 SLOWLY, QUICKLY = 5.0, 1.0
 """From one picture to the next before the arm may be pushed, and then [s]."""
