@@ -63,12 +63,14 @@ pythons:
 	done; \
 	if [ -n "$$missing" ]; then echo "not tested, since they are not here:$$missing"; fi
 
-# what users may have at least, with any version of what only tests need; old ones warn of new ones
+# what users may have at least, with any version of what only tests need; old ones warn of new ones.
+# uv, since pip fetches whole packages to find versions that go together, for hours
 lowest:
 	@mkdir -p build
 	@'$(PYTHON)' tools/lowest.py > build/lowest.txt
 	@'$(PYTHON)' -m venv .venv-lowest
-	@.venv-lowest/bin/python -m pip --quiet install -r build/lowest.txt 'setuptools>=77'
+	@.venv-lowest/bin/python -m pip --quiet install uv
+	@.venv-lowest/bin/uv pip install --quiet --python .venv-lowest/bin/python -r build/lowest.txt 'setuptools>=77'
 	@.venv-lowest/bin/python -m pip --quiet install --no-deps --no-build-isolation -e .
 	.venv-lowest/bin/pytest -n auto --dist worksteal -m 'not long' -W default
 
