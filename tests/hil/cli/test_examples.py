@@ -131,10 +131,14 @@ def test_quiet_leaves_messages_out(hil: Hil, tmp_path: Path, words: tuple[str, .
     assert "measurements in" in hil("plan", *arguments)[1]
 
 
-def test_verbose_shows_where_a_refusal_comes_from(hil: Hil) -> None:
+def test_verbose_shows_where_a_refusal_comes_from(
+    hil: Hil, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from checked_files.errors import HilError
     from hil import cli
 
+    for name, value in (("handlers", []), ("level", logging.root.level)):
+        monkeypatch.setattr(logging.root, name, value)  # other tests log as they did
     with pytest.raises(HilError, match="unknown robot"):
         cli.main(["robot", "puma", "-v"])
     assert logging.getLogger().level == logging.INFO

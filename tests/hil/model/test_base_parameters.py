@@ -121,7 +121,7 @@ def test_any_chain_is_regrouped_without_contradiction_to_its_numeric_rank(chains
     base = base_parameters(robot)  # raises where regrouping and rank disagree
     assert sorted(k for group in base.groups.values() for k in group) == list(range(len(base)))
     assert base.matrix.shape == (len(base), 10 * robot.n_joints)
-    assert np.linalg.matrix_rank(base.matrix) == len(base)
+    assert len(base) == (np.linalg.matrix_rank(base.matrix) if len(base) else 0)
 
 
 @settings(deadline=None, max_examples=20)
