@@ -194,14 +194,14 @@ if __name__ == "__main__":
     if quiet:
         number, hours = sum(len(w.alarms) for w in quiet), sum(w.watched for w in quiet) / 3600
         print(f"without a push: {number} alarms in {hours:.2f} hours")
-        kept = {"false-alarms": Figure(number), "hours": Figure(hours, "hours")}
+        kept = {"false-alarms": Figure(number, digits=1), "hours": Figure(hours, "hours")}
         for share, within in SHARES.items():
             rows = [p for p in everything if np.isclose(p.share, share)]
             for what, chosen in (("all", rows), ("moving", [p for p in rows if not p.turning])):
                 seen_in_time = 100 * np.mean([p.delay <= within + 1e-6 for p in chosen])
                 name = f"{100 * share:.0f}-percent-{what}"
                 kept[name] = Figure(seen_in_time, "%")
-                kept[f"{name}-number"] = Figure(len(chosen))
+                kept[f"{name}-number"] = Figure(len(chosen), digits=3)
                 delays = [1e3 * p.delay for p in chosen]
                 kept[f"{name}-median"] = Figure(float(np.median(delays)), "ms")
         blind = 100 * np.array([[axis.blind for axis in each.axes] for each in quiet])
