@@ -94,8 +94,9 @@ def _drag(browser: Chrome, step: int) -> None:
 
 def _write(film: list[Image.Image], path: Path) -> None:
     """Write pictures with the colours of one of them, so that only what changes takes room."""
-    # the widest range of colours: the stop button's is rare
-    colours = film[-3].quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
+    colours = film[-3].quantize(
+        COLOURS, Image.Quantize.MEDIANCUT, kmeans=1
+    )  # the ground stays as it is
     first, *others = [each.quantize(palette=colours, dither=Image.Dither.NONE) for each in film]
     lasts = [*[LASTS] * len(others), LAST]
     first.save(path, save_all=True, append_images=others, duration=lasts, loop=0, optimize=True)
