@@ -145,7 +145,7 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
     """Parse YAML text into `model`; `source` names it in messages."""
     root, data = _parse(text, source)
     if not isinstance(data, dict):
-        found = "nothing" if data is None else type(data).__name__
+        found = {type(None): "nothing", str: "text"}.get(type(data), type(data).__name__)
         raise FileError(f"{source}:1: must hold keys and values, not {found}")
     try:
         return model.model_validate(data)

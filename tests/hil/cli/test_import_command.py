@@ -47,6 +47,15 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     assert 'files: ["../data.csv"]' in (folder / "maps" / "first.yaml").read_text()
 
 
+def test_a_recording_in_place_of_a_map_is_refused_with_the_way_to_one(
+    hil: Hil, folder: Path
+) -> None:
+    status, _, errors = hil("import", "data.csv", "-o", "runs/x")
+    assert status == 1
+    assert errors.endswith("draft one with: hil import --draft data.csv -o map.yaml\n")
+    assert not (folder / "runs").exists()
+
+
 def test_a_draft_is_never_written_over_a_file(hil: Hil, folder: Path) -> None:
     status, _, errors = hil("import", "--draft", "data.csv", "-o", "map.yaml")
     assert status == 1
