@@ -197,6 +197,7 @@ class TestDriveErrors:
         text = robot.text.replace("torque_constant: ", f"{key}: {value}, torque_constant: ")
         return parse_robot(text, "uncertain.yaml")
 
+    @pytest.mark.long
     @pytest.mark.parametrize("method", TWO_STEP_METHODS)
     def test_a_wrong_torque_constant_shifts_p_as_its_stated_uncertainty_says(
         self, robot, symmetric, method
