@@ -195,6 +195,7 @@ if __name__ == "__main__":
         number, hours = sum(len(w.alarms) for w in quiet), sum(w.watched for w in quiet) / 3600
         print(f"without a push: {number} alarms in {hours:.2f} hours")
         kept = {"false-alarms": Figure(number, digits=1), "hours": Figure(hours, "hours")}
+        kept["beside-pushes"] = Figure(false, digits=1)
         for share, within in SHARES.items():
             rows = [p for p in everything if np.isclose(p.share, share)]
             for what, chosen in (("all", rows), ("moving", [p for p in rows if not p.turning])):
