@@ -64,7 +64,7 @@ pythons:
 	if [ -n "$$missing" ]; then echo "not tested, since they are not here:$$missing"; fi
 
 # what users may have at least, with any version of what only tests need; old ones warn of new ones.
-# uv, since pip fetches whole packages to find versions that go together, for hours
+# uv, since pip fetches whole packages to find versions that go together, for more than an hour
 lowest:
 	@mkdir -p build
 	@'$(PYTHON)' tools/lowest.py > build/lowest.txt

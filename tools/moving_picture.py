@@ -94,9 +94,8 @@ def _drag(browser: Chrome, step: int) -> None:
 
 def _write(film: list[Image.Image], path: Path) -> None:
     """Write pictures with the colours of one of them, so that only what changes takes room."""
-    colours = film[-3].quantize(
-        COLOURS, Image.Quantize.MEDIANCUT, kmeans=1
-    )  # the ground stays as it is
+    # with the ground's own, which the widest range of colours leaves out
+    colours = film[-3].quantize(COLOURS, Image.Quantize.MEDIANCUT, kmeans=1)
     first, *others = [each.quantize(palette=colours, dither=Image.Dither.NONE) for each in film]
     lasts = [*[LASTS] * len(others), LAST]
     first.save(path, save_all=True, append_images=others, duration=lasts, loop=0, optimize=True)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from hil.cli.equipment import HELP, epilog, equipped, set_output
+from hil.cli.equipment import HELP, epilog, equipped, set_output, without_types
 from hil.terminal.console import out, printable
 
 if TYPE_CHECKING:
@@ -89,6 +89,10 @@ class _ImportedLate(TyperGroup):
                 )
         parsed: list[str] = super().parse_args(ctx, args)
         return parsed
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return all options, as help shows them."""
+        return without_types(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name, command and arguments, in the classes of typer's own copy of click."""

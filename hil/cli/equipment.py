@@ -65,6 +65,8 @@ def examples_of(path: str) -> Sequence[str]:
 def equipped(command: Any, path: str) -> Any:
     """Give a command, and those within it, their examples and the options that all have."""
     command.epilog = epilog(path)
+    parameters = command.get_params
+    command.get_params = lambda context: without_types(parameters(context))
     paragraphs = (command.help or "").split("\n\n")  # of which rich keeps the ends of lines
     command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
     for name, member in getattr(command, "commands", {}).items():
@@ -72,11 +74,16 @@ def equipped(command: Any, path: str) -> Any:
     if hasattr(command, "commands"):
         return command
     command.params += _common_options()
-    for each in command.params:
-        if getattr(each, "is_flag", False):
-            each.metavar = ""  # else some versions of typer show a type, as if a value followed
     _write_json_after(command, path)
     return command
+
+
+def without_types(parameters: list[Any]) -> list[Any]:
+    """Let help show no type of a flag; some versions of typer do, as if a value followed."""
+    for each in parameters:
+        if getattr(each, "is_flag", False):
+            each.metavar = ""
+    return parameters
 
 
 _Own = partial(typer.Option, expose_value=False, is_eager=True, rich_help_panel="Output")

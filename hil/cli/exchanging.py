@@ -61,17 +61,9 @@ def import_(
             "--workers is for this machine, a Dask cluster has its own; leave it out",
             param_hint="--workers",
         )
-    from checked_files.yaml_file import FileError
     from hil.imports.importing import import_recordings
-    from hil.imports.readers import KNOWN
 
     paths, done = list(maps or ()), 0
-    for path in paths:
-        if path.name.lower().endswith(KNOWN):
-            raise FileError(
-                f"{path}: is a recording, and a map states what its columns hold; draft one with:"
-                f" hil import --draft {path} -o map.yaml"
-            )
 
     def state(statement: Statement) -> None:
         nonlocal done

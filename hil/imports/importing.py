@@ -15,6 +15,7 @@ from checked_files.yaml_file import FileError
 from hil.errors import UnknownName
 from hil.imports.map_file import load_map
 from hil.imports.one_map import OneMap, import_one
+from hil.imports.readers import KNOWN
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.robot import Robot, available_robots, load_robot, parse_robot, robot_from_urdf
 from hil.planning.plan import PlannedRobot, RecordedMotions
@@ -67,7 +68,7 @@ def import_recordings(
     output = Path(output)
     if output.exists() or output.is_symlink():
         raise FileError(f"{output}: is there already; choose another folder with -o")
-    loaded = [load_map(path) for path in maps]
+    loaded = [_loaded(path) for path in maps]
     robots = [robot_of(the_map) for the_map in loaded]
     _refuse_differing(loaded, robots)
     stems = _stems(loaded)
@@ -85,6 +86,15 @@ def import_recordings(
             statements = _at_once(jobs, state, execute)
         _write_about(folder, jobs, statements, started)
     return Run.open(output)
+
+
+def _loaded(path: Path | str) -> MapFile:
+    if str(path).lower().endswith(KNOWN):
+        raise FileError(
+            f"{path}: is a recording, and a map states what its columns hold; draft one with:"
+            f" hil import --draft {path} -o map.yaml"
+        )
+    return load_map(path)
 
 
 def _in_turn(

@@ -145,8 +145,8 @@ Line = dict[str, object]
 
 _PLACES = {"q": 6, "tau": 4}
 """Decimals, far finer than any encoder or current is shown."""
-TORQUE = 1e-4
-"""Resolution of tracks of torque [N m or N], the same."""
+TORQUE = 10.0 ** -_PLACES["tau"]
+"""Resolution of tracks of torque [N m or N]."""
 
 
 def encoded(kind: str, **values: object) -> bytes:

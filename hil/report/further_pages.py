@@ -18,7 +18,7 @@ from hil.model.load import load_columns
 from hil.report.carried import first_pose, packed_recordings
 from hil.report.charts.arm import arm
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
-from hil.report.page import duration, when, write_html
+from hil.report.page import when, write_html
 from hil.report.pictures import tracking as tracking_chart
 from hil.report.pictures import watch as watch_chart
 from hil.report.section import Plot
@@ -204,7 +204,7 @@ def write_tracking_page(
 ) -> Path:
     """Write the page of a tracking into its folder; arguments as of `hil.report.pictures`."""
     path, run = folder / TRACKING, runs[PASSES[0]]
-    torques = Torques.of(model, [runs["both"]], "Velocity and torque were fed forward. ")
+    torques = Torques.of(model, [runs[PASSES[-1]]], "Velocity and torque were fed forward. ")
     plot = Plot(
         "errors",
         lambda: tracking_chart(runs, delay),
@@ -235,7 +235,7 @@ def write_watch_page(
     _write(
         path,
         f"{model.robot.name}: watch",
-        [("doubtful" if found.alarms else "good", found.count, f"in {duration(found.watched)}")],
+        [found.outcome],
         (plot, *torques.plots),
         (watched(found), alarms(found)),
         simulated=run is not None and run.journal.simulated,
@@ -254,7 +254,7 @@ def _around(run: Run, raised: Sequence[Alarm]) -> Run:
         if within:
             kept.append(motion.id)
         first = {axis: time for axis, time in first.items() if axis not in within}
-        if not first:
+        if all(time < begin for time in first.values()):
             break
     return run.only(kept or run.ids[-1:])
 

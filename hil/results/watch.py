@@ -116,9 +116,13 @@ class Watched(FileModel):
         return 3600 * len(self.alarms) / self.watched if self.watched else float("nan")
 
     @property
-    def count(self) -> str:
-        """How many alarms there were, in words."""
-        return f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
+    def outcome(self) -> tuple[str, str, str]:
+        """How far it can be relied on, what was found, and in what time."""
+        if not self.watched:
+            return "doubtful", "nothing was watched", "watch for longer"
+        count = f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
+        word = "doubtful" if self.alarms or _hardly_watched(self) else "good"
+        return word, count, f"in {clock(self.watched)}, {self.rate:.3g} an hour"
 
 
 def write_watched(folder: Path, found: Watched) -> Path:
@@ -179,9 +183,8 @@ def alarms(found: Watched, most: int = 20) -> Table:
 
 def _sentence(found: Watched) -> str:
     learned = f"thresholds learned from {clock(found.learned)} of motion"
-    if not found.watched:
-        return f"{learned}; nothing was watched, watch for longer"
-    return f"{found.count} in {clock(found.watched)}, {found.rate:.3g} an hour; {learned}"
+    _, what, how = found.outcome
+    return f"{what} {how}; {learned}" if found.watched else f"{learned}; {what}, {how}"
 
 
 def _hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ not show is null.
 A track is ``time``, ``value`` and, of planned motions, ``slope``, each packed: a ``step``, and
 ``differences`` of successive multiples of it, null where nothing is known. What is drawn needs no
 more digits than a screen shows. The lines of a run that goes on (`hil.live.lines`) have the same
-names for the same quantities.
+names for the same quantities, and torques in such tracks.
 """
 
 from __future__ import annotations

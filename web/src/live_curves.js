@@ -43,8 +43,10 @@ export class LiveCurves {
   look(t) {
     this.back = t !== undefined && t < this.recorded.duration;
     if (this.back) this.player.seek(t);
-    else this.player.pause();
-    if (!this.back) this.stand();
+    else {
+      this.player.pause();
+      this.stand();
+    }
     this.draw();
   }
 

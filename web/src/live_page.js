@@ -112,7 +112,7 @@ export class LivePage {
     this.sampled = performance.now();
     if (!this.sample) requestAnimationFrame(() => this._draw());
     this.sample = line;
-    this.recorded.stand(line.t, line.q);
+    this.recorded.sample(line.t, line.q);
     this.curves.draw();
   }
 
@@ -156,7 +156,6 @@ export class LivePage {
   }
 
   _torque(line) {
-    if (!line.torque[0].time.differences.length) return;
     this.recorded.take(line);
     this.curves.draw();
   }

@@ -35,17 +35,19 @@ export class Recorded {
   }
 
   /** Take the positions of one instant, null where a joint's is missing. */
-  stand(t, q) {
+  sample(t, q) {
     q.forEach((value, j) => this.measured[j].extend([t], [value ?? NaN]));
     this.duration = t;
   }
 
   /** Take torques that follow upon those there are: of a recording, or of all axes as they pass by. */
   take({ axes, measurement, ...lines }) {
+    const [{ time: instants }] = tracks(lines.torque);
+    if (!instants.length) return;
     for (const name of ['torque', 'predicted', 'band']) {
       tracks(lines[name]).forEach(({ time, value }, i) => this[name][axes[i]].extend(time, value));
     }
-    const [begin, end] = [0, -1].map((i) => tracks(lines.torque)[0].time.at(i));
+    const [begin, end] = [instants[0], instants.at(-1)];
     const last = this.segments.findLast((each) => each.id === measurement && each.axes[0] === axes[0]);
     if (last) last.end = end;
     else this.segments.push({ id: measurement, axes, begin, end });

@@ -165,6 +165,7 @@ def test_a_taken_run_folder_is_refused_before_the_plan_is_gone_through(
     write_run(tmp_path / "run", manutec)
     plan = tmp_path / "plan.yaml"
     plan.write_text(dump_plan(small_plan))
+    monkeypatch.setattr("hil.tasks.measuring.checked", None)  # before whoever binds the other
     monkeypatch.setattr("hil.planning.dry_run.dry_run", None)
     status, _, err = hil("run", plan, "-o", tmp_path / "run")
     assert (status, "is there already; go on with --resume" in err) == (1, True), err
@@ -176,6 +177,7 @@ def test_names_are_looked_at_before_anything_is_estimated(
     hil: Hil, tmp_path: Path, manutec: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = write_run(tmp_path / "run", manutec).path
+    monkeypatch.setattr("hil.results.problem.identified", None)  # before whoever binds the other
     monkeypatch.setattr("hil.results.identification.identified", None)
     for wrong, message in (
         (("--method", "improvd"), "did you mean improved"),

@@ -64,6 +64,13 @@ def test_an_example_is_a_command_line_that_is_understood(
     command.make_context(name if words is None else "hil", list(words))
 
 
+@pytest.mark.parametrize("words", [(), ("drives",), ("plan",), ("run",)])
+def test_no_flag_looks_as_if_a_value_followed(hil: Hil, words: tuple[str, ...]) -> None:
+    shown = hil(*words, "--help")[1]
+    assert "--help" in shown
+    assert "bool" not in shown.lower()
+
+
 def test_the_statuses_are_those_that_commands_end_with(hil: Hil) -> None:
     assert {int(each) for each in Status} < set(STATUSES)
     shown = hil("--help")[1]

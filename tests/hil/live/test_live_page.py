@@ -194,7 +194,7 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
     t = 3.0 + 0.1 * np.arange(40)
     one = np.sin(t)[:, np.newaxis]
     page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, np.full((40, 1), np.inf)))
-    until(browser, lambda: "none yet" not in label(browser, 1))
+    until(browser, lambda: "at its end" in label(browser, 1))
     assert label(browser, 1).startswith("axis 2: torque, N m, over time; at its end predicted")
     assert "measured" in label(browser, 1)
     assert "none yet" in label(browser, 0)
@@ -204,7 +204,7 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
 def label(browser: Chrome, axis: int) -> str:
     name = browser.execute_script(
         "return document.querySelectorAll('#torques figure:first-child canvas')[arguments[0]]"
-        "?.ariaLabel ?? 'none yet'",
+        "?.ariaLabel ?? ''",
         axis,
     )
     return str(name)
@@ -223,7 +223,7 @@ def test_one_cursor_goes_through_curves_and_robot(
     for k in range(500):
         q = (0.5 + 0.001 * k, *Q[1:])
         page.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
-    until(browser, lambda: "none yet" not in label(browser, 0))
+    until(browser, lambda: "at its end" in label(browser, 0))
     until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 23.9"))
     look_back(browser, 19.0)
     shown = browser.execute_script("return window.live.scene.q[0]")
@@ -262,7 +262,7 @@ def test_recordings_that_have_passed_can_be_looked_back_at(browser: Chrome, page
     for k in range(100):
         page.sample(Sample(4.0 + 0.1 * k, (0.01 * k, *Q[1:]), TAU, (0,) * 6, False))
     until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 13.8"))
-    until(browser, lambda: "none yet" not in label(browser, 3))
+    until(browser, lambda: "at its end" in label(browser, 3))
     assert spans(browser, 1) == pytest.approx([8.0, 9.9])
     look_back(browser, 5.0)
     until(browser, lambda: spans(browser, 1) == pytest.approx([4.0, 5.9]))
@@ -345,7 +345,7 @@ def test_everybody_can_use_a_page_that_is_watched_and_pushed(
     page.publish("torque", **torques(4.0))
     page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
     until(browser, lambda: "kg m²" in text(browser, "intervals"))
-    until(browser, lambda: "none yet" not in label(browser, 5))
+    until(browser, lambda: "at its end" in label(browser, 5))
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []
     assert browser.execute_script(ENDS) <= width

@@ -186,7 +186,9 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
     found = load_yaml(folder / NAME, Watched)
     assert found.learned + found.watched == pytest.approx(motion, abs=0.01)
     assert found.axes[5].soon is None
-    assert (folder / "watch.html").is_file()
+    page = (folder / "watch.html").read_text()
+    assert ("<strong>nothing was watched</strong>" in page) == (motion < 5)
+    assert 'class="outcome good"' not in page  # other axes than the second stood
 
 
 @pytest.mark.parametrize("at_once", [1, 5])
