@@ -92,7 +92,7 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
             " columns of torques, of the same recording and of this robot",
         )
         return
-    thin, _ = measured(robot, solver, prepared).thinned(ROWS)
+    thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
     every = [
         (explained(robot, thin, reading), cause, axes, words, reading)
@@ -101,7 +101,7 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
     driven = int(stated.driven.argmax())
     drives = stated.driven[driven] >= 1.0 - LEAVES
     enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
-    likely = [each for each in every if each[0].possible and each[0].misfit < enough]
+    likely = [each for each in every if each[0].misfit < enough and each[0].possible]
     astray = set(np.flatnonzero(share > NOTHING).tolist())
     tried = [
         (*each[:4], signed)

@@ -254,6 +254,16 @@ class Blocks:
             v[:, own] += part.v[:, k:]
         return Normal(N, v, self.products[:, :, 0, 0] @ weights)
 
+    @property
+    def by_channel(self) -> Normal:
+        """Normal equations of all unknowns, a channel in place of a group, without weights."""
+        layout, total = self.layout, self.products.sum(axis=0)
+        products = np.zeros((self.n_channels, 1 + layout.size, 1 + layout.size))
+        for channel, owner in enumerate(self._owners(layout)):
+            at = np.concatenate([[0], 1 + layout.place(owner)])
+            products[channel, at[:, np.newaxis], at] = total[channel]
+        return Normal.split(products)
+
     def squares_left(self, x: Array) -> Array:
         """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
         left, layout = np.zeros(self.counts.shape), self.layout

@@ -41,7 +41,7 @@ from scipy import special
 
 from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import reweighted
-from hil.least_squares.solving import condition, inverse, undetermined_beside
+from hil.least_squares.solving import condition, inverse, solved, undetermined_beside
 from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
@@ -131,18 +131,19 @@ class Regression:
         rounds : int
             At most.
         """
-        total = blocks.total
-        counts, heard = np.maximum(total.counts[0], 1.0), total.squares > 0
-        squares = np.where(heard, total.squares, 1.0)
-        # below this share of the torque nothing is left but rounding
-        least = np.finfo(float).eps * squares / counts
         if kept is None:
             kept = np.arange(blocks.layout.size)
+        channels = blocks.by_channel.only(kept)
+        counts, heard = np.maximum(blocks.counts.sum(axis=0), 1.0), channels.square > 0
+        squares = np.where(heard, channels.square, 1.0)
+        # below this share of the torque nothing is left but rounding
+        least = np.finfo(float).eps * squares / counts
         if first is None:
             first = np.where(heard, counts / squares, 0.0)
 
         def weigh(weights: Array) -> Array:
-            left = total.mean_squares(total.normal(weights).solution(kept))
+            x = solved(np.tensordot(weights, channels.N, 1), weights @ channels.v)
+            left = channels.error(x) / counts
             return np.asarray(np.where(heard, 1.0 / np.maximum(left, least), 0.0))
 
         return cls(blocks, reweighted(weigh, first, rounds), kept)

@@ -14,6 +14,7 @@ that drives its axis, and motion of negative kinetic energy, each by more than n
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -107,7 +108,8 @@ class Reading:
         return torque, X
 
 
-class Explained(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Explained:
     """What a reading makes of the evidence.
 
     Attributes
@@ -117,18 +119,73 @@ class Explained(NamedTuple):
     left : ndarray, shape (n_channels,)
         s_a^2, the mean squares that are left.
     p : ndarray, shape (n_base,)
-    driven : ndarray, shape (n_channels,)
-        Share of the mean square that the rigid bodies leave by which friction drives each axis.
-    possible : bool
-        Whether friction takes power everywhere, and all motion has a positive energy, as far as
-        noise lets that be known.
+    information : ndarray, shape (n_base + k, n_base + k)
+        Of all columns that channels share.
+    counts : ndarray, shape (n_channels,)
+        Samples, less coefficients of friction.
+    residual : ndarray, shape (n,)
+        Torque less what those columns explain.
+    dispersion : float
+        By how much noise may be larger than if it were white.
     """
 
+    robot: Robot
+    evidence: Evidence
+    reading: Reading
     misfit: float
     left: Array
     p: Array
-    driven: Array
-    possible: bool
+    information: Array
+    counts: Array
+    residual: Array
+    dispersion: float
+
+    @cached_property
+    def driven(self) -> Array:
+        """Share of the mean square that the rigid bodies leave by which friction drives each axis.
+
+        Shape (n_channels,).
+        """
+        found, evidence, reading = np.zeros(len(self.left)), self.evidence, self.reading
+        for channel in np.unique(evidence.axis):
+            rows, joint = evidence.axis == channel, reading.torques.index(int(channel))
+            turned = reading.sign_q[joint] * reading.sign_tau[joint]
+            direction = np.sign(evidence.motion[1, 1, rows, reading.order[joint]])
+            rest = self.residual[rows] - self.residual[rows].mean()
+            along = turned * rest @ direction
+            if np.ptp(direction) > 0 and along < 0:
+                found[channel] = along**2 / (direction @ direction * (rest @ rest))
+        return found
+
+    @cached_property
+    def possible(self) -> bool:
+        """Whether friction takes power, and all motion has a positive energy.
+
+        As far as noise lets that be known.
+        """
+        # of n samples of noise a share r^2 follows a direction with n r^2 / (1 - r^2) about 1
+        most = self.dispersion * _beyond(len(self.driven)) * (1.0 - self.driven)
+        return not (self.counts * self.driven > most).any() and not self._negative
+
+    @property
+    def _negative(self) -> bool:
+        """Whether some motion would have a negative kinetic energy, whatever noise did to `p`.
+
+        That of a motion v is v'(M(q) + rotors) v, which is linear in p: so is its error.
+        """
+        robot, q = self.robot, self.reading.motion(self.evidence)[0]
+        some = q[:: max(1, len(q) // CONFIGURATIONS)]
+        rotors = np.diag(robot.reflected_inertia / self.reading.gear**2)
+        energies, motions = np.linalg.eigh(mass_matrix(robot, self.p, some) + rotors)
+        below = energies[:, 0] < 0
+        if not below.any():
+            return False
+        v, n = motions[below, :, 0], len(self.p)
+        A = regressor(robot, some[below], np.zeros_like(v), v, gravity=np.zeros(3))
+        a = np.einsum("ij,ijk->ik", v, A)
+        covariance = self.dispersion * inverse(self.information)[:n, :n]
+        variance = np.einsum("ij,jk,ik->i", a, covariance, a)
+        return bool(np.any(energies[below, 0] ** 2 > _beyond(len(some)) * variance))
 
 
 class Alternative(NamedTuple):
@@ -155,26 +212,30 @@ def explained(
 ) -> Explained:
     """Fit base parameters under a reading, and of `more` columns, shape (n, k).
 
-    What is impossible is so by more than noise of a `dispersion` makes it.
+    Evidence is without channels' own columns. What is impossible is so by more than noise of a
+    `dispersion` makes it.
     """
     torque, X = reading.rows(robot, evidence)
     n_base = X.shape[1]
     if more is not None:
         X = np.hstack([X, more])
-    rows = evidence.without_friction(np.hstack([torque[:, None], X, evidence.own]))
+    rows = evidence.without_friction(np.hstack([torque[:, None], X]))
     blocks = evidence.blocks(rows, X.shape[1])
     regression = Regression.weighed(blocks, rounds=rounds)
-    x = regression.solution
-    least = np.maximum(evidence.finest, np.finfo(float).tiny) ** 2
-    left = np.maximum(blocks.mean_squares(x), least)
-    p = x[:n_base]
-    driven = _driven(evidence, reading, torque - X @ x[: X.shape[1]])
-    # of n samples of noise a share r^2 follows a direction with n r^2 / (1 - r^2) about 1
-    drives = blocks.counts[0] * driven > dispersion * _beyond(len(driven)) * (1.0 - driven)
-    possible = not drives.any() and not _negative(
-        robot, evidence, reading, p, lambda: dispersion * inverse(regression.normal.information)
+    x, least = regression.solution, np.maximum(evidence.finest, np.finfo(float).tiny) ** 2
+    left, counts = np.maximum(blocks.mean_squares(x), least), blocks.counts[0]
+    return Explained(
+        robot=robot,
+        evidence=evidence,
+        reading=reading,
+        misfit=float(counts @ np.log(left)),
+        left=left,
+        p=x[:n_base],
+        information=regression.normal.information,
+        counts=counts,
+        residual=torque - X @ x,
+        dispersion=dispersion,
     )
-    return Explained(float(blocks.counts[0] @ np.log(left)), left, p, driven, possible)
 
 
 def _beyond(n: int) -> float:
@@ -185,45 +246,6 @@ def _beyond(n: int) -> float:
 def roughly(robot: Robot, evidence: Evidence, reading: Reading, more: Array) -> float:
     """Misfit of a reading, nearly."""
     return explained(robot, evidence, reading, more, ROUGHLY).misfit
-
-
-def _driven(evidence: Evidence, reading: Reading, left: Array) -> Array:
-    """Share of what is left that drives each axis; 0 where friction takes power."""
-    found = np.zeros(evidence.n_channels)
-    for channel in np.unique(evidence.axis):
-        rows, joint = evidence.axis == channel, reading.torques.index(int(channel))
-        turned = reading.sign_q[joint] * reading.sign_tau[joint]
-        direction = np.sign(evidence.motion[1, 1, rows, reading.order[joint]])
-        rest = left[rows] - left[rows].mean()
-        along = turned * rest @ direction
-        if np.ptp(direction) > 0 and along < 0:
-            found[channel] = along**2 / (direction @ direction * (rest @ rest))
-    return found
-
-
-def _negative(
-    robot: Robot,
-    evidence: Evidence,
-    reading: Reading,
-    p: Array,
-    covariance: Callable[[], Array],
-) -> bool:
-    """Whether some motion would have a negative kinetic energy, whatever noise did to `p`.
-
-    That of a motion v is v'(M(q) + rotors) v, which is linear in p: so is its error.
-    """
-    q = reading.motion(evidence)[0]
-    some = q[:: max(1, len(q) // CONFIGURATIONS)]
-    rotors = np.diag(robot.reflected_inertia / reading.gear**2)
-    energies, motions = np.linalg.eigh(mass_matrix(robot, p, some) + rotors)
-    below = energies[:, 0] < 0
-    if not below.any():
-        return False
-    v = motions[below, :, 0]
-    A = regressor(robot, some[below], np.zeros_like(v), v, gravity=np.zeros(3))
-    a = np.einsum("ij,ijk->ik", v, A)
-    variance = np.einsum("ij,jk,ik->i", a, covariance()[: len(p), : len(p)], a)
-    return bool(np.any(energies[below, 0] ** 2 > _beyond(len(some)) * variance))
 
 
 def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:

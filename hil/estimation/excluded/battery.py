@@ -119,7 +119,8 @@ class Battery:
         rows = e.without_friction(np.hstack([e.torque[:, None], e.X, e.own, columns.values]))
         order = np.argsort(e.group, kind="stable")
         cut = np.cumsum([1, e.X.shape[1], e.own.shape[1]])
-        self._y, self._X, self._own, self._D = np.split(rows[order], cut, axis=1)
+        self._y, self._X, self._own, D = np.split(rows[order], cut, axis=1)
+        self._D = np.asfortranarray(D)  # few columns of many are read, again and again
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
         self._axis = np.array([name.axis for name in columns.names])
@@ -212,6 +213,11 @@ class Battery:
         return np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
 
     @cached_property
+    def _columns(self) -> dict[int, Array]:
+        """Columns that show the noise of each axis, beside what is estimated."""
+        return {int(axis): self._left[:, self._of(int(axis))] for axis in np.unique(self._axis)}
+
+    @cached_property
     def _alike(self) -> dict[int, Array]:
         """Correlations of columns' dispersions, white noise within groups, by axis.
 
@@ -221,7 +227,7 @@ class Battery:
         found = {}
         for axis in np.unique(self._axis):
             own = self._of(axis)
-            unit = self._left[:, own] / np.sqrt(self.information[own])
+            unit = self._columns[int(axis)] / np.sqrt(self.information[own])
             square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
             length = np.sqrt(np.diag(square)) if len(own) else np.zeros(0)
             found[int(axis)] = square / np.outer(length, length)
@@ -286,8 +292,7 @@ class Battery:
             self._by_group(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
         )
         if itself:
-            own, white = np.setdiff1d(self._of(axis), at), self._white(rest, U)
-            common = self._common(axis, own, self._left[:, own], U, enlarged)
+            common, white = self._beside(axis, at, U, enlarged), self._white(rest, U)
         else:
             common, white = self.common[axis], 1.0
         degrees = max(float(common.degrees + d[0]), ALMOST_NONE)
@@ -314,12 +319,25 @@ class Battery:
         square = np.maximum(square, self.evidence.finest**2 * self.weights)
         return float(square[self._channel] @ (U**2).mean(axis=1))
 
-    def _common(self, axis: int, own: Indices, D: Array, U: Array, enlarged: Array) -> Common:
-        """What columns D of an axis, numbered `own`, have in common beside U."""
-        D = D - U @ (U.T @ D)
-        information = np.einsum("ij,ij->j", D, D)
-        scores, shares = self._by_group(D * enlarged), self._by_group(D**2)
-        return self._shared(axis, own, scores, shares, information)
+    def _beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
+        """What columns of an axis, but those `at`, have in common beside orthonormal columns U."""
+        own = self._of(axis)
+        other = ~np.isin(own, at)
+        own, D = own[other], self._columns[axis]
+        along = (U.T @ D)[:, other]
+        # of D - U U'D all inner products within groups, from those of D and U
+        beside = np.column_stack([enlarged, U])
+        with_D, with_U = (
+            np.stack([x[rows].T @ beside[rows] for rows, *_ in self._pieces]) for x in (D, U)
+        )
+        with_D = with_D[:, other]
+        scores = with_D[..., 0] - with_U[..., 0] @ along
+        shares = self.shares[:, own] + np.einsum(
+            "gjr,rj->gj", (with_U[..., 1:] @ along).swapaxes(1, 2) - 2.0 * with_D[..., 1:], along
+        )
+        return self._shared(
+            axis, own, scores, shares, self.information[own] - np.einsum("rj,rj->j", along, along)
+        )
 
     def _shared(
         self, axis: int, own: Indices, scores: Array, shares: Array, information: Array
@@ -338,7 +356,7 @@ class Battery:
         return moderated(phi[several], degrees[several], self._alike[axis][np.ix_(place, place)])
 
 
-CACHED = ("common", "_alike", "_enlarged")
+CACHED = ("common", "_alike", "_columns", "_enlarged")
 """Of a `Battery`, what belongs to the causes given."""
 
 

@@ -55,7 +55,8 @@ class Evidence:
     Attributes
     ----------
     axis, group : ndarray of int, shape (n,)
-        From 0. What is left out or clustered together has one number.
+        From 0; rows of an axis follow each other. What is left out or clustered together has one
+        number.
     torque : ndarray, shape (n,)
         Without that of rotors of known inertia [N m].
     recorded : ndarray, shape (n,)
@@ -96,6 +97,16 @@ class Evidence:
         for rows, Q in self.parts:
             found[rows] -= Q @ (Q.T @ x[rows])
         return found
+
+    def without_own(self) -> Evidence:
+        """The same with channels' own columns projected out like friction, and counted like it."""
+        own, parts = self.without_friction(self.own), list(self.parts)
+        for channel in range(self.n_channels):
+            rows = np.flatnonzero(self.axis == channel)
+            if len(rows) and own.shape[1]:
+                basis, _ = orthonormal(own[rows], _SAME)
+                parts.append((slice(rows[0], rows[-1] + 1), basis))
+        return replace(self, own=own[:, :0], parts=tuple(parts))
 
     def blocks(self, rows: Array, n_shared: int, axis: Indices | None = None) -> Blocks:
         """All rows added up: of a torque, so many shared columns and channels' own ones.

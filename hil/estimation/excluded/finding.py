@@ -168,14 +168,14 @@ class _Step:
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
-        corrected = self.battery.beside(test.columns.tolist()).solution
+        beside = self.beside if key == self.key else self.battery.beside(test.columns.tolist())
         return Found(
             cause=name_of(key),
             axes=axes_of(self.robot, key),
             detail=detail,
             left=self.left,
             others=tuple(located(axes_of(self.robot, key), words) for key, _, words in others),
-            change=tuple((corrected - self.battery.solution).tolist()),
+            change=tuple((beside.solution - self.battery.solution).tolist()),
             size=float(test.size[largest]),
             error=float(test.error[largest]),
         )
@@ -230,7 +230,7 @@ class _Instead:
     @cached_property
     def _thin(self) -> tuple[Evidence, Array]:
         thin, at = self.evidence.thinned(ROWS)
-        return thin, self.battery.columns.values[at]
+        return thin.without_own(), self.battery.columns.values[at]
 
     @cached_property
     def _stated(self) -> Explained:
