@@ -15,6 +15,10 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; 
 	"$$p" -c '$(USABLE)' >/dev/null 2>&1 && echo "$$p" && break; done)
 PYTHONS ?= python3.11 python3.12 python3.13 python3.14
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+# uv takes a seventh of pip's time; where it is not to be had, or finds no index, pip does it
+UV := $(BIN)/python -m uv pip install --quiet --python $(BIN)/python
+# long tests wait much, for clocks and other processes: one more of them than there are cores
+BESIDE := $(shell expr $$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2) + 1)
 MADE := $(VENV)/made
 RUNTIME := $(VENV)/installed
 DEV := $(VENV)/installed-dev
@@ -50,7 +54,7 @@ tests: $(DEV)
 # longest come first (tests/conftest.py). Property tests draw new examples; what fails is kept in
 # .hypothesis/found.
 test-long: $(DEV)
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m '$(LONG)' \
+	$(BIN)/pytest -n $(BESIDE) --dist loadfile --no-loadscope-reorder -m '$(LONG)' \
 		--hypothesis-profile=$(PROFILE)
 
 # each in an environment of its own, .venv-3.12 and so on; the last line names those that are not here
@@ -70,7 +74,8 @@ lowest:
 	@'$(PYTHON)' tools/lowest.py > build/lowest.txt
 	@'$(PYTHON)' -m venv .venv-lowest
 	@.venv-lowest/bin/python -m pip --quiet install uv
-	@.venv-lowest/bin/uv pip install --quiet --python .venv-lowest/bin/python -r build/lowest.txt 'setuptools>=77'
+	@.venv-lowest/bin/python -m uv pip install --quiet -r build/lowest.txt 'setuptools>=77' \
+		--python .venv-lowest/bin/python
 	@.venv-lowest/bin/python -m pip --quiet install --no-deps --no-build-isolation -e .
 	.venv-lowest/bin/pytest -n auto --dist worksteal -m 'not long' -W default
 
@@ -138,10 +143,10 @@ $(MADE):
 
 $(RUNTIME): pyproject.toml | $(MADE)
 	@echo 'installing what it needs into $(VENV); a minute or two, once'
-	@$(PIP) install -e .
+	@{ $(PIP) install uv && $(UV) -e .; } 2>/dev/null || $(PIP) install -e .
 	@touch $@
 
 $(DEV): pyproject.toml | $(MADE)
 	@echo 'installing it and its checks into $(VENV); some minutes, once'
-	@$(PIP) install -e '.[dev]'
+	@{ $(PIP) install uv && $(UV) -e '.[dev]'; } 2>/dev/null || $(PIP) install -e '.[dev]'
 	@touch $(RUNTIME) $@

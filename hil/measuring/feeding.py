@@ -53,6 +53,7 @@ class BusInFront:
 
     def __init__(self, bus: DriveBus) -> None:
         self._bus = bus
+        self._streaming: StreamingBus | None = None
 
     @property
     def period(self) -> float:
@@ -108,18 +109,16 @@ class BusInFront:
         DriveRefused
             The drives follow no stream of set-points.
         """
-        self._streaming.stream(path, velocity, torque, holding)
+        # asked once: looking for what a bus can do reads all of its attributes
+        if not isinstance(self._bus, StreamingBus):
+            raise DriveRefused("these drives follow no stream of set-points")
+        self._bus.stream(path, velocity, torque, holding)
+        self._streaming = self._bus
 
     @property
     def along(self) -> float:
         """Where on the path that is streamed the last sample was."""
-        return self._streaming.along
-
-    @property
-    def _streaming(self) -> StreamingBus:
-        if not isinstance(self._bus, StreamingBus):
-            raise DriveRefused("these drives follow no stream of set-points")
-        return self._bus
+        return self._streaming.along if self._streaming else 0.0
 
 
 class FeedingBus(BusInFront):
