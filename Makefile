@@ -142,11 +142,11 @@ $(MADE):
 	@touch $@
 
 $(RUNTIME): pyproject.toml | $(MADE)
-	@echo 'installing what it needs into $(VENV); a minute or two, once'
+	@echo 'installing what it needs into $(VENV), once'
 	@{ $(PIP) install uv && $(UV) -e .; } 2>/dev/null || $(PIP) install -e .
 	@touch $@
 
 $(DEV): pyproject.toml | $(MADE)
-	@echo 'installing it and its checks into $(VENV); some minutes, once'
+	@echo 'installing it and its checks into $(VENV); half a minute, once'
 	@{ $(PIP) install uv && $(UV) -e '.[dev]'; } 2>/dev/null || $(PIP) install -e '.[dev]'
 	@touch $(RUNTIME) $@
