@@ -1,7 +1,8 @@
 """Frames to all slaves on one line and back, each matched with what came back of it.
 
 A frame that is lost (nothing comes back in time) is sent again where that does no harm: registers
-are written to the same effect twice. Process data are not repeated, for their time is over.
+are written to the same effect twice. A line that none came back of is asked once until one does, so
+that an end does not wait for a dead one. Process data are not repeated, for their time is over.
 Every frame carries a number in its first datagram and an address of ours, so that one that comes
 late is not taken for its successor, and another master's is not taken for ours.
 """
@@ -56,6 +57,7 @@ class Line:
         self.patience = patience
         self.idle: Callable[[], None] = _nothing
         self.lost = self.foreign = 0
+        self._dead = False
         self._number = 0
         self._source = b"\x02" + os.urandom(5)
 
@@ -87,6 +89,7 @@ class Line:
         while (frame := wire.receive(timeout)) is not None:
             if len(frame) > INDEX and frame[SOURCE] == self._source[1:]:
                 if frame[INDEX] == self._number:
+                    self._dead = False
                     return frame
             else:
                 self.foreign += 1
@@ -109,10 +112,11 @@ class Line:
         BusUnavailable
             None comes back.
         """
-        for _ in range(ATTEMPTS):
+        for _ in range(1 if self._dead else ATTEMPTS):
             answers = self.exchange(*datagrams)
             if answers is not None:
                 return answers
+        self._dead = True
         other = (
             "; another master sends on this interface, end it first"
             if self.foreign
