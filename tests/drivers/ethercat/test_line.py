@@ -1,4 +1,4 @@
-"""Frames to slaves and back: what is lost is asked again, and a dead line is not waited for long."""
+"""Frames to slaves and back: what is lost is asked again, a dead line is not waited for long."""
 
 from __future__ import annotations
 
