@@ -186,9 +186,8 @@ def _processing(motion: FreeMotion, recording: Recording) -> tuple[Processing, s
 
 def _columns(robot: Robot, motion: Motion, axis: int) -> dict[str, Array]:
     """Torque less the rotors', and columns, at the filtered samples; friction per velocity."""
-    columns = motion.passed(
-        axis_columns(robot, motion, axis, np.zeros(len(base_parameters(robot))))
-    )
+    rows = regressor(robot, motion.q, motion.qd, motion.qdd, [axis])[:, 0]
+    columns = motion.passed(axis_columns(robot, motion, axis, rows, np.zeros(rows.shape[1])))
     names = (*shared_names(robot), ROTOR, *COLUMNS)
     named = dict(zip(names, columns[: len(motion.tau)].T, strict=True))
     for name in ("viscous", "asymmetric"):

@@ -136,10 +136,15 @@ class Evidence:
         return int(self.motion.shape[-1])
 
     def thinned(self, most: int) -> tuple[Evidence, Indices]:
-        """About `most` rows of each channel, and which these are."""
+        """About `most` rows of each channel beyond those that friction takes, and which these are.
+
+        Friction of many parts would leave nothing of `most` rows.
+        """
         counts, kept, parts, first = np.bincount(self.axis), [], [], 0
         for rows, Q in self.parts:
-            step = max(1, round(counts[self.axis[rows.start]] / most))
+            n = rows.stop - rows.start
+            wanted = Q.shape[1] + most * n / counts[self.axis[rows.start]]
+            step = max(1, round(n / wanted))
             some = np.arange(rows.start, rows.stop)[::step]
             kept.append(some)
             basis, _ = orthonormal(Q[::step], _SAME)

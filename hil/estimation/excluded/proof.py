@@ -13,6 +13,7 @@ from hil.estimation.excluded.result import Found
 from hil.estimation.excluded.saturation import saturated
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.estimation.stretches import Stretches
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 
@@ -33,6 +34,9 @@ LEAVES = 0.5
 friction that is eliminated here contradicts every model a little where samples are slow or motion
 turns often (public recordings of five machines: 0.75 and more)."""
 
+ENOUGH = 600.0
+"""Time of the stretches of free motions that are looked at, at most [s]: as many parts as share
+their friction for ten minutes leave a hundred of the `MOST` rows of an axis to each."""
 APART = 60.0
 """From the earlier recordings to the later ones [s]; no cause counts how long that was."""
 
@@ -128,8 +132,19 @@ def changed(
 def _prepared(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
 ) -> Iterator[tuple[ParameterMotion, Signals]]:
+    free = Stretches(ENOUGH)
     for measurement, recording in recorded:
-        unknown = isinstance(measurement, FreeMotion) and measurement.unknown_gains
-        if shows_parameters(measurement) and not unknown:
-            with suppress(NotEnoughData):
-                yield measurement, signals(recording)
+        if isinstance(measurement, FreeMotion):
+            if not measurement.unknown_gains:
+                free.add(measurement, recording)
+        elif shows_parameters(measurement):
+            yield from _signals(measurement, recording)
+    for motion, recording in free.kept:
+        yield from _signals(motion, recording)
+
+
+def _signals(
+    measurement: ParameterMotion, recording: Recording
+) -> Iterator[tuple[ParameterMotion, Signals]]:
+    with suppress(NotEnoughData):
+        yield measurement, signals(recording)

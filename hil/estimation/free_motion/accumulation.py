@@ -29,9 +29,10 @@ from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_
 from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.normal_equations import successive
+from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from hil.arrays import Array, Indices
     from hil.estimation.free_motion.motion import Motion, Processing
@@ -221,9 +222,8 @@ def recorded_products(
         time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
         states = divided.cells(motion)[motion.used] if len(divided.states) else None
         speeds = np.digitize(motion.slowest[motion.used], SPEEDS)
-        gears = soft_gears(robot, motion, first, soft)
-        for axis in range(robot.n_joints):
-            rows = _stacked(robot, motion, axis, first, motion.tau, terms, gears)[motion.used]
+        every = _every_axis(robot, motion, first, motion.tau, terms, soft)
+        for axis, rows in enumerate(each[motion.used] for each in every):
             own.add(axis, rows, time, speeds[:, axis])
             if states is not None:
                 cells.add(axis, rows, states, speeds[:, axis])
@@ -302,27 +302,27 @@ def _crossed(
     soft: tuple[int, ...],
 ) -> Array:
     """Products of one half of the samples with the other, shape (n_parts, n_joints, m, m)."""
-    halves = [(each, soft_gears(robot, each, first, soft)) for each in map(motion.half, (1, 2))]
-    found = []
-    for axis in range(robot.n_joints):
-        W, Z = (
-            _stacked(robot, half, axis, first, motion.tau, terms, gears) for half, gears in halves
-        )
-        found.append(np.array([Z[part].T @ W[part] for part in parts]))
+    both = (motion.half(half) for half in (1, 2))
+    axes = (_every_axis(robot, each, first, motion.tau, terms, soft) for each in both)
+    found = [[Z[part].T @ W[part] for part in parts] for W, Z in zip(*axes, strict=True)]
     return np.stack(found, axis=1)
 
 
-def _stacked(
+def _every_axis(
     robot: Robot,
     motion: Motion,
-    axis: int,
     first: Array,
     y: Array,
     terms: tuple[str, ...],
-    gears: Array,
-) -> Array:
-    columns = motion.passed(axis_columns(robot, motion, axis, first, terms, gears))
-    return np.hstack([y[: len(columns), axis, np.newaxis], columns[: len(y)]])
+    soft: tuple[int, ...],
+) -> Iterator[Array]:
+    """Torque and all columns of each axis, filtered."""
+    A = regressor(robot, motion.q, motion.qd, motion.qdd)
+    gears = soft_gears(robot, motion, first, soft)
+    for axis in range(robot.n_joints):
+        columns = axis_columns(robot, motion, axis, A[:, axis], first, terms, gears)
+        passed = motion.passed(columns)
+        yield np.hstack([y[: len(passed), axis, np.newaxis], passed[: len(y)]])
 
 
 def _parts(motion: Motion, length: float) -> list[slice]:

@@ -20,7 +20,7 @@ from hil.estimation.free_motion.motion import low_passed
 from hil.estimation.nuisances import compliance_names, gear_columns
 from hil.friction.terms import COLUMNS, coupled_friction, friction_columns, motor_angle
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import inverse_dynamics, regressor
+from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ def axis_columns(
     robot: Robot,
     motion: Motion,
     axis: int,
+    rows: Array,
     first: Array,
     terms: Sequence[str] = COLUMNS,
     gears: Array | None = None,
@@ -77,6 +78,8 @@ def axis_columns(
 
     Parameters
     ----------
+    rows : ndarray, shape (n, n_base)
+        Base parameters' columns.
     first : ndarray, shape (n_base,)
         First estimate of the base parameters, for the torque that is transmitted: it enters a small
         term of friction, so it need not be good.
@@ -86,7 +89,6 @@ def axis_columns(
         As of `soft_gears`.
     """
     q, qd = motion.q, motion.qd
-    rows = regressor(robot, q, qd, motion.qdd, joints=[axis])[:, 0]
     friction = friction_columns(
         qd[:, axis] / motion.processing.speed[axis],
         motion.directions[axis],

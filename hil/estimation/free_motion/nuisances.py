@@ -37,6 +37,7 @@ from hil.least_squares.blocks import Blocks
 from hil.least_squares.choice import FOLDS
 from hil.least_squares.normal_equations import successive
 from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -180,11 +181,12 @@ def _condensed(
             [low_passed(recorded, period, band, every, ahead=np.full(n, s))[0] for s in times]
         )
         gears = soft_gears(robot, motion, first, soft)
+        A = regressor(robot, motion.q, motion.qd, motion.qdd)
         share, count = np.zeros((2, n_parts, n, m, m)), np.zeros((2, n_parts, n))
         for axis in range(n):
             ways = DISTANCES * motion.processing.speed[axis]
             z = np.column_stack([motion.direction_after(axis, way) for way in ways])
-            own_columns = axis_columns(robot, motion, axis, first, gears=gears)
+            own_columns = axis_columns(robot, motion, axis, A[:, axis], first, gears=gears)
             columns = motion.passed(np.hstack([own_columns, z]))
             y = tau[:, : len(columns), axis].T
             k = len(shared)

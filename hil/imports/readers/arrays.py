@@ -140,9 +140,14 @@ def _variables(path: Path) -> dict[str, Any]:
 
     try:
         with file_errors(path, "read"):
-            loaded = loadmat(path, simplify_cells=True)
+            with path.open("rb") as file:
+                named = any(file.read(20))
+            # zeros are variables without a name, which older readers skip one by one for ever
+            loaded = loadmat(path, simplify_cells=True) if named else None
     except (ValueError, TypeError, NotImplementedError, KeyError, MatReadError) as error:
         raise FileError(f"{path}: is no file of MATLAB, or is damaged: {error}") from error
+    if loaded is None:
+        raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
     return dict(_flat({k: v for k, v in loaded.items() if not k.startswith("__")}, ""))
 
 

@@ -1,0 +1,54 @@
+"""Rows of evidence that are thinned out: friction of many parts leaves something of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.estimation.excluded.evidence import Evidence
+
+
+def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
+    """Two channels of so many parts, each of so many rows, whose friction has a rank."""
+    rng = np.random.default_rng(n_parts)
+    n = 2 * n_parts * rows
+    parts = tuple(
+        (slice(k * rows, (k + 1) * rows), np.linalg.qr(rng.standard_normal((rows, rank)))[0])
+        for k in range(2 * n_parts)
+    )
+    return Evidence(
+        axis=np.repeat([0, 1], n // 2),
+        group=np.repeat(np.arange(2 * n_parts), rows),
+        torque=rng.standard_normal(n),
+        recorded=rng.standard_normal(n),
+        X=rng.standard_normal((n, 3)),
+        own=rng.standard_normal((n, n_own)),
+        motion=rng.standard_normal((3, 3, n, 2)),
+        period=np.full(n, 0.01),
+        time=0.01 * np.arange(n),
+        parts=parts,
+        finest=np.zeros(2),
+    )
+
+
+@pytest.mark.parametrize(("n_parts", "rows"), [(3, 800), (68, 35), (150, 40)])
+def test_as_many_rows_as_are_asked_for_are_left_beside_friction(n_parts: int, rows: int) -> None:
+    thin, at = evidence(n_parts, rows, 4).thinned(250)
+    left = np.array([(thin.axis == channel).sum() for channel in (0, 1)], dtype=float)
+    for rows_of_part, Q in thin.parts:
+        left[thin.axis[rows_of_part.start]] -= Q.shape[1]
+    assert np.all(left >= 160)
+    assert np.all(left <= 400)
+    assert len(at) == len(thin.axis)
+
+
+def test_without_own_columns_nothing_is_left_along_them() -> None:
+    whole = evidence(5, 60, 3)
+    bare = whole.without_own()
+    rows = bare.without_friction(np.column_stack([whole.torque, whole.X]))
+    for channel in (0, 1):
+        of = whole.axis == channel
+        own = whole.without_friction(whole.own)[of]
+        assert np.abs(own.T @ rows[of]).max() < 1e-9
+    counts = [e.blocks(np.zeros((len(e.axis), 1)), 0).counts[0] for e in (whole, bare)]
+    assert (counts[0] - counts[1]).tolist() == [2.0, 2.0]
