@@ -59,6 +59,11 @@ class Figure:
     digits: int = 2
     scatter: float | None = None
 
+    @classmethod
+    def count(cls, number: int) -> Figure:
+        """Return how many there are, with all digits."""
+        return cls(int(number), digits=len(str(number)))
+
     @property
     def number(self) -> str:
         """It without its unit."""

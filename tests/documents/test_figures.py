@@ -70,6 +70,10 @@ def test_figures_have_their_significant_digits(value: float, digits: int, text: 
     assert Figure(value, "%", digits).text == f"{text} %"
 
 
+def test_a_count_has_all_its_digits() -> None:
+    assert [Figure.count(number).text for number in (0, 7, 156, 5276)] == ["0", "7", "156", "5276"]
+
+
 def test_what_is_kept_states_where_it_was_measured_and_what_has_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
