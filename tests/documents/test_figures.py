@@ -74,6 +74,10 @@ def test_a_count_has_all_its_digits() -> None:
     assert [Figure.count(number).text for number in (0, 7, 156, 5276)] == ["0", "7", "156", "5276"]
 
 
+def test_a_median_is_not_moved_by_a_turn_that_was_disturbed() -> None:
+    assert Figure.median([*[2.9, 3.0, 3.1] * 10, 200.0], "us").stated == "3.0 ± 0.1 us"
+
+
 def test_what_is_kept_states_where_it_was_measured_and_what_has_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
