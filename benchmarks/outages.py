@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from outage_sweep.draws import draw
 from outage_sweep.session import frames_sent, happen
