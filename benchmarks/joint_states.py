@@ -20,6 +20,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from figures import Figure, keep
 from rosbags import rosbag2
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
@@ -114,11 +115,12 @@ def one_by_one(bag: Path) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print a line for each kind of bag."""
+    """Print and keep a line for each kind of bag."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=int, default=120, help="duration of the recording")
     parser.add_argument("--storage", choices=STORAGES, action="append")
     stated = parser.parse_args()
+    kept: dict[str, Figure] = {}
     for storage in stated.storage or STORAGES:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
@@ -126,11 +128,24 @@ def main() -> None:
             spent, memory = imported(write_map(folder, "bag"))
             container, general = one_by_one(folder / "bag")
             n = stated.seconds * RATE
+            each, name = 1e6 * spent / n, storage.replace(" ", "-")
             print(
                 f"{storage:10s} {n} messages: import {spent:.1f} s of processor time,"
-                f" {1e6 * spent / n:.1f} us a message, {memory:.2f} GB; of a message"
+                f" {each:.1f} us a message, {memory:.2f} GB; of a message"
                 f" {container:.1f} us are the container's; one by one {general:.1f} us more"
             )
+            kept |= {
+                f"{name}-over-one-by-one": Figure(each / (container + general)),
+                f"{name}-message": Figure(each, "us"),
+                f"{name}-container": Figure(container, "us"),
+                f"{name}-processor-time": Figure(spent, "s"),
+                f"{name}-memory": Figure(memory, "GB"),
+            }
+    chosen = "".join(f" --storage '{storage}'" for storage in stated.storage or ())
+    keep(
+        "joint-states", kept, depends=("hil/imports",),
+        command=f"python benchmarks/joint_states.py --seconds {stated.seconds}{chosen}",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ import hashlib
 import os
 import pickle
 import random
+import re
 import select
 import signal
 import struct
@@ -33,11 +34,12 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 
 from drivers.canopen import drive_bus  # noqa: F401 - loaded once, before the sessions are forked
 from hil.cli import main as hil
@@ -69,15 +71,15 @@ class Findings:
 
     kills: int = 0
     campaigns: int = 0
-    checked: int = 0
+    recordings: int = 0
     lost: int = 0
     wrong: int = 0
-    estimates: int = 0
+    differing_estimates: int = 0
 
     @property
     def good(self) -> bool:
         """Nothing was lost, nothing is wrong."""
-        return not (self.lost or self.wrong or self.estimates)
+        return not (self.lost or self.wrong or self.differing_estimates)
 
 
 def session(arguments: list[str], pipe: int, output: Path) -> None:
@@ -218,14 +220,15 @@ def judge(
     fresh = RunFolder.create(place / "undisturbed", plan, robot)
     for each in run:
         truth = seen.get((each.measurement.id, each.session))
-        found.checked += 1
+        found.recordings += 1
         if truth is None or not alike(each, truth):
             found.wrong += 1
         else:
             fresh.write(truth)
     ours, undisturbed = identify(run), identify(fresh)
     same = np.array_equal(ours.values, undisturbed.values)
-    found.estimates += not (same and np.array_equal(ours.covariance, undisturbed.covariance))
+    same &= np.array_equal(ours.covariance, undisturbed.covariance)
+    found.differing_estimates += not same
     found.campaigns += 1
 
 
@@ -243,7 +246,7 @@ def alike(one: Measured, other: Measured) -> bool:
 
 
 def main() -> None:
-    """Kill, resume, judge, print."""
+    """Kill, resume, judge, print, keep."""
     parser = argparse.ArgumentParser(description="Kill hil run at random moments.")
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--counts", type=int, nargs=3, default=(12, 24, 3))
@@ -258,9 +261,15 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as place:
             moments += campaign(Path(place), plan, options.kills - found.kills, dice, found)
     print(f"{found.kills} kills: {', '.join(f'{n} {when}' for when, n in moments.items())}")
-    print(f"{found.campaigns} campaigns of {len(plan.measurements)}, {found.checked} recordings")
+    print(f"{found.campaigns} campaigns of {len(plan.measurements)}, {found.recordings} recordings")
     print(f"measurements lost: {found.lost}, wrong: {found.wrong}")
-    print(f"estimates that differ from those of undisturbed folders: {found.estimates}")
+    print(f"estimates that differ from those of undisturbed folders: {found.differing_estimates}")
+    counted = asdict(found) | moments
+    kept = {re.sub(r"\W|_", "-", name): Figure.count(n) for name, n in counted.items()}
+    stated = f"--kills {options.kills} --seed {options.seed} --counts"
+    command = " ".join(["python benchmarks/kill.py", stated, *map(str, options.counts)])
+    depends = ("hil/runs", "hil/measuring")
+    keep("kill", kept, depends=depends, command=command, seeds=[options.seed])
     sys.exit(not found.good)
 
 

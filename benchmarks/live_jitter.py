@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
 import numpy as np
+from figures import Figure, keep
 from plant_process import plant
 
 from hil.model.robot import ROBOTS, load_robot
@@ -48,6 +49,11 @@ PERIOD = 0.004
 HEARTBEAT = "heartbeat_timeout: 0.5"
 MOTION = 2.0
 """Time of motion before a stop [s]."""
+KEPT = {
+    "rms": ("ms", 2), "99-percent": ("ms", 2), "99-9-percent": ("ms", 2), "worst": ("ms", 2),
+    "left-out": ("", 2), "syncs": ("", 4),
+}  # fmt: skip
+"""Units and digits of `_figures`."""
 
 
 class Case(NamedTuple):
@@ -154,15 +160,24 @@ def prepared(*options: str) -> Iterator[tuple[Path, Path, tuple[str, ...]]]:
         yield scratch, plan, ("--drives", str(patient_drives(scratch / "drives.yaml")), *options)
 
 
-def show(jitter: Mapping[str, Sequence[Array]]) -> None:
-    """Print the medians of all turns of each case."""
+def show(jitter: Mapping[str, Sequence[Array]]) -> dict[str, Figure]:
+    """Print and return the medians of all turns of each case; ratios are those to the first."""
+    kept: dict[str, Figure] = {}
+    first = np.array([_figures(off)[0] for off in next(iter(jitter.values()))])
     turns = len(next(iter(jitter.values())))
     print(f"SYNC off its period, median of {turns} turns [ms]")
     print(f"{'':<20}{'rms':>8}{'99 %':>8}{'99.9 %':>8}{'worst':>8}{'left out':>10}{'of SYNCs':>10}")
     for name, each in jitter.items():
-        figures = np.median([_figures(off) for off in each], axis=0)
-        cells = "".join(f"{1e3 * figure:>8.2f}" for figure in figures[:4])
+        found = np.array([_figures(off) for off in each])
+        figures = np.median(found, axis=0)
+        cells = "".join(f"{figure:>8.2f}" for figure in figures[:4])
         print(f"{name:<20}{cells}{figures[4]:>10.0f}{figures[5]:>10.0f}")
+        case = re.sub(r"\W+", "-", name)
+        if kept:
+            kept[f"{case}-rms-over-first"] = Figure.median(found[:, 0] / first)
+        for (what, how), turn in zip(KEPT.items(), found.T, strict=True):
+            kept[f"{case}-{what}"] = Figure.median(turn, *how)
+    return kept
 
 
 def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) -> float:
@@ -184,7 +199,7 @@ def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) 
 
 
 def main(turns: int = 4, *options: str) -> None:
-    """Measure in turns, then print."""
+    """Measure in turns, then print and keep."""
     jitter: dict[str, list[Array]] = {name: [] for name in CASES}
     stops: dict[bool, list[float]] = {True: [], False: []}
     with prepared(*options) as (scratch, plan, given):
@@ -194,15 +209,21 @@ def main(turns: int = 4, *options: str) -> None:
             for by_page in (True, False):
                 folder = scratch / f"{turn}-stop-{by_page}"
                 stops[by_page].append(stopped(plan, folder, given, by_page=by_page))
-    show(jitter)
+    kept = show(jitter)
     for by_page, name in ((True, "a stop from the page"), (False, "Ctrl-C")):
         median, longest = np.median(stops[by_page]), max(stops[by_page])
         print(f"axes off after {name}: {median:.2f} s (median of {turns}), {longest:.2f} s at most")
+        key = "stop-from-page" if by_page else "stop-by-ctrl-c"
+        kept[key] = Figure.median(stops[by_page], "s")
+    keep(
+        "live-jitter", kept, depends=("hil/live", "hil/measuring", "drivers/sync_clock.py"),
+        command=" ".join(["python benchmarks/live_jitter.py", str(turns), *options]),
+    )  # fmt: skip
 
 
 def _figures(off: Array) -> tuple[float, ...]:
-    """Root mean square, two quantiles and maximum [s]; how many were left out, and of how many."""
-    kept = off[np.isfinite(off)]
+    """Root mean square, two quantiles and maximum [ms]; how many were left out, and of how many."""
+    kept = 1e3 * off[np.isfinite(off)]
     rms = float(np.sqrt(np.mean(kept**2)))
     quantiles = map(float, np.quantile(kept, [0.99, 0.999, 1.0]))
     return rms, *quantiles, float(len(off) - len(kept)), float(len(off))

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, rms
 from claims import DISTANCE, MASS, make_plant
+from figures import Figure, keep
 
 from checked_files.yaml_file import load_yaml
 from hil.results.load_file import NAME, LoadFile
@@ -55,8 +56,9 @@ def robot_time(run: Path) -> float:
     return sum(float(times[-1][-1] - times[0][0]) for times in stages)
 
 
-def print_errors(runs: list[Path]) -> None:
-    """Print errors and how often the intervals of 95 % hold the truth."""
+def print_errors(runs: list[Path]) -> dict[str, Figure]:
+    """Print and return errors and how often the intervals of 95 % hold the truth."""
+    kept: dict[str, Figure] = {}
     files = [load_yaml(run / NAME, LoadFile) for run in runs]
     found = [{q.name: q for q in file.load} for file in files]
     held = []
@@ -64,18 +66,29 @@ def print_errors(runs: list[Path]) -> None:
         errors = np.array([each[name].value - truth for each in found])
         halves = np.array([each[name].half_width or 0.0 for each in found])
         held.append(np.abs(errors) <= halves)
+        percents, key = 100 * np.abs(errors) / truth, name.replace(" ", "-")
         print(
-            f"{name}: error {rms(errors):.3g} ({100 * rms(errors) / truth:.3f} %), half-width"
+            f"{name}: error {rms(errors):.3g} ({rms(percents):.3f} %), half-width"
             f" {np.median(halves):.3g}, {held[-1].sum()} of {len(errors)} intervals hold the truth"
         )
+        kept[f"{key}-error"] = Figure(rms(percents), "%", scatter=float(percents.std()))
+        kept[f"{key}-half-width"] = Figure(100 * float(np.median(halves)) / truth, "%")
+    distance = [1e3 * (each["centre z"].value - DISTANCE) for each in found]
+    kept["centre-distance"] = Figure(rms(distance), "mm", scatter=float(np.std(np.abs(distance))))
     least = [min((axis.p_value for axis in file.rigidity), default=1.0) for file in files]
     print(f"chance of the worst axis, were the load rigid: {min(least):.2g} at least")
     times = [robot_time(run) for run in runs]
     print(f"{100 * np.mean(held):.1f} % of {np.size(held)} intervals; at most {max(times):.0f} s")
+    return kept | {
+        "inside": Figure.count(np.sum(held)),
+        "intervals": Figure.count(np.size(held)),
+        "least-chance": Figure(min(least)),
+        "longest": Figure(max(times), "s", 3),
+    }
 
 
 def main() -> None:
-    """Measure, compare, print."""
+    """Measure, compare, print, keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--bare", type=int, default=5, help="bare runs that seeds share")
@@ -90,7 +103,12 @@ def main() -> None:
         runs = pool.map(
             lambda k: measured(folder, bare[k % len(bare)], FIRST_SEED + k), range(given.seeds)
         )
-        print_errors(list(runs))
+        command = f"python benchmarks/load_in_minutes.py --seeds {given.seeds} --bare {given.bare}"
+        keep(
+            "load-in-minutes", print_errors(list(runs)), command=command,
+            depends=("hil/estimation/loads", "hil/planning", "sim_plant/physics"),
+            seeds=range(FIRST_SEED, FIRST_SEED + given.seeds),
+        )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from figures import Figure, keep
 from scipy import special
 
 from hil.estimation.free_motion.gathering import gather
@@ -43,7 +44,7 @@ FIRST_SEED = 200
 
 
 def main() -> None:
-    """Print coverage, or write the runs of the documentation."""
+    """Print and keep coverage, or write the runs of the documentation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("robots", nargs="*", default=["scara", "ur10e"])
     parser.add_argument("--seeds", type=int, default=5)
@@ -54,7 +55,9 @@ def main() -> None:
         return
     for name in given.robots:
         twin, load = TwinRecorder(name), LOADS.get(name, LOADS["scara"])
-        results = [of_seed(twin, load, FIRST_SEED + k) for k in range(given.seeds)]
+        seeds = range(FIRST_SEED, FIRST_SEED + given.seeds)
+        results = [of_seed(twin, load, seed) for seed in seeds]
+        kept: dict[str, Figure] = {}
         for what, held in zip(
             ("load", "load by its mass", "gains by it", "parameters", "unknown gain"),
             zip(*results, strict=True),
@@ -62,6 +65,11 @@ def main() -> None:
         ):
             inside = np.concatenate(held)
             print(f"{name}, {what}: {inside.sum()} of {len(inside)} intervals hold the truth")
+            key = what.replace(" ", "-")
+            kept[f"{key}-inside"] = Figure.count(inside.sum())
+            kept[f"{key}-intervals"] = Figure.count(len(inside))
+        command = f"python benchmarks/loads.py {name} --seeds {given.seeds}"
+        keep(f"loads-{name}", kept, depends=("hil/estimation",), command=command, seeds=seeds)
 
 
 def of_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:

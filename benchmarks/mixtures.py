@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from back_and_forth import exported
 from covariances import KINDS, measured
+from figures import Figure, keep
 
 from hil.estimation.identify import JOINT, estimate
 from hil.ground_truth.true_parameters import true_parameters
@@ -47,7 +48,7 @@ def judged(strokes: Run, trajectory: Run, truth: Array) -> list[float]:
 
 
 def main() -> None:
-    """Measure, import, identify, print."""
+    """Measure, import, identify, print, keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--drift", type=float, default=1.0)
     parser.add_argument("--first", type=int, default=831)
@@ -60,7 +61,8 @@ def main() -> None:
         KINDS[kind] = KINDS[kind][0], {"drift_strength": given.drift}
     rows = []
     print("seed   strokes: % holds   import: % holds   both: % holds")
-    for seed in range(given.first, given.first + given.seeds):
+    seeds = range(given.first, given.first + given.seeds)
+    for seed in seeds:
         strokes, plant = measured(folder, "strokes", seed)
         trajectory = exported(
             measured(folder, "trajectories", seed)[0], folder / f"csv-{seed}", strokes=False
@@ -69,6 +71,16 @@ def main() -> None:
         print(seed, *(f"{x:.3f}" if k % 2 == 0 else x for k, x in enumerate(rows[-1])), flush=True)
     mean, n = np.mean(rows, axis=0), len(true_parameters(strokes.robot, plant))
     print("mean", *(f"{x:.3f}" for x in mean[::2]), f"% ; hold {mean[1::2] / n}")
+    kept: dict[str, Figure] = {}
+    for k, name in enumerate(("strokes", "import", "both")):
+        errors, held = np.transpose(rows)[2 * k : 2 * k + 2]
+        kept[f"{name}-error"] = Figure(mean[2 * k], "%", scatter=float(errors.std()))
+        kept[f"{name}-inside"] = Figure(100 * held.mean() / n, "%", 3, 100 * held.std() / n)
+    command = f"python benchmarks/mixtures.py --drift {given.drift:g} --first {given.first}"
+    keep(
+        "mixtures" if given.drift == 1 else f"mixtures-drift-{given.drift:g}".replace(".", "-"),
+        kept, depends=("hil/estimation",), command=f"{command} --seeds {given.seeds}", seeds=seeds,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
+from figures import Figure, keep
 from outage_sweep.draws import draw
 from outage_sweep.session import frames_sent, happen
 
@@ -57,12 +58,17 @@ def main() -> int:
     logging.disable()  # the driver's log of every session that ended
     numbers = range(given.number) if given.only is None else [given.only]
     results = list(_results(given.seed, numbers, given.jobs))
-    report(results)
+    only = "" if given.only is None else f" --only {given.only}"
+    keep(
+        "outages", report(results), seeds=[given.seed],
+        depends=("drivers/canopen", "drivers/cia402", "drivers/session", "drivers/safety"),
+        command=f"python benchmarks/outages.py --number {given.number} --seed {given.seed}{only}",
+    )  # fmt: skip
     return int(any(verdict.broken for _, verdict in results))
 
 
-def report(results: Sequence[Result]) -> None:
-    """Print what came of all outages."""
+def report(results: Sequence[Result]) -> dict[str, Figure]:
+    """Print and return what came of all outages."""
     verdicts = [verdict for _, verdict in results]
     broken = [result for result in results if result[1].broken]
     for outage, verdict in broken[:SHOWN]:
@@ -73,13 +79,25 @@ def report(results: Sequence[Result]) -> None:
     print(f"{len(verdicts)} outages; the session was ended by:")
     for name, number in ended.most_common():
         print(f"  {number:5d}  {name}")
-    print(f"axis energised with its watchdog off: {sum(bool(v.unwatched) for v in verdicts)}")
-    print(f"axis energised 3 s after the end: {sum(bool(v.energised) for v in verdicts)}")
+    counts = {
+        "outages": len(verdicts),
+        "ended": sum(bool(v.ended) for v in verdicts),
+        "unwatched": sum(bool(v.unwatched) for v in verdicts),
+        "energised": sum(bool(v.energised) for v in verdicts),
+        "farther": sum(v.share > 1.0 for v in verdicts),
+    }
+    print(f"axis energised with its watchdog off: {counts['unwatched']}")
+    print(f"axis energised 3 s after the end: {counts['energised']}")
     way = max(verdict.way for verdict in verdicts)
     outage, worst = max(results, key=lambda result: result[1].share)
     print(f"longest way after the event: {way:.3f} rad")
     print(f"largest share of the allowed way: {worst.share:.2f} ({worst.way:.3f} rad, {outage})")
-    print(f"farther than allowed: {sum(v.share > 1.0 for v in verdicts)}")
+    print(f"farther than allowed: {counts['farther']}")
+    return {
+        **{name: Figure.count(number) for name, number in counts.items()},
+        "longest-way": Figure(way, "rad", 3),
+        "largest-share": Figure(100 * worst.share, "%"),
+    }
 
 
 def _results(seed: int, numbers: Sequence[int], jobs: int) -> Iterator[Result]:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
+from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
     from sim_plant.plant_file import PlantFile
 
+KEYS = ("ours", "euler", "implicitfast")
 STEPS = 1000
 REPEATS = 200
 DAMPING = 20.0
@@ -143,20 +145,26 @@ def in_turns(tasks: Mapping[str, Callable[[], None]]) -> dict[str, list[float]]:
 
 
 def main() -> None:
-    """Check that the arm is the same, time both, print the table."""
+    """Check that the arm is the same, time both, print the table and keep it."""
     plant = Plant(real_arm())
-    tasks = {"sim_plant: arm, friction, servos": plant_task(plant)}
-    ours = next(iter(tasks))
+    ours = "sim_plant: arm, friction, servos"
+    tasks = {ours: plant_task(plant)}
     for integrator in ("Euler", "implicitfast"):
         model = mujoco.MjModel.from_xml_string(mjcf(plant.file, integrator))
         check_same_arm(plant, model)
         tasks[f"MuJoCo {mujoco.__version__}: arm, {integrator}"] = mujoco_task(model)
     costs = in_turns(tasks)
     table = Table("", "us per step", "least", "times ours", title="One step, six axes")
-    for name, values in costs.items():
-        ratio = median(value / our for value, our in zip(values, costs[ours], strict=True))
-        table.add_row(name, f"{median(values):.2f}", f"{min(values):.2f}", f"{ratio:.2f}")
+    kept: dict[str, Figure] = {}
+    for key, (name, values) in zip(KEYS, costs.items(), strict=True):
+        ratios = [value / our for value, our in zip(values, costs[ours], strict=True)]
+        table.add_row(name, f"{median(values):.2f}", f"{min(values):.2f}", f"{median(ratios):.2f}")
+        if name != ours:
+            kept[f"{key}-over-ours"] = Figure.median(ratios)
+        kept[f"{key}-step"] = Figure.median(values, "us")
     Console().print(table)
+    command = "python benchmarks/plant_step.py"
+    keep("plant-step", kept, depends=("sim_plant/physics",), command=command)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 
 from drivers.axis import AxisScale
 from drivers.drives_file import load_drives
@@ -96,7 +97,7 @@ def unlike(
 
 
 def main(rate: float = 25.0, duration: float = 120.0) -> None:
-    """Measure, then judge."""
+    """Measure, then judge and keep."""
     candump = shutil.which("candump")
     if not Path(f"/sys/class/net/{CHANNEL}").exists() or candump is None:
         sys.exit(f"needs {CHANNEL} and candump (can-utils); see tools/can_guest.py")
@@ -126,10 +127,17 @@ def main(rate: float = 25.0, duration: float = 120.0) -> None:
                 plant.kill()
         seen = witnessed(log.read_text(), drives)
         lost = sum(unlike(measured.recording, drives, seen) for measured in folder)
-        print(
-            f"{last.time:.0f} s of robot time, {rate:g} SYNC/s: {folder.journal.sessions[-1].sync}"
-        )
+        sync = folder.journal.sessions[-1].sync
+        print(f"{last.time:.0f} s of robot time, {rate:g} SYNC/s: {sync}")
         print(f"samples lost or wrong without a flag: {lost}")
+    counts = {"samples": sync.samples, "flagged": sync.flagged, "left-out": sync.left_out}
+    kept = {name: Figure.count(number) for name, number in (counts | {"lost": lost}).items()}
+    kept["jitter"], kept["worst"] = Figure(1e3 * sync.jitter, "ms"), Figure(1e3 * sync.worst, "ms")
+    keep(
+        "real-time", kept | {"robot-time": Figure(last.time, "s", 3)},
+        depends=("drivers/canopen", "drivers/can_bus", "drivers/sync_clock.py"),
+        command=f"python benchmarks/real_time.py {rate:g} {duration:g}",
+    )  # fmt: skip
     sys.exit(lost > 0)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 
@@ -34,18 +35,18 @@ def pinocchio_arm(robot: Robot) -> pin.Model:
     return model
 
 
-def best(task: Callable[[], object]) -> float:
-    """Shortest of several runs, per sample [us]."""
+def costs(task: Callable[[], object]) -> np.ndarray:
+    """Time of several runs, per sample [us]."""
     times = []
     for _ in range(REPEATS):
         begin = time.perf_counter()
         task()
         times.append(time.perf_counter() - begin)
-    return min(times) / N_SAMPLES * 1e6
+    return np.array(times) / N_SAMPLES * 1e6
 
 
 def main() -> None:
-    """Time everything in one process and print the table."""
+    """Time everything in one process, print the table and keep it; the best run counts."""
     robot = Robot.load("manutec-r15")
     model = pinocchio_arm(robot)
     data = model.createData()
@@ -61,16 +62,22 @@ def main() -> None:
             kept[k] = pin.computeJointTorqueRegressor(model, data, q[k], qd[k], qdd[k])
 
     regressor(robot, q[:1], qd[:1], qdd[:1])  # compiles, or loads what was compiled before
-    ours = best(lambda: regressor(robot, q, qd, qdd))
+    ours = costs(lambda: regressor(robot, q, qd, qdd))
+    figures: dict[str, Figure] = {}
     table = Table("", "us per sample", "times ours", title=f"Regressor, {N_SAMPLES} samples")
-    for name, cost in (
-        ("hil.regressor, all joints", ours),
-        ("hil.regressor, row of joint 3", best(lambda: regressor(robot, q, qd, qdd, [2]))),
-        ("Pinocchio in a loop", best(loop)),
-        ("Pinocchio in a loop, results kept", best(loop_keeping)),
+    for key, name, found in (
+        ("ours", "hil.regressor, all joints", ours),
+        ("row", "hil.regressor, row of joint 3", costs(lambda: regressor(robot, q, qd, qdd, [2]))),
+        ("pinocchio", "Pinocchio in a loop", costs(loop)),
+        ("pinocchio-kept", "Pinocchio in a loop, results kept", costs(loop_keeping)),
     ):
-        table.add_row(name, f"{cost:.2f}", f"{cost / ours:.1f}")
+        cost, ratio = found.min(), found.min() / ours.min()
+        table.add_row(name, f"{cost:.2f}", f"{ratio:.1f}")
+        if found is not ours:
+            figures[f"{key}-over-ours"] = Figure(ratio)
+        figures[key] = Figure(cost, "us", scatter=Figure.median(found).scatter)
     Console().print(table)
+    keep("regressor", figures, depends=("hil/model",), command="python benchmarks/regressor.py")
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from unittest import mock
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 import numpy as np
+from figures import Figure, keep
 from plant_wire import PlantWire
 
 from drivers.canopen.drive_bus import CanopenDriveBus
@@ -182,3 +183,16 @@ if __name__ == "__main__":
         same, total, can, ethercat, ahead = compared(counts, Path(name))
     print(f"{same} of {total} data sets identical; CAN waited before power-on for {ahead}")
     print(f"CAN {can:.1f} s, EtherCAT {ethercat:.1f} s, within this process, with recording")
+    keep(
+        "same-campaign",
+        {
+            "identical": Figure.count(same),
+            "data-sets": Figure.count(total),
+            "ethercat-over-can": Figure(ethercat / can),
+            "can": Figure(can, "s"),
+            "ethercat": Figure(ethercat, "s"),
+        },
+        depends=("drivers", "sim_plant"),
+        command=" ".join(["python benchmarks/same_campaign.py", *map(str, counts.values())]),
+        seeds=[SEED],
+    )

@@ -15,6 +15,7 @@ from unittest import mock
 import can
 import canopen
 import numpy as np
+from figures import Figure, keep
 
 from sim_plant.canopen.eds import EDS_PATH
 from sim_plant.drive_settings import DriveSettings
@@ -63,13 +64,14 @@ def configure(channel: str) -> None:
     network.disconnect()
 
 
-def best(action: Callable[[], object], number: int = 2000) -> float:
-    """Shortest mean time of one call [us]."""
-    return min(timeit.repeat(action, number=number, repeat=15)) / number * 1e6
+def best(action: Callable[[], object], number: int = 2000) -> Figure:
+    """Shortest mean time of one call."""
+    times = np.array(timeit.repeat(action, number=number, repeat=15)) / number * 1e6
+    return Figure(times.min(), "us", 3, Figure.median(times).scatter)
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure, print and keep."""
     machine = idle_machine()
     with (
         mock.patch.object(plant_channel, "load_machine", return_value=machine),
@@ -85,9 +87,15 @@ def main() -> None:
                 assert bus.recv(0) is not None
 
         network = bus._plant._network  # type: ignore[attr-defined]
-        slaves = best(lambda: network.receive(0x80, b""))
-        print(f"six drives, frames in to frames out: {slaves:.1f} us/SYNC")
-        print(f"with PlantBus.send and six recv:     {best(one_by_one):.1f} us/SYNC")
+        slaves, whole = best(lambda: network.receive(0x80, b"")), best(one_by_one)
+    print(f"six drives, frames in to frames out: {slaves.value:.1f} us/SYNC")
+    print(f"with PlantBus.send and six recv:     {whole.value:.1f} us/SYNC")
+    ratio = Figure(whole.value / slaves.value)
+    keep(
+        "slave-network", {"bus-over-slaves": ratio, "slaves": slaves, "bus": whole},
+        depends=("sim_plant/canopen", "sim_plant/serving", "sim_plant/slave_network.py"),
+        command="python benchmarks/slave_network.py",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -17,11 +17,14 @@ import subprocess
 import sys
 from statistics import median
 
+from figures import Figure, keep
+
 PROMISED = 3.0
 """Largest ratio of the help's processor time to that of the libraries."""
 LIBRARIES = "typer, rich alone"
 HELP = "hil --help"
 COMPLETION = "completion of hil ide"
+KEYS = ("libraries", "help", "completion")
 PROGRAM = (sys.executable, "-m", "hil")
 ASKED = {"_HIL_COMPLETE": "complete_bash", "COMP_WORDS": "hil ide", "COMP_CWORD": "1"}
 STARTED: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
@@ -33,7 +36,7 @@ STARTED: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
 
 
 def main() -> None:
-    """Measure in turns, print the medians; exit status 1 where the promise is not kept."""
+    """Measure in turns, print and keep the medians; exit status 1 where the promise is not kept."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--times", type=int, default=10)
     times = parser.parse_args().times
@@ -44,12 +47,20 @@ def main() -> None:
             if turn:
                 spent[name].append(time)
     middle = {name: median(each) for name, each in spent.items()}
-    for name, each in middle.items():
-        print(
-            f"{name:<24}{1e3 * each:6.0f} ms  {each / middle[LIBRARIES]:5.2f} times the libraries"
-        )
+    kept: dict[str, Figure] = {}
+    for key, (name, each) in zip(KEYS, middle.items(), strict=True):
+        ratio = each / middle[LIBRARIES]
+        print(f"{name:<24}{1e3 * each:6.0f} ms  {ratio:5.2f} times the libraries")
+        ratios = [a / b for a, b in zip(spent[name], spent[LIBRARIES], strict=True)]
+        if name != LIBRARIES:
+            kept[f"{key}-over-libraries"] = Figure(ratio, scatter=Figure.median(ratios).scatter)
+        kept[key] = Figure.median([1e3 * time for time in spent[name]], "ms")
     ratio = middle[HELP] / middle[LIBRARIES]
     print(f"promised: {HELP} at most {PROMISED:g} times; {ratio:.2f}")
+    keep(
+        "start-up", kept, depends=("hil/cli", "hil/__main__.py"),
+        command=f"python benchmarks/start_up.py --times {times}",
+    )  # fmt: skip
     sys.exit(ratio > PROMISED)
 
 

@@ -15,8 +15,10 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from figures import Figure, keep
 from plant_process import load, plant
 
 from hil.runs.run import Run
@@ -28,8 +30,16 @@ PATIENCE = 600.0
 """Time after which a run that has neither ended nor come to its end is left [s]."""
 
 
-def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) -> str:
-    """Run the plan once; say what became of it."""
+class Streamed(NamedTuple):
+    """What became of a run: a line, and the shares of its samples; NaN where it has none."""
+
+    line: str
+    slowed: float = np.nan
+    flagged: float = np.nan
+
+
+def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) -> Streamed:
+    """Run the plan once."""
     command = (*HIL, "run", str(plan), "-o", str(folder), *place, *options)
     # of its own, since what one that was left has not put back would end the next
     state = {**os.environ, "XDG_STATE_HOME": str(folder.with_suffix(".state"))}
@@ -38,18 +48,19 @@ def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) ->
             command, capture_output=True, text=True, check=False, timeout=PATIENCE, env=state
         )
     except subprocess.TimeoutExpired:
-        return f"under way after {PATIENCE:.0f} s"
+        return Streamed(f"under way after {PATIENCE:.0f} s")
     if done.returncode:
-        return f"ENDED ({done.returncode}): {done.stderr.strip()}"
+        return Streamed(f"ENDED ({done.returncode}): {done.stderr.strip()}")
     recordings = [measured.recording for measured in Run.open(folder)]
-    slowed = np.concatenate([each.slowed for each in recordings])
-    flagged = np.concatenate([each.flags for each in recordings]) != 0
-    return f"{slowed.mean():.2%} slowed down, {flagged.any(axis=-1).mean():.2%} flagged"
+    slowed = np.concatenate([each.slowed for each in recordings]).mean()
+    flagged = (np.concatenate([each.flags for each in recordings]) != 0).any(axis=-1).mean()
+    return Streamed(f"{slowed:.2%} slowed down, {flagged:.2%} flagged", slowed, flagged)
 
 
 def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> None:
-    """Print a line for each run."""
+    """Print a line for each run, and keep what became of all."""
     place = ("--interface", interface, "--channel", channel)
+    kept: dict[str, Figure] = {}
     with tempfile.TemporaryDirectory() as scratch:
         plan = Path(scratch) / "trajectory.yaml"
         command = (
@@ -58,14 +69,23 @@ def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> 
         )  # fmt: skip
         subprocess.run(command, check=True, capture_output=True)
         for name, options in (("normal", ()), ("real time", ("--realtime",))):
-            ended = 0
+            found: list[Streamed] = []
             for number in range(runs):
                 folder = Path(scratch) / f"{name}-{number}"
                 with plant(interface, channel), load(BUSY):
-                    line = streamed(plan, folder, place, *options)
-                ended += line.startswith("ENDED")
-                print(f"{name:10s} {number + 1:3d}: {line}", flush=True)
+                    found.append(streamed(plan, folder, place, *options))
+                print(f"{name:10s} {number + 1:3d}: {found[-1].line}", flush=True)
+            ended = sum(each.line.startswith("ENDED") for each in found)
             print(f"{name}: {ended} of {runs} ended", flush=True)
+            key = name.replace(" ", "-")
+            kept |= {f"{key}-ended": Figure.count(ended), f"{key}-runs": Figure.count(runs)}
+            shares = 100 * np.array([each[1:] for each in found if np.isfinite(each.slowed)])
+            for what, share in zip(("slowed", "flagged"), shares.T, strict=False):
+                kept[f"{key}-{what}"] = Figure(share.mean(), "%", scatter=share.std())
+    keep(
+        "streams", kept, depends=("hil/measuring", "drivers"),
+        command=f"python benchmarks/streams.py {runs} {interface} {channel}",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import sys
 import time
 from pathlib import Path
 
+from figures import Figure, keep
+
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
 from hil.model.robot import ROBOTS
@@ -22,19 +24,19 @@ DURATION = 3.0
 CHUNK = 100
 
 
-def cycles_per_second(interface: str, channel: str) -> float:
+def cycles_per_second(interface: str, channel: str) -> Figure:
     """Return the best of several chunks of SYNCs while all axes hold their position."""
-    best = 0.0
+    rates: list[float] = []
     with open_drive_bus(DRIVES, interface, channel, pacing="lock-step") as axes:
         ends = time.perf_counter() + DURATION
         while time.perf_counter() < ends:
             begun = time.perf_counter()
             assert not any(any(axes.sample().flags) for _ in range(CHUNK))
-            best = max(best, CHUNK / (time.perf_counter() - begun))
-    return best
+            rates.append(CHUNK / (time.perf_counter() - begun))
+    return Figure(max(rates), "SYNC/s", scatter=Figure.median(rates).scatter)
 
 
-def apart(interface: str, channel: str) -> float:
+def apart(interface: str, channel: str) -> Figure:
     """Return the same with the plant in another process."""
     command = [sys.executable, "-m", "sim_plant", "--interface", interface, "--channel", channel]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as plant:
@@ -47,16 +49,21 @@ def apart(interface: str, channel: str) -> float:
 
 
 def main() -> None:
-    """Print the rates."""
+    """Print and keep the rates."""
     together = cycles_per_second("sim_plant", "manutec-r15")
-    print(f"{'one process':24s} {together:8.0f} SYNC/s")
+    print(f"{'one process':24s} {together.value:8.0f} SYNC/s")
+    kept = {"one-process": together}
     places = [("local", "benchmark"), ("socketcan", "vcan0")]
     for interface, channel in places:
         if interface == "socketcan" and not Path(f"/sys/class/net/{channel}").exists():
             print(f"{interface} {channel}: not here; see tools/can_guest.py")
             continue
         rate = apart(interface, channel)
-        print(f"{interface + ' ' + channel:24s} {rate:8.0f} SYNC/s, ratio {rate / together:.3f}")
+        ratio = rate.value / together.value
+        print(f"{interface + ' ' + channel:24s} {rate.value:8.0f} SYNC/s, ratio {ratio:.3f}")
+        kept |= {f"{interface}-over-one-process": Figure(ratio), interface: rate}
+    command = "python benchmarks/two_processes.py"
+    keep("two-processes", kept, depends=("drivers", "sim_plant/serving"), command=command)
 
 
 if __name__ == "__main__":

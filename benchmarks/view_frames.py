@@ -18,6 +18,7 @@ from time import perf_counter
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from browser import opened_browser, resize
+from figures import Figure, keep
 
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
@@ -50,7 +51,7 @@ setTimeout(() => {
 
 
 def main(seconds: float = 10.0) -> None:
-    """Write the page, open it and play it."""
+    """Write the page, open it and play it; keep what that takes."""
     robot = load_robot("manutec-r15")
     plan = design(robot, {}, 0.0, WORKSPACE)
     with (
@@ -60,10 +61,13 @@ def main(seconds: float = 10.0) -> None:
         page = Path(folder) / "plan.html"
         begun = perf_counter()
         size = write_page(page, lambda most: of_plan(plan, robot, most))
-        took = perf_counter() - begun
-        print(
-            f"{len(plan.measurements)} measurements: {size / 1e6:.2f} MB, written in {took:.1f} s"
-        )
+        took, n = perf_counter() - begun, len(plan.measurements)
+        print(f"{n} measurements: {size / 1e6:.2f} MB, written in {took:.1f} s")
+        kept = {
+            "measurements": Figure.count(n),
+            "size": Figure(size / 1e6, "MB"),
+            "written": Figure(took, "s"),
+        }
         resize(browser, 1440, 900)
         begun = perf_counter()
         browser.get(page.as_uri())
@@ -71,15 +75,27 @@ def main(seconds: float = 10.0) -> None:
         browser.execute_async_script(
             "const d = arguments[0]; const w = () => window.view ? d() : setTimeout(w, 5); w();"
         )
-        print(f"opened in {perf_counter() - begun:.2f} s")
+        kept["opened"] = Figure(perf_counter() - begun, "s")
+        print(f"opened in {kept['opened'].value:.2f} s")
+        medians = []
         for swept in (True, False):
             frames, took, costs = browser.execute_async_script(PLAY, seconds, swept)
             slowest = sorted(costs)[int(0.99 * (len(costs) - 1))]
+            name = "shown" if swept else "hidden"
+            medians.append(statistics.median(costs))
             print(
-                f"swept volume {'shown' if swept else 'hidden'}: {frames / took:.0f} frames/s drawn"
-                f" by the processor at 1440 x 900; scripts take {statistics.median(costs):.2f} ms a"
+                f"swept volume {name}: {frames / took:.0f} frames/s drawn"
+                f" by the processor at 1440 x 900; scripts take {medians[-1]:.2f} ms a"
                 f" frame (median), {slowest:.2f} ms (99 %)"
             )
+            kept |= {
+                f"{name}-frames": Figure(frames / took, "frames/s"),
+                f"{name}-scripts": Figure.median(costs, "ms"),
+                f"{name}-scripts-99-percent": Figure(slowest, "ms"),
+            }
+    kept = {"shown-over-hidden": Figure(medians[0] / medians[1]), **kept}
+    command = f"python benchmarks/view_frames.py {seconds:g}"
+    keep("view-frames", kept, depends=("hil/view", "web"), command=command)
 
 
 if __name__ == "__main__":

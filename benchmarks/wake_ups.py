@@ -16,6 +16,7 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 from plant_process import load, plant
 
 from drivers.drive_bus import SampleFlag
@@ -35,10 +36,12 @@ DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml").model_copy(
     update={"sync_period": PERIOD, "heartbeat_timeout": 2.0, "sdo_timeout": 5.0}
 )
 GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
+KEPT = {"flagged": "%", "left-out": "%", "rms": "ms", "worst": "ms"}
+"""Units of `measured`."""
 
 
-def measured(samples: int, *, realtime: bool) -> str:
-    """Sample axes that hold their position; return what became of SYNC."""
+def measured(samples: int, *, realtime: bool) -> list[float]:
+    """Sample axes that hold their position; return what became of SYNC, as in `KEPT`."""
     with (
         open_drive_bus(DRIVES, INTERFACE, CHANNEL) as axes,
         real_time() if realtime else nullcontext(()),
@@ -51,10 +54,8 @@ def measured(samples: int, *, realtime: bool) -> str:
     passed = np.maximum(1, np.rint(steps / PERIOD))
     off = steps - passed * PERIOD
     flagged = sum(any(flag & GAPS for flag in sample.flags) for sample in taken)
-    return (
-        f"{flagged / samples:7.2%} flagged {(passed - 1).sum() / samples:7.2%} left out"
-        f" {1e3 * np.sqrt(np.mean(off**2)):8.3f} ms rms {1e3 * np.abs(off).max():7.2f} ms at most"
-    )
+    shares = 100 * flagged / samples, 100 * (passed - 1).sum() / samples
+    return [*shares, 1e3 * np.sqrt(np.mean(off**2)), 1e3 * np.abs(off).max()]
 
 
 def all_cores() -> AbstractContextManager[None]:
@@ -63,15 +64,30 @@ def all_cores() -> AbstractContextManager[None]:
 
 
 def main(samples: int = 5000) -> None:
-    """Print a line for each case."""
+    """Print and keep a line for each case."""
     with real_time() as measures:
         print(*measures, sep="\n")
+    kept: dict[str, Figure] = {}
     with plant(INTERFACE, CHANNEL, lambda: measured(WARM_UP, realtime=False)):
         for name, burden in (("idle", nullcontext), ("all cores busy", all_cores)):
             for realtime in (False, True):
                 with burden():
-                    line = measured(samples, realtime=realtime)
-                print(f"{name:15s} {'real time' if realtime else 'normal':10s} {line}", flush=True)
+                    found = measured(samples, realtime=realtime)
+                how, (flagged, left_out, rms, most) = "real time" if realtime else "normal", found
+                print(
+                    f"{name:15s} {how:10s} {flagged:6.2f}% flagged {left_out:6.2f}% left out"
+                    f" {rms:8.3f} ms rms {most:7.2f} ms at most",
+                    flush=True,
+                )
+                case = f"{name} {how}".replace(" ", "-")
+                for value, (what, unit) in zip(found, KEPT.items(), strict=True):
+                    kept[f"{case}-{what}"] = Figure(value, unit)
+            key = name.replace(" ", "-")
+            ratio = kept[f"{key}-real-time-rms"].value / kept[f"{key}-normal-rms"].value
+            kept[f"{key}-real-time-over-normal"] = Figure(ratio)
+    depends = ("drivers/sync_clock.py", "drivers/canopen", "hil/cli/realtime.py")
+    command = f"python benchmarks/wake_ups.py {samples}"
+    keep("wake-ups", kept, depends=depends, command=command)
 
 
 if __name__ == "__main__":

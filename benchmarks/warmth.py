@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 from history import COUNTS, hil, made
 
 from hil.estimation.condensed import stack
@@ -34,10 +35,11 @@ if TYPE_CHECKING:
 SEEDS, OTHERS = (300, 302, 304, 306), (308, 310)
 BEGIN = 180.0
 """First part of a run [s]."""
+DESCRIBED = (("warming", "s", 2), ("cooling", "s", 2), ("cold", "", 4), ("warm", "", 4))
 
 
 def main() -> None:
-    """Make what is not there yet, and print what is left."""
+    """Make what is not there yet, print and keep what is left."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
@@ -50,8 +52,21 @@ def main() -> None:
     print(
         "axis  warming, s  cooling, s   cold   warm   begin: law, warmth, %   all: law, warmth, %"
     )
+    kept: dict[str, Figure] = {}
     for axis, rows in enumerate(squares):
         print(f"{axis + 1:4} {described(model, axis)}  {shares(rows)}")
+        for part, row in zip(("begin", "all"), rows, strict=True):
+            for how, each in zip(("law", "warmth"), row[1:] if row[0] else (), strict=False):
+                kept[f"axis-{axis + 1}-{part}-{how}"] = Figure(percent(each, row[0]), "%")
+        if own := model.friction_law.axes[axis].warmth:
+            kept |= {
+                f"axis-{axis + 1}-{name}": Figure(getattr(own, name), unit, digits)
+                for name, unit, digits in DESCRIBED
+            }
+    keep(
+        "warmth", kept, depends=("hil/friction", "hil/estimation/friction"),
+        command="python benchmarks/warmth.py FOLDER", seeds=(*SEEDS, *OTHERS),
+    )  # fmt: skip
 
 
 def left(model: Model, run: Run) -> np.ndarray:
@@ -97,9 +112,14 @@ def described(model: Model, axis: int) -> str:
 def shares(rows: np.ndarray) -> str:
     """Root mean squares left as percentages of friction."""
     return "   ".join(
-        " ".join(f"{100 * np.sqrt(each / row[0]):6.2f}" for each in row[1:]) if row[0] else "     -"
+        " ".join(f"{percent(each, row[0]):6.2f}" for each in row[1:]) if row[0] else "     -"
         for row in rows
     )
+
+
+def percent(squares: float, whole: float) -> float:
+    """Root mean square as a percentage of another."""
+    return 100 * float(np.sqrt(squares / whole))
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import yaml
+from figures import Figure, keep
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from twin_recordings import ROBOTS, TwinRecorder
@@ -224,7 +225,7 @@ def _write(own: Path, name: str, seed: int, case: Wrong) -> Path:
 
 
 def main() -> None:
-    """Try all maps, print the table and the sums."""
+    """Try all maps, print the table and the sums, which are kept."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--robot", default="ur10e", help="of tests/robots, with joints that turn")
     parser.add_argument("--seed", type=int, default=11)
@@ -246,6 +247,13 @@ def main() -> None:
                 words, causes = words + word, causes + cause
     wrong = len(set(chosen) - {0})
     print(f"right word {words} of {wrong}, right first cause {causes} of {wrong}")
+    sums = {"words": words, "causes": causes, "maps": wrong}
+    only = f" --only '{given.only}'" if given.only else ""
+    keep(
+        f"wrong-maps-{given.robot}", {name: Figure.count(n) for name, n in sums.items()},
+        depends=("hil/imports", "hil/estimation", "hil/results"), seeds=[given.seed],
+        command=f"python benchmarks/wrong_maps.py --robot {given.robot} --seed {given.seed}{only}",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

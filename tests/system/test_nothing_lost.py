@@ -244,9 +244,13 @@ def test_a_corrupt_recording_is_measured_again_and_the_estimate_is_that_of_the_s
 
 
 @pytest.mark.long
-def test_a_campaign_killed_at_random_moments_loses_nothing() -> None:
-    command = [sys.executable, "benchmarks/kill.py", "--kills", "3", "--counts", "6", "20", "2"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+def test_a_campaign_killed_at_random_moments_loses_nothing(tmp_path: Path) -> None:
+    program = f"import pathlib, figures, kill; figures.RESULTS = pathlib.Path({str(tmp_path)!r})"
+    command = [sys.executable, "-c", f"{program}; kill.main()"]
+    command += ["--kills", "3", "--counts", "6", "20", "2"]
+    where = ROOT / "benchmarks"
+    done = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False)  # noqa: S603 - our own
     assert done.returncode == 0, done.stdout + done.stderr
     assert "3 kills" in done.stdout
     assert "lost: 0, wrong: 0" in done.stdout
+    assert (tmp_path / "kill.json").exists()
