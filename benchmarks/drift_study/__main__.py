@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,7 +19,10 @@ from hil.terminal.console import out, working
 from hil.terminal.interruption import interruptible
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+
+CHANGING = ("robot", "seeds", "first_seed", "scenario", "kind", "share", "minutes")
+"""Options that figures depend on."""
 
 app = typer.Typer(
     pretty_exceptions_enable=False, context_settings={"help_option_names": ["-h", "--help"]}
@@ -28,6 +31,7 @@ app = typer.Typer(
 
 @app.command()
 def drift(
+    context: typer.Context,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", callback=folder_to_write, help="Folder of the study."),
@@ -129,12 +133,21 @@ def drift(
             if rows:
                 summary.write(output, rows)
                 if results:
-                    summary.keep_figures(rows, numbers)
+                    summary.keep_figures(rows, numbers, _command(context.params))
         if rows:
             view.render(rows, out)
             out.print(f"table and picture in {output}", highlight=False, soft_wrap=True)
     if failed:
         raise FileError(f"{output}: {failed} campaigns failed, see above; the same command retries")
+
+
+def _command(given: Mapping[str, Any]) -> str:
+    """Return the command that gives the same figures."""
+    words = ["python -m benchmarks.drift_study --results -o FOLDER"]
+    for name in CHANGING:
+        values = given[name] if isinstance(given[name], list | tuple) else [given[name]]
+        words += [f"--{name.replace('_', '-')} {each}" for each in values if each is not None]
+    return " ".join(words)
 
 
 def _known(given: list[str] | None, known: tuple[str, ...], option: str) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from benchmarks import figures
 from benchmarks.plotting import image, plotting
-from hil.model.dependencies import GROUPS
+from hil.model.dependencies import DIAGONAL, GROUPS
 from hil.report.charts.chart import GRID, INK, MEASURED, MODEL, MUTED
 from hil.runs.atomic_file import write_file
 
@@ -102,16 +102,18 @@ def write(folder: Path, rows: Sequence[MethodScore]) -> None:
             write_file(folder / f"{PICTURE}.{kind}", image(picture(rows), kind))
 
 
-def keep_figures(rows: Sequence[MethodScore], seeds: Sequence[int]) -> None:
-    """Keep errors of torques and shares of intervals that hold, by scenario and method."""
+def keep_figures(rows: Sequence[MethodScore], seeds: Sequence[int], command: str) -> None:
+    """Keep errors and shares of intervals that hold, by scenario and method."""
     kept: dict[str, figures.Figure] = {}
     for row in rows:
         name = re.sub(r"\W+", "-", f"{row.scenario} {row.method}")
-        kept[name] = figures.Figure(100 * row.torque_error, "%")
+        scatter = 100 * float(np.std(row.torque_errors))
+        kept[name] = figures.Figure(100 * row.torque_error, "%", scatter=scatter)
+        kept[f"{name}-diagonal"] = figures.Figure(100 * row.group_error[DIAGONAL], "%")
         kept[f"{name}-inside"] = figures.Figure(100 * row.coverage, "%")
     figures.keep(
         "drift", kept, depends=("hil/estimation", "hil/least_squares", "benchmarks/rivals"),
-        command="python -m benchmarks.drift_study", seeds=seeds,
+        command=command, seeds=seeds,
     )  # fmt: skip
 
 

@@ -12,7 +12,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.console import Console
 
+from benchmarks import figures
 from benchmarks.drift_study import summary, view
+from benchmarks.drift_study.__main__ import CHANGING, _command
 from benchmarks.drift_study.cell import OUR_DEFAULT, Cell, Outcome
 from benchmarks.drift_study.drift import Judged
 from benchmarks.drift_study.scenarios import SCENARIOS
@@ -63,6 +65,27 @@ class TestFigures:
     def test_coverage_counts_intervals_of_all_seeds(self) -> None:
         found = [of_seed(k, outcome("rival", 0.1, inside=n)) for k, n in ((1, 14), (2, 7))]
         assert summary.summarise(found)[0].coverage == pytest.approx(0.75)
+
+    def test_they_are_kept_by_scenario_and_method(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(figures, "RESULTS", tmp_path)
+        found = [of_seed(seed, outcome("jointly: rival", 0.01 * seed)) for seed in (1, 3)]
+        given = {
+            **dict.fromkeys(CHANGING),
+            "seeds": 2,
+            "first_seed": 1,
+            "scenario": ["on"],
+            "kind": (),
+        }
+        summary.keep_figures(summary.summarise(found), (1, 3), _command(given))
+        kept = figures.read("drift")
+        assert kept.command.endswith("-o FOLDER --seeds 2 --first-seed 1 --scenario on")
+        assert [(name, each.stated) for name, each in kept.figures.items()] == [
+            ("on-jointly-rival", "2.2 ± 1 %"),
+            ("on-jointly-rival-diagonal", "20 %"),
+            ("on-jointly-rival-inside", "100 %"),
+        ]
 
     def test_scenarios_and_campaigns_stand_in_their_order_whatever_failed(self) -> None:
         found = [
