@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 DOCUMENTS = figures.documents()
 USED = sorted({found[2] for path in DOCUMENTS for found in MARKED.findall(path.read_text())})
+UNMEASURED = {"figures.py", "over_time.py", "golden.py"}
+"""Programs of benchmarks/ that measure nothing, or keep it in benchmarks/golden."""
+PROGRAMS = (path for path in (ROOT / "benchmarks").glob("*.py") if "__main__" in path.read_text())
+BENCHMARKS = sorted(path for path in PROGRAMS if path.name not in UNMEASURED)
 FENCED = re.compile(r"(?ms)^```.*?^```")
 MEASURED = re.compile(r"\d[\d.]* (?:%|us|ms|mrad|kg|times)(?!\w)")
 STATED = (
@@ -47,6 +51,11 @@ def test_a_contradiction_and_an_unknown_name_are_found() -> None:
         expanded("<!-- number: claims-default.unknown -->95<!-- end -->")
     with pytest.raises(KeyError, match=r"nobody: there is no benchmarks.results.nobody\.json"):
         expanded("<!-- number: nobody.figure -->95<!-- end -->")
+
+
+@pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda path: path.stem)
+def test_a_benchmark_keeps_its_figures(benchmark: Path) -> None:
+    assert re.search(r"(?m)^ +keep\(", benchmark.read_text(encoding="utf-8")), "see figures.py"
 
 
 @pytest.mark.parametrize("name", USED)
