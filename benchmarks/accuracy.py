@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, TwoStepMethod, estimates
 from hil.ground_truth.comparison import Comparison, comparison
@@ -29,6 +30,8 @@ from hil.runs.run import Run
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
     from hil.estimation.estimate import Estimate
 
 ROBOT = "manutec-r15"
@@ -38,6 +41,10 @@ TARGETS = {"gravity": 0.03, "diagonal": 0.3, "off_diagonal": 2.0}
 TORQUE_TARGET = 0.4
 """[%]."""
 COVERAGE_TARGET = "88-100"
+DEPENDS = (
+    "hil/estimation", "hil/least_squares", "hil/friction", "hil/planning", "sim_plant/physics",
+)  # fmt: skip
+"""Code that the figures depend on."""
 
 
 def hil(*arguments: object) -> None:
@@ -75,26 +82,32 @@ def extent(folder: Run) -> str:
     return f"{counts} measurements in {clock(measured[-1][1].time[-1])} of robot time"
 
 
-def summarise(method: TwoStepMethod, results: list[Comparison]) -> None:
-    """Print one method's figures over all seeds, beside the targets."""
+def summarise(method: TwoStepMethod, results: list[Comparison]) -> dict[str, Figure]:
+    """Print one method's figures over all seeds, beside the targets, and return them."""
     print(f"\n{method} method, {len(results)} seeds{'':17}reached    target")
+    kept = {}
     for group, target in TARGETS.items():
         errors = [100 * result.group_error[group] for result in results]
-        line("rms of the relative error, " + group.replace("_", "-"), rms(errors), target)
+        what = "rms of the relative error, " + group.replace("_", "-")
+        kept[f"{method}-{group}"] = line(what, errors, target)
     torques = [100 * result.mean_torque_error for result in results]
-    line("torques on a free motion, mean of joints", rms(torques), TORQUE_TARGET)
-    inside = 100 * np.mean([result.inside for result in results])
+    what = "torques on a free motion, mean of joints"
+    kept[f"{method}-torque"] = line(what, torques, TORQUE_TARGET)
+    inside = 100 * float(np.mean([result.inside for result in results]))
     print(f"{'intervals of 95 % that hold the truth':42}{inside:8.1f} %  {COVERAGE_TARGET:>8} %")
-    size = np.sqrt(np.mean([result.z**2 for result in results]))
+    size = rms(np.concatenate([result.z for result in results]))
     print(f"{'rms of error over standard error':42}{size:8.2f}")
+    return kept | {f"{method}-inside": Figure(inside, "%", 3), f"{method}-z": Figure(size)}
 
 
-def line(what: str, reached: float, target: float) -> None:
-    """Print one figure beside its target."""
+def line(what: str, percents: list[float], target: float) -> Figure:
+    """Print the root mean square of some percents beside its target, and return it."""
+    reached = rms(percents)
     print(f"{what:42}{reached:8.3f} %  {target:8g} %")
+    return Figure(reached, "%", scatter=float(np.std(percents)) or None)
 
 
-def rms(values: list[float]) -> float:
+def rms(values: ArrayLike) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
@@ -118,8 +131,13 @@ def main() -> None:
         judged = [judge(each, methods) for each in folders]
         for seed, each in enumerate(folders, start=1):
             print(f"seed {seed}: {extent(each)}")
+    kept: dict[str, Figure] = {}
     for method in methods:
-        summarise(method, [each[method][1] for each in judged])
+        kept |= summarise(method, [each[method][1] for each in judged])
+    command = f"python benchmarks/accuracy.py --seeds {given.seeds}"
+    if given.method:
+        command += f" --method {given.method}"
+    keep("accuracy", kept, depends=DEPENDS, command=command, seeds=range(1, given.seeds + 1))
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 
+from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 
@@ -36,16 +37,22 @@ def measure(text: str) -> tuple[int, float, float]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print and keep the table."""
     own = Robot.load("manutec-r15").text
     full = re.sub(r"(?s)\nties:.*", "", re.sub(r"\n    parameters:.*", "", own))
     table = Table(
         "link parameters", "base parameters", "regrouping", "process", title="Base parameters"
     )
+    kept: dict[str, Figure] = {}
     for name, text in (("all sixty", full), ("Table 1 and tie", own)):
         count, inner, outer = measure(text)
         table.add_row(name, str(count), f"{inner:.3f} s", f"{outer:.2f} s")
+        key = "all" if text is full else "own"
+        kept |= {f"{key}-number": Figure.count(count), f"{key}-regrouping": Figure(inner, "s")}
+        kept[f"{key}-process"] = Figure(outer, "s")
     Console().print(table)
+    command = "python benchmarks/base_parameters.py"
+    keep("base-parameters", kept, depends=("hil/model",), command=command)
 
 
 if __name__ == "__main__":

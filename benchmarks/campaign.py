@@ -21,11 +21,12 @@ import time
 from collections import defaultdict
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from statistics import median
+from statistics import median, pstdev
 from typing import TYPE_CHECKING
 from unittest import mock
 
 import can
+from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 
@@ -183,30 +184,37 @@ def main() -> None:
             with open_bus() as bus:
                 robot_time, wall = measure(plan, bus)
             speed.append(robot_time / wall)
-    show_speeds(speeds, out)
-    show_split(*split(plan), out)
+    kept = show_speeds(speeds, out) | show_split(*split(plan), out)
+    depends = ("drivers", "sim_plant", "hil/measuring", "hil/runs")
+    keep("campaign", kept, depends=depends, command="python benchmarks/campaign.py")
 
 
-def show_speeds(speeds: dict[str, list[float]], out: Console) -> None:
-    """Print robot time per wall time."""
+def show_speeds(speeds: dict[str, list[float]], out: Console) -> dict[str, Figure]:
+    """Print robot time per wall time, and return it."""
     table = Table("bus", "robot time / wall time", "best", "us per SYNC")
     for name, values in speeds.items():
         middle = median(values)
         each = drives.sync_period / middle * 1e6
         table.add_row(name, f"{middle:.0f}", f"{max(values):.0f}", f"{each:.1f}")
     out.print(table)
+    kept = {
+        key: Figure(median(values), "times", scatter=pstdev(values))
+        for key, values in zip(("in-step", "in-thread"), speeds.values(), strict=True)
+    }
     ratios = [ours / stock for ours, stock in zip(*speeds.values(), strict=True)]
     out.print(f"in step is {median(ratios):.1f} times as fast")
+    return kept | {"in-step-over-thread": Figure(median(ratios), "times", scatter=pstdev(ratios))}
 
 
-def show_split(costs: dict[str, float], whole: float, out: Console) -> None:
-    """Print where the time goes."""
+def show_split(costs: dict[str, float], whole: float, out: Console) -> dict[str, Figure]:
+    """Print where the time goes, and return it."""
     table = Table("layer", "us per SYNC")
-    for what, cost in costs.items():
+    rest = {"sequencer, recorder, checks": whole - sum(costs.values())}
+    every = costs | rest | {"all, stopwatches included": whole}
+    for what, cost in every.items():
         table.add_row(what, f"{cost:.1f}")
-    table.add_row("sequencer, recorder, checks", f"{whole - sum(costs.values()):.1f}")
-    table.add_row("all, stopwatches included", f"{whole:.1f}")
     out.print(table)
+    return {what.split(",")[0].replace(" ", "-"): Figure(us, "us") for what, us in every.items()}
 
 
 if __name__ == "__main__":

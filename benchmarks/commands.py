@@ -22,9 +22,10 @@ import time
 import tomllib
 from contextlib import contextmanager
 from pathlib import Path
-from statistics import median
+from statistics import median, pstdev
 from typing import TYPE_CHECKING
 
+from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 
@@ -117,23 +118,32 @@ def main() -> None:
         checked_out(asked.commit, Path(place) / "earlier") as earlier,
     ):
         versions = Version(earlier, Path(place) / "old"), Version(HERE, Path(place) / "new")
-        middle = {name: in_turns(name, versions, asked.times) for name in ("robot", "plan")}
-        middle["dry-run"] = in_turns("dry-run", versions, asked.times)
-        middle["run"] = [campaign(version) for version in versions]
-        middle |= {name: in_turns(name, versions, asked.times) for name in ("identify", "report")}
+        spent = {
+            name: in_turns(name, versions, asked.times) for name in ("robot", "plan", "dry-run")
+        }
+        spent["run"] = [[campaign(version)] for version in versions]
+        spent |= {name: in_turns(name, versions, asked.times) for name in ("identify", "report")}
+    middle = {name: [median(each) for each in both] for name, both in spent.items()}
     show(middle, asked.commit)
+    kept = {}
+    for name, (before, now) in middle.items():
+        scatter = pstdev(b / a for a, b in zip(*spent[name], strict=True)) or None
+        kept[f"{name}-over-earlier"] = Figure(now / before, "times", scatter=scatter)
+    depends = ("hil", "drivers", "sim_plant", "checked_files")
+    command = f"python benchmarks/commands.py --times {asked.times} --commit {asked.commit}"
+    keep("commands", kept, depends=depends, command=command)
     sys.exit(any(middle[name][1] > most * middle[name][0] for name, most in PROMISED.items()))
 
 
-def in_turns(name: str, versions: tuple[Version, ...], times: int) -> list[float]:
-    """Median processor time of a command by each version [s]."""
+def in_turns(name: str, versions: tuple[Version, ...], times: int) -> list[list[float]]:
+    """Processor times of a command by each version [s]."""
     spent: list[list[float]] = [[] for _ in versions]
     for turn in range(times + 1):  # the first writes byte code and fills the disk's cache
         for version, each in zip(versions, spent, strict=True):
             seconds, _ = version.spent(name)
             if turn:
                 each.append(seconds)
-    return [median(each) for each in spent]
+    return spent
 
 
 def campaign(version: Version) -> float:
