@@ -34,6 +34,7 @@ from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.process_data import SyncProcessData
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
+from drivers.session.servo_axes import ServoAxes
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished, Started
 from hil.model.robot import ROBOTS, load_robot
@@ -75,7 +76,7 @@ def minute() -> Plan:
 
 
 @contextmanager
-def in_step() -> Iterator[CanopenDriveBus]:
+def in_step() -> Iterator[ServoAxes]:
     """The plant inside the bus."""
     yield open_drive_bus(drives, "sim_plant", ROBOT)
 
@@ -99,7 +100,7 @@ def in_thread() -> Iterator[CanopenDriveBus]:
 
 
 def measure(
-    plan: Plan, bus: CanopenDriveBus, started: Callable[[], None] = lambda: None
+    plan: Plan, bus: ServoAxes, started: Callable[[], None] = lambda: None
 ) -> tuple[float, float]:
     """Carry out the plan into a temporary folder; return robot time and wall time [s].
 
@@ -145,8 +146,8 @@ class Stopwatch:
 
 
 LAYERS = (
-    ("driver", CanopenDriveBus, "sample"),
-    ("driver", CanopenDriveBus, "move"),
+    ("driver", ServoAxes, "sample"),
+    ("driver", ServoAxes, "move"),
     ("reception of frames, bus and driver", SyncProcessData, "_collect"),
     ("sending of frames, bus", PlantBus, "send"),
     ("drives", SlaveNetwork, "receive"),
