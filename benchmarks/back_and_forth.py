@@ -18,10 +18,11 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import yaml
+from figures import Figure, keep
 
 from hil.errors import HilError
 from hil.estimation.back_and_forth import NAME
@@ -138,24 +139,35 @@ def exported(run: Run, folder: Path, *, strokes: bool = True) -> Run:
     return import_recordings(maps, folder / "run")
 
 
-def judged(run: Run, plant: Path, method: str) -> str:
-    """Errors and coverage of one method."""
-    try:
-        found = estimate(run.robot, [(m.measurement, m.recording) for m in run], method)
-    except HilError as error:
-        return str(error)
+class Judged(NamedTuple):
+    """Torques wrong, and not identified [%]; intervals that hold, of how many; half over error."""
+
+    wrong: float
+    missing: float
+    inside: int
+    of: int
+    half: float
+
+
+def judged(run: Run, plant: Path, method: str) -> Judged:
+    """Errors and coverage of one method.
+
+    Raises
+    ------
+    HilError
+        What the method refuses.
+    """
+    found = estimate(run.robot, [(m.measurement, m.recording) for m in run], method)
     truth = true_parameters(run.robot, plant)
     shown, kept = identified(found, truth)
     free = FreeTorques(run.robot)
     rms = free.rms(truth)
-    wrong, missing = (free.rms(x) / rms for x in (found.p - shown, truth - shown))
+    wrong, missing = (
+        100 * float(np.nanmean(free.rms(x) / rms)) for x in (found.p - shown, truth - shown)
+    )
     inside = (np.abs(found.p - shown) <= found.half_width())[kept]
     half = np.median((found.half_width() / np.abs(found.p - shown).clip(1e-12))[kept])
-    return (
-        f"torques wrong by {100 * np.nanmean(wrong):.3f} %, not identified"
-        f" {100 * np.nanmean(missing):.2f} %; inside {inside.sum()} of {kept.sum()}, half-width"
-        f" over error {half:.2g}"
-    )
+    return Judged(wrong, missing, int(inside.sum()), int(kept.sum()), float(half))
 
 
 def identified(found: Estimate, truth: Array) -> tuple[Array, Array]:
@@ -185,10 +197,39 @@ def main() -> None:
             chosen = strokes(robot, options.strokes)
             own = chosen.robot.model_copy(update={"file": "robot.yaml"})
             plan.write_text(dump_plan(chosen.model_copy(update={"robot": own})))
-        for seed in range(options.first, options.first + options.seeds):
+        found: dict[str, list[Judged]] = {NAME: [], IMPROVED: [], DEFAULT: []}
+        seeds = range(options.first, options.first + options.seeds)
+        for seed in seeds:
             run = exported(measured(plan, twin, seed, folder), folder / f"csv-{seed}")
-            for method in (NAME, IMPROVED, DEFAULT):
-                print(f"seed {seed}, {method}: {judged(run, twin / 'plant.yaml', method)}")
+            for method, every in found.items():
+                try:
+                    every.append(each := judged(run, twin / "plant.yaml", method))
+                except HilError as error:
+                    print(f"seed {seed}, {method}: {error}")
+                    continue
+                print(
+                    f"seed {seed}, {method}: torques wrong by {each.wrong:.3f} %, not identified"
+                    f" {each.missing:.2f} %; inside {each.inside} of {each.of}, half-width over"
+                    f" error {each.half:.2g}"
+                )
+    kept: dict[str, Figure] = {}
+    for method, every in found.items():
+        name = method.replace(" ", "-")
+        kept[f"{name}-refused"] = Figure.count(options.seeds - len(every))
+        if not every:
+            continue
+        wrong, missing, inside, of, half = np.array(every).T
+        kept |= {
+            f"{name}-torque": Figure(wrong.mean(), "%", scatter=wrong.std() or None),
+            f"{name}-not-identified": Figure(missing.mean(), "%", scatter=missing.std() or None),
+            f"{name}-inside": Figure.count(int(inside.sum())),
+            f"{name}-intervals": Figure.count(int(of.sum())),
+            f"{name}-half-over-error": Figure(half.mean(), scatter=half.std() or None),
+        }
+    command = f"python benchmarks/back_and_forth.py {options.robot} --strokes {options.strokes}"
+    command += f" --first {options.first} --seeds {options.seeds}"
+    name = f"back-and-forth-{options.robot.stem}-{options.strokes}"
+    keep(name, kept, depends=("hil/estimation", "hil/imports"), command=command, seeds=seeds)
 
 
 if __name__ == "__main__":

@@ -15,12 +15,14 @@ all four; strokes, trajectories and load were looked at with seeds 801 to 811, d
 from __future__ import annotations
 
 import argparse
+import re
 from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
+from figures import Figure, keep
 from golden import LIGHT, MANUTEC, PLANS, must
 
 from hil.estimation.intervals import half_width
@@ -106,21 +108,31 @@ def main() -> None:
     given = parser.parse_args()
     folder = given.runs.resolve()
     folder.mkdir(parents=True, exist_ok=True)
+    seeds = range(given.first, given.first + given.seeds)
     for kind in given.kind or KINDS:
+        kept: dict[str, Figure] = {}
         holds: dict[str, list[Mask]] = defaultdict(list)
         widths: dict[str, list[float]] = defaultdict(list)
-        for seed in range(given.first, given.first + given.seeds):
+        for seed in seeds:
             for rule, inside, width in judged(*measured(folder, kind, seed)):
                 holds[rule].append(inside)
                 widths[rule].append(width)
         print(kind)
         for rule, found in holds.items():
-            every = np.concatenate(found)
+            every, wide = np.concatenate(found), np.array(widths[rule])
             print(
                 f"  {rule:32s} {every.sum()} of {every.size}: {every.mean():.1%},"
-                f" width {np.mean(widths[rule]):.1f}",
+                f" width {wide.mean():.1f}",
                 flush=True,
             )
+            name = re.sub(r"\W+", "-", rule)
+            kept[f"{name}-holds"] = Figure(100 * every.mean(), "%", 3)
+            kept[f"{name}-width"] = Figure(wide.mean(), "times", scatter=wide.std() or None)
+        kept["intervals"] = Figure.count(every.size)
+        command = f"python benchmarks/covariances.py {kind} --first {given.first}"
+        command += f" --seeds {given.seeds}"
+        depends = ("hil/estimation", "hil/least_squares", "hil/friction", "sim_plant/physics")
+        keep(f"covariances-{kind}", kept, depends=depends, command=command, seeds=seeds)
 
 
 if __name__ == "__main__":

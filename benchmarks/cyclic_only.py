@@ -17,6 +17,7 @@ from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
+from figures import Figure, keep
 from golden import MANUTEC, PLANS, must
 
 from hil.estimation.identify import estimate
@@ -53,7 +54,8 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     found: dict[str, list[np.ndarray]] = {kind: [] for kind in KINDS}
     errors = []
-    for seed in range(given.first, given.first + given.seeds):
+    seeds = range(given.first, given.first + given.seeds)
+    for seed in seeds:
         for kind in KINDS:
             run = measured(folder, kind, seed)
             made = estimate(run.robot, Pooled([run]), "improved")
@@ -68,6 +70,7 @@ def main() -> None:
     def rms(differences: object) -> float:
         return float(np.sqrt(np.mean(np.square(np.asarray(differences)))))
 
+    kept = {}
     print("standard errors, rms over all base parameters")
     for name, pairs in (
         ("two of profile position", combinations(profile, 2)),
@@ -77,12 +80,21 @@ def main() -> None:
     ):
         apart = [rms(one - other) for one, other in pairs]
         print(f"{name:30s} {rms(apart):.2f} ({min(apart):.2f} to {max(apart):.2f})")
+        key = name.replace(",", "").replace(" ", "-")
+        kept[key] = Figure(rms(apart), scatter=float(np.std(apart)) or None)
     chance = np.sqrt(2 / given.seeds)
     print(f"in the mean of {given.seeds} seeds, by chance {chance:.2f}:", end="")
-    print(f" {rms((profile - cyclic).mean(0)):.2f}")
+    print(f" {(in_mean := rms((profile - cyclic).mean(0))):.2f}")
+    kept |= {"in-the-mean": Figure(in_mean), "in-the-mean-by-chance": Figure(chance)}
     for name, rows in (("profile", profile), ("cyclic", cyclic)):
         off = rows - truth
         print(f"{name} position from the truth: {rms(off):.2f}, mean {rms(off.mean(0)):.2f}")
+        each = [rms(one) for one in off]
+        kept[f"{name}-from-the-truth"] = Figure(rms(each), scatter=float(np.std(each)) or None)
+        kept[f"{name}-mean-from-the-truth"] = Figure(rms(off.mean(0)))
+    command = f"python benchmarks/cyclic_only.py --first {given.first} --seeds {given.seeds}"
+    depends = ("hil/estimation", "hil/least_squares", "drivers/cia402", "sim_plant/drive")
+    keep("cyclic-only", kept, depends=depends, command=command, seeds=seeds)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 
@@ -41,7 +42,7 @@ def samples(run: hil.Run) -> tuple[Array, ...]:
 
 
 def main(identified: str, other: str) -> None:
-    """Print the table."""
+    """Print and keep the table."""
     model = hil.identify(hil.Run.open(identified))
     *motion, tau = samples(hil.Run.open(other))
     low, high = np.moveaxis(model.torque_interval(*motion), -1, 0)
@@ -54,10 +55,19 @@ def main(identified: str, other: str) -> None:
     rms = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in columns.items()}
     inside = np.mean((low <= tau) & (tau <= high), axis=0)
     table = Table("axis", *columns, "inside", title=f"{other} by {identified}, N m rms (N)")
-    for axis in range(model.robot.n_joints):
-        figures = (f"{values[axis]:.3g}" for values in rms.values())
-        table.add_row(str(axis + 1), *figures, f"{inside[axis]:.0%}")
+    kept: dict[str, Figure] = {}
+    for axis, turns in enumerate(model.robot.revolute):
+        figures = {name: values[axis] for name, values in rms.items()}
+        row = (f"{each:.3g}" for each in figures.values())
+        table.add_row(str(axis + 1), *row, f"{inside[axis]:.0%}")
+        kept |= {
+            f"axis-{axis + 1}-{name.replace(' ', '-')}": Figure(each, "N m" if turns else "N", 3)
+            for name, each in figures.items()
+        }
+        kept[f"axis-{axis + 1}-inside"] = Figure(100 * inside[axis], "%")
     Console().print(table)
+    command = f"python benchmarks/drive_torques.py {identified} {other}"
+    keep("drive-torques", kept, depends=("hil/estimation", "hil/results"), command=command)
 
 
 if __name__ == "__main__":
