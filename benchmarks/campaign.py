@@ -21,7 +21,7 @@ import time
 from collections import defaultdict
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from statistics import median, pstdev
+from statistics import median
 from typing import TYPE_CHECKING
 from unittest import mock
 
@@ -199,12 +199,12 @@ def show_speeds(speeds: dict[str, list[float]], out: Console) -> dict[str, Figur
         table.add_row(name, f"{middle:.0f}", f"{max(values):.0f}", f"{each:.1f}")
     out.print(table)
     kept = {
-        key: Figure(median(values), "times", scatter=pstdev(values))
+        key: Figure.median(values, "times")
         for key, values in zip(("in-step", "in-thread"), speeds.values(), strict=True)
     }
     ratios = [ours / stock for ours, stock in zip(*speeds.values(), strict=True)]
     out.print(f"in step is {median(ratios):.1f} times as fast")
-    return kept | {"in-step-over-thread": Figure(median(ratios), "times", scatter=pstdev(ratios))}
+    return kept | {"in-step-over-thread": Figure.median(ratios, "times")}
 
 
 def show_split(costs: dict[str, float], whole: float, out: Console) -> dict[str, Figure]:
