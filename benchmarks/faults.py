@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from fault_table.cases import CASES
 from fault_table.ethercat_cases import ETHERCAT_CASES
