@@ -23,6 +23,7 @@ from fault_table.ethercat_cases import ETHERCAT_CASES
 from fault_table.promise import CYCLES, tried
 from fault_table.stop_cases import WAY
 from fault_table.stopping_way import STOP_DELAY, STOP_MARGIN
+from figures import Figure, keep
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -126,6 +127,15 @@ def main() -> int:
     unwatched = sum(bool(row.outcome.unwatched) for row in rows)
     print(f"{kept} of {len(rows)} faults survived as described, stopped within {slowest} SYNCs")
     print(f"{unwatched} with an axis energised while its watchdog was off")
+    counts = {
+        "cases-can": len(can), "cases-ethercat": len(ethercat), "kept": kept,
+        "broken": len(rows) - kept, "most-syncs-to-stop": slowest, "unwatched": unwatched,
+    }  # fmt: skip
+    keep(
+        "faults", {name: Figure.count(number) for name, number in counts.items()},
+        depends=("drivers", "sim_plant/faults", "tests/harness/fault_table"),
+        command="python benchmarks/faults.py",
+    )  # fmt: skip
     return int(kept < len(rows))
 
 

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import yaml
-from accuracy import ROBOT, hil, judge
+from accuracy import DEPENDS, ROBOT, hil, judge
+from figures import Figure, keep
 
 from hil.runs.run import Run
 from sim_plant.plant_file import PlantFile, load_plant_file
@@ -25,7 +27,6 @@ from sim_plant.plant_file import PlantFile, load_plant_file
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.ground_truth.comparison import Comparison
     from sim_plant.plant_file import Axis
 
 BIG, HAND = 20.0, 40.0
@@ -91,19 +92,13 @@ def measure(name: str, file: PlantFile, plan: Path, folder: Path, seed: int) -> 
     return run
 
 
-def row(name: str, found: Comparison) -> str:
-    """One line of the table, in percent."""
-    errors = [*found.group_error.values(), found.mean_torque_error]
-    return f"| {name} | " + " | ".join(f"{100 * error:.3f}" for error in errors) + " |"
-
-
 def main() -> None:
     """Measure, judge, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--plan", type=Path, help="instead of the default one")
     parser.add_argument("--keep", type=Path, help="folder for plants and runs; reused if there")
-    given = parser.parse_args()
+    given, kept = parser.parse_args(), {}
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
@@ -113,7 +108,16 @@ def main() -> None:
         for name, file in plants().items():
             run = measure(name, file, plan, folder, given.seed)
             for method, (_, found) in judge(Run.open(run), ["improved", "published"]).items():
-                print(row(f"{name}, {method}", found), flush=True)
+                errors = {**found.group_error, "torque": found.mean_torque_error}
+                cells = " | ".join(f"{100 * error:.3f}" for error in errors.values())
+                print(f"| {name}, {method} | {cells} |", flush=True)
+                for what, error in errors.items():
+                    key = re.sub(r"\W+", "-", f"{name} {method} {what}")
+                    kept[key] = Figure(100 * error, "%")
+    command = f"python benchmarks/flaws.py --seed {given.seed}"
+    if given.plan:
+        command += f" --plan {given.plan}"
+    keep("flaws", kept, depends=DEPENDS, command=command, seeds=[given.seed])
 
 
 if __name__ == "__main__":

@@ -14,12 +14,14 @@ from 601 to 611 had been seen::
 from __future__ import annotations
 
 import argparse
+import shlex
 import shutil
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from figures import Figure, keep
 from foreign_recordings import CASES, NAMES, record
 
 from hil.errors import HilError
@@ -102,21 +104,38 @@ def judge_all(folder: Path, name: str, case: str, seeds: Iterable[int]) -> Found
     return Found(judged, refused)
 
 
-def line(name: str, of: Found) -> str:
-    """One line of the table."""
+def figures(of: Found) -> dict[str, Figure]:
+    """What is stated of some estimates, in the order of the table."""
     found, refused = of
     if not found:
-        return f"{name:28} {refused} refused"
-    torque = 100 * np.sqrt(np.mean([each.torque**2 for each in found]))
-    seen, unseen = (
-        100 * float(np.mean([getattr(each, key) for each in found])) for key in ("seen", "unseen")
+        return {"refused": Figure.count(refused)}
+    torque, seen, unseen = (
+        100 * np.array([getattr(each, key) for each in found])
+        for key in ("torque", "seen", "unseen")
     )
     inside = np.concatenate([each.inside for each in found])
     z = np.concatenate([each.z for each in found])
-    warned = sum(each.warned for each in found)
+    return {
+        "torque": Figure(np.sqrt(np.mean(torque**2)), "%", scatter=torque.std() or None),
+        "residual": Figure(seen.mean(), "%", scatter=seen.std() or None),
+        "residual-of-another": Figure(unseen.mean(), "%", scatter=unseen.std() or None),
+        "inside": Figure.count(int(inside.sum())),
+        "intervals": Figure.count(len(inside)),
+        "z": Figure(np.sqrt(np.mean(z**2))),
+        "estimates": Figure.count(len(found)),
+        "refused": Figure.count(refused),
+        "warned": Figure.count(sum(each.warned for each in found)),
+    }
+
+
+def line(name: str, stated: dict[str, Figure]) -> str:
+    """One line of the table."""
+    if len(stated) == 1:
+        return f"{name:28} {stated['refused'].value} refused"
+    torque, seen, unseen, inside, of, z, *counts = (each.value for each in stated.values())
     return (
-        f"{name:28} {torque:6.2f} %  {seen:5.1f} %  {unseen:5.1f} %  {100 * inside.mean():5.1f} %"
-        f" of {len(inside):4}  {np.sqrt(np.mean(z**2)):5.2f}  {len(found)}  {refused}  {warned}"
+        f"{name:28} {torque:6.2f} %  {seen:5.1f} %  {unseen:5.1f} %  {100 * inside / of:5.1f} %"
+        f" of {of:4}  {z:5.2f}  {'  '.join(map(str, counts))}"
     )
 
 
@@ -131,6 +150,8 @@ def main() -> None:
     parser.add_argument("--cases", action="store_true", help="a line for every case, and why")
     parser.add_argument("--keep", type=Path, help="folder for recordings; reused if there")
     given = parser.parse_args()
+    kept: dict[str, Figure] = {}
+    recorded: set[int] = set()
     print("robot: rms error of rigid-body torques, residual, of another recording, intervals of")
     print("95 % that hold the truth, rms of error over standard error, estimates, refused, warned")
     with tempfile.TemporaryDirectory() as temporary:
@@ -140,12 +161,20 @@ def main() -> None:
             for number, case in enumerate(cases):
                 first = given.first + given.seeds * number
                 seeds = range(first, first + (1 if given.quick else given.seeds))
+                recorded.update(seeds)
                 found = judge_all(given.keep or Path(temporary), name, case, seeds)
                 if given.cases:
-                    print(line(f"  {name}, {case}", found), flush=True)
+                    print(line(f"  {name}, {case}", figures(found)), flush=True)
                     print(*(f"      {each.said}" for each in found.judged), sep="\n", flush=True)
                 total = Found(total.judged + found.judged, total.refused + found.refused)
-            print(line(name, total), flush=True)
+            stated = figures(total)
+            print(line(name, stated), flush=True)
+            kept |= {f"{name}-{key}": figure for key, figure in stated.items()}
+    words = ["python", "benchmarks/free_motions.py", *given.robots, *["--quick"] * given.quick]
+    words += ["--first", str(given.first), "--seeds", str(given.seeds)]
+    words += [word for case in given.case or () for word in ("--case", case)]
+    depends = ("hil/estimation/free_motion", "hil/least_squares", "hil/imports")
+    keep("free-motions", kept, depends=depends, command=shlex.join(words), seeds=sorted(recorded))
 
 
 if __name__ == "__main__":

@@ -16,10 +16,10 @@ import tempfile
 from copy import deepcopy
 from importlib import resources
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import yaml
+from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 from start_up import PROGRAM, processor_time
@@ -77,8 +77,9 @@ def spent(*arguments: str | Path) -> float:
     return processor_time((*PROGRAM, *map(str, arguments)), {})
 
 
-def over_axes(place: Path, times: int, out: Console) -> None:
-    """Print what a plan and its campaign cost for robots of more and more axes."""
+def over_axes(place: Path, times: int, out: Console) -> dict[str, Figure]:
+    """Print and return what a plan and its campaign cost for robots of more and more axes."""
+    kept: dict[str, Figure] = {}
     table = Table("axes", "plan [s]", "run [s]", "measurements", "run, a measurement [ms]")
     for n in AXES:
         made, plan = files(n, place), place / f"plan-{n}.yaml"
@@ -89,34 +90,44 @@ def over_axes(place: Path, times: int, out: Console) -> None:
         measurements = len(yaml.safe_load(plan.read_text())["measurements"])
         drives = "--drives", made["drives"], "--channel", made["plant"], "--robot", made["robot"]
         ran = spent("run", plan, "-o", place / f"run-{n}", *drives)
-        each = 1e3 * ran / measurements
-        row = f"{median(designed):.2f}", f"{ran:.1f}", f"{measurements}", f"{each:.0f}"
+        each, design = 1e3 * ran / measurements, Figure.median(designed, "s")
+        row = f"{design.value:.2f}", f"{ran:.1f}", f"{measurements}", f"{each:.0f}"
         table.add_row(str(n), *row)
+        kept |= {f"axes-{n}-plan": design, f"axes-{n}-run": Figure(ran, "s")}
+        kept[f"axes-{n}-run-of-a-measurement"] = Figure(each, "ms")
     out.print(table)
+    return kept
 
 
-def over_campaigns(place: Path, times: int, out: Console) -> None:
-    """Print what identification of several campaigns together costs."""
+def over_campaigns(place: Path, times: int, out: Console) -> dict[str, Figure]:
+    """Print and return what identification of several campaigns together costs."""
     plan, runs = place / "plan.yaml", [place / f"run {k}" for k in range(max(CAMPAIGNS))]
     spent("plan", NAME, "-o", plan)
     for seed, run in enumerate(runs):
         spent("run", plan, "-o", run, "--bus-option", f"seed={seed + 1}")
+    kept = {}
     table = Table("campaigns", "identify [s]", "a campaign [s]")
     for n in CAMPAIGNS:
         others = [argument for run in runs[1:n] for argument in ("--with", run)]
-        middle = median(spent("identify", runs[0], *others) for _ in range(times))
-        table.add_row(str(n), f"{middle:.2f}", f"{middle / n:.2f}")
+        figure = Figure.median([spent("identify", runs[0], *others) for _ in range(times)], "s")
+        table.add_row(str(n), f"{figure.value:.2f}", f"{figure.value / n:.2f}")
+        kept[f"campaigns-{n}-identify"] = figure
     out.print(table)
+    return kept
 
 
 def main() -> None:
-    """Measure and print both tables."""
+    """Measure, print and keep both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--times", type=int, default=3)
     times = parser.parse_args().times
     with tempfile.TemporaryDirectory() as place:
-        over_axes(Path(place), times, Console())
-        over_campaigns(Path(place), times, Console())
+        kept = over_axes(Path(place), times, Console())
+        kept |= over_campaigns(Path(place), times, Console())
+    keep(
+        "growth", kept, depends=("hil", "drivers", "sim_plant"),
+        command=f"python benchmarks/growth.py --times {times}",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -21,6 +21,8 @@ import sys
 from itertools import combinations
 from pathlib import Path
 
+from figures import Figure, keep
+
 from hil.results.history import history_of, read_history
 from hil.results.model import Model
 
@@ -37,7 +39,8 @@ JUDGED_FAILED = 3
 """Exit status of `hil identify` that writes a model and calls it failed."""
 FIRST_SEED = 210
 UNCHANGED_FROM = 300
-NAMED = ("friction", "p5", "drive")
+NAMED = {"friction": "friction of axis 3", "p5": "(p5)", "drive": "drive of axis 5"}
+"""Changes, and the words that name them."""
 
 
 def main() -> None:
@@ -59,7 +62,15 @@ def main() -> None:
         made(given.folder, ("unchanged", "warm")[k % 2], UNCHANGED_FROM + k)
         for k in range(given.runs)
     ]
-    judge(unchanged, changed)
+    keep(
+        "history",
+        {name: Figure.count(number) for name, number in judge(unchanged, changed).items()},
+        depends=("hil/results", "hil/estimation", "hil/friction"),
+        command=f"python benchmarks/history.py FOLDER --runs {given.runs} --changed"
+        f" {given.changed}",
+        seeds=[*range(FIRST_SEED, FIRST_SEED + given.changed),
+               *range(UNCHANGED_FROM, UNCHANGED_FROM + given.runs)],
+    )  # fmt: skip
 
 
 def made(folder: Path, change: str, seed: int) -> Path:
@@ -85,8 +96,8 @@ def hil(*arguments: object) -> None:
         done.check_returncode()
 
 
-def judge(unchanged: list[Path], changed: dict[str, list[Path]]) -> None:
-    """Print false alarms, and what is named first of each change."""
+def judge(unchanged: list[Path], changed: dict[str, list[Path]]) -> dict[str, int]:
+    """Print and count false alarms, and what is named first of each change."""
     found = read_history(unchanged)
     alarms = {each.run: each for each in found.changes if each.marked}
     print(f"unchanged: {len(alarms)} of {len(unchanged) - 1} new runs marked")
@@ -96,11 +107,17 @@ def judge(unchanged: list[Path], changed: dict[str, list[Path]]) -> None:
     models = [(str(path), Model.load(path)) for path in unchanged]
     pairs = [bool(history_of(pair).marked) for pair in combinations(models, 2)]
     print(f"unchanged: {sum(pairs)} of {len(pairs)} pairs marked")
+    kept = {"new-runs": len(unchanged) - 1, "new-runs-marked": len(alarms)}
+    kept |= {"pairs": len(pairs), "pairs-marked": sum(pairs)}
     for name, runs in changed.items():
+        kept |= {f"{name}-runs": len(runs), f"{name}-named-first": 0}
         for run in runs:
             after = read_history([*unchanged[:3:2], run], reference=unchanged[0])
             own = next(each for each in after.runs if each.label == str(run))
-            print(f"{name}: {next(iter(after.sentences(own)), 'nothing marked')}")
+            first = next(iter(after.sentences(own)), "nothing marked")
+            print(f"{name}: {first}")
+            kept[f"{name}-named-first"] += NAMED[name] in first
+    return kept
 
 
 if __name__ == "__main__":

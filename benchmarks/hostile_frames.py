@@ -12,11 +12,13 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
 
+from figures import Figure, keep
 from hostile.driver_storm import DriverStorm
 from hostile.harm import Harm
 from hostile.plant_storm import recorded_session, storm
@@ -48,6 +50,16 @@ def main() -> int:
         print(f"harm: {harm}")
         return 1
     _report(plant, driver)
+    counts = {f"plant-{name}": n for name, n in asdict(plant).items() if name != "slowest"}
+    counts |= {f"driver-{name}": n for name, n in asdict(driver).items() if name != "ended"}
+    counts["driver-ended"] = sum(driver.ended.values())
+    kept = {name: Figure.count(n) for name, n in counts.items()}
+    keep(
+        "hostile-frames", kept | {"plant-slowest": Figure(1e3 * plant.slowest, "ms", 1)},
+        depends=("drivers/canopen", "drivers/cia402", "sim_plant/canopen", "sim_plant/drive"),
+        command=f"python benchmarks/hostile_frames.py --frames {given.frames} --seed {given.seed}",
+        seeds=[given.seed],
+    )  # fmt: skip
     return 0
 
 
