@@ -20,6 +20,7 @@ times its stated error.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import tempfile
 import time
@@ -31,7 +32,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import yaml
-from accuracy import ROBOT, SIDE_BY_SIDE, hil
+from accuracy import DEPENDS, ROBOT, SIDE_BY_SIDE, hil
+from figures import Figure, keep
 from planted_flaws import HALF_WAY, MESH, PLANTS, RECORDED, STATED
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
@@ -73,6 +75,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Recorded = tuple[RecordedMotion, Recording]
+    Kept = dict[str, Figure]
 
 PLAN = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
 TWINS = ("ur10e", "panda", "scara", "pan-tilt")
@@ -293,7 +296,7 @@ def of_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
     return sizes
 
 
-def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
+def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
     """Print what is named at each size of each flaw."""
     clean = {}
     for twin in dict.fromkeys(twin for twin, *_ in FLAWS):
@@ -324,9 +327,10 @@ def show_flaws(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[S
     for times, names in count.items():
         sums = ", ".join(f"{names.count(x)} {x}" for x in NAMED)
         print(f"{times:.2g} times the smallest size: {sums}")
+        kept |= {key(f"{times:.2g} times", x): Figure.count(names.count(x)) for x in NAMED}
 
 
-def show_far(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
+def show_far(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
     """Print what is named where no derivative shows it."""
     cases = [Case("", cause, axis, np.inf, size, seed) for cause, axis, size in FAR]
     names = []
@@ -337,9 +341,12 @@ def show_far(folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Sai
               f" {first[:200]} ({each.seconds:.1f} s)", flush=True)  # fmt: skip
         yield each
     print(f"far: {names.count('first')} first, {names.count('same')} same of {len(names)}")
+    kept |= {key(x): Figure.count(names.count(x)) for x in NAMED}
 
 
-def show_clean(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int) -> Iterator[Said]:
+def show_clean(
+    kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int, n: int
+) -> Iterator[Said]:
     """Print what is named where nothing is wrong."""
     seeds = range(seed + 100, seed + 100 + n)
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
@@ -354,9 +361,10 @@ def show_clean(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int) -> It
                   f" {'; '.join(map(str, each.found))[:300]}", flush=True)  # fmt: skip
         yield each
     print(f"causes found in {alarms} of {len(cases)} clean runs")
+    kept["causes-found"] = Figure.count(alarms)
 
 
-def show_runs(folder: Path, pool: ProcessPoolExecutor) -> Iterator[Said]:
+def show_runs(kept: Kept, folder: Path, pool: ProcessPoolExecutor) -> Iterator[Said]:
     """Print what is named in runs of other benchmarks, case by case."""
     for plant in sorted(folder.glob("*/plant.yaml")):
         runs = sorted(run for run in plant.parent.glob("*/seed-*") if run.is_dir())
@@ -371,33 +379,41 @@ def show_runs(folder: Path, pool: ProcessPoolExecutor) -> Iterator[Said]:
         alarms = [each for each in every if each.found]
         print(f"{plant.parent.name}: causes found in {len(alarms)} of {len(every)},"
               f" {sum(each.word == 'good' for each in every)} good", flush=True)  # fmt: skip
+        kept[f"{plant.parent.name}-runs"] = Figure.count(len(every))
+        kept[f"{plant.parent.name}-causes-found"] = Figure.count(len(alarms))
         for each in alarms[:3]:
             print(f"  {each.word}: {'; '.join(map(str, each.found))[:300]}", flush=True)
         yield from every
 
 
-def show_gears(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int) -> Iterator[Said]:
+def show_gears(
+    kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int, n: int
+) -> Iterator[Said]:
     """Print what is named where gears are soft, which the estimate takes into account."""
     for frequency in GEARS:
         cases = [Case("", "gears", 0, frequency, frequency, seed + 100 + k) for k in range(n)]
         every = list(pool.map(partial(said, folder), cases))
         alarms = [each for each in every if each.found]
         print(f"gears of {frequency:g} Hz: causes found in {len(alarms)} of {n}", flush=True)
+        kept[key(f"{frequency:g} Hz", "causes found")] = Figure.count(len(alarms))
         for each in alarms[:3]:
             print(f"  {each.word}: {'; '.join(map(str, each.found))[:300]}", flush=True)
         yield from every
 
 
-def show_sizes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
+def show_sizes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
     """Print how often a cause of the stated smallest size is found."""
     several = range(seed + 100, seed + 104)
-    for seed_, (n, own, least) in zip(several, pool.map(partial(shares, folder), several),
-                                      strict=True):  # fmt: skip
+    found = list(pool.map(partial(shares, folder), several))
+    for seed_, (n, own, least) in zip(several, found, strict=True):
         print(
             f"seed {seed_}: of {n} causes at their smallest size {own:.0%} are found,"
             f" {least:.0%} by themselves or with their like",
             flush=True,
         )
+    for k, what in enumerate(("found", "named"), start=1):
+        each = 100 * np.array(found)[:, k]
+        kept[what] = Figure(each.mean(), "%", scatter=each.std())
 
 
 def rows_of(folder: Path, seed: int) -> tuple[Run, Estimate, Evidence]:
@@ -431,18 +447,23 @@ def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
     return len(named), float(np.mean(any_found)), float(np.mean(named))
 
 
-def show_axes(folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
+def show_axes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
     """Print what becomes of a mistake on each axis of a clean run."""
     for cause, size in (("wrong direction of an axis", 0.0), ("wrong sign of a position", 0.0),
                         ("wrong sign of a torque", 0.0), ("zero", 20.0), ("gear ratio", 1.0),
                         ("gear ratio", -50.0), ("torque constant", 30.0)):  # fmt: skip
         cases = [Case("", cause, axis, np.inf, size, seed) for axis in range(1, 7)]
+        names = []
         for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
             first = each.found[0] if each.found else "nothing"
             print(f"{cause}, {size:g}, axis {case.axis}: {first}", flush=True)
+            names.append(each.named(case))
+        kept |= {key(cause, f"{size:g}", x): Figure.count(names.count(x)) for x in NAMED}
 
 
-def show_distinguish(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int) -> None:
+def show_distinguish(
+    kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int, n: int
+) -> None:
     """Print how often causes are named that a plan confuses, unless it is to distinguish them."""
     seeds = range(seed + 300, seed + 300 + n)
     for name, more in (("as it is", ()), ("to distinguish", ("--distinguish", "load,zero"))):
@@ -457,28 +478,38 @@ def show_distinguish(folder: Path, pool: ProcessPoolExecutor, seed: int, n: int)
             both = zip(names, found, strict=True)
             alone = sum(name in NAMED[:2] and each.alone for name, each in both)
             sums = ", ".join(f"{names.count(x)} {x}" for x in NAMED if x in names)
+            about = (name, cause or "clean", axis, f"{size:g}")
+            kept |= {key(*about, x): Figure.count(names.count(x)) for x in NAMED}
+            kept[key(*about, "distinguished")] = Figure.count(alone)
             apart = f"; {alone} distinguished from a load and other zeros" if cause else ""
             print(f"plan {name}: {cause or 'clean'}, axis {axis}, {size:g}: {sums}{apart}",
                   flush=True)  # fmt: skip
 
 
-def show_time(folder: Path, seed: int) -> None:
+def show_time(kept: Kept, folder: Path, seed: int) -> None:
     """Print processor time beside the estimate; the second run has compiled code loaded."""
     seconds = [said(folder, Case("", "", 0, 0.0, 0.0, seed)).seconds for _ in range(2)]
     print(f"time beside the estimate: {seconds[0]:.2f} s, again {seconds[1]:.2f} s")
+    kept |= {"first": Figure(seconds[0], "s"), "again": Figure(seconds[1], "s")}
 
 
-def show_honest(every: Sequence[Said]) -> None:
-    """Print how often good was wrong."""
+def key(*words: object) -> str:
+    """Name of a figure, of words that are printed."""
+    return re.sub(r"\W+", "-", " ".join(map(str, words)).replace(" -", " minus "))
+
+
+def honest(every: Sequence[Said]) -> Kept:
+    """How many runs are called good, how many of these wrongly, and how far they are off."""
     good = [each for each in every if each.word == "good"]
     wrong = [each for each in good if not each.honest]
     most = max((each.times for each in good), default=0.0)
-    print(f"good and off by more than {HONEST:g} times the stated error: {len(wrong)} of"
-          f" {len(good)} ({len(every)} runs), most {most:.2g} times")  # fmt: skip
+    counts = {"runs": len(every), "good": len(good), "good-and-wrong": len(wrong)}
+    own = {name: Figure.count(number) for name, number in counts.items()}
+    return own | {"most-off": Figure(most, "times")}
 
 
 def main() -> None:
-    """Measure, identify, print."""
+    """Measure, identify, print and keep, each row by itself."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("rows", nargs="*", metavar="ROW", default=["flaws", "far", "clean", "sizes",
                                                                    "time"])  # fmt: skip
@@ -489,23 +520,31 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary, ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
         folder, seed, n = given.keep or Path(temporary), given.seed, given.clean
         folder.mkdir(parents=True, exist_ok=True)
+        kept: Kept = {}
         if set(given.rows) - {"runs"} and not (folder / "plan.yaml").exists():
             hil("plan", ROBOT, "-o", folder / "plan.yaml", *PLAN)
         rows: dict[str, Callable[[], Iterator[Said] | None]] = {
-            "runs": lambda: show_runs(folder, pool),
-            "flaws": lambda: show_flaws(folder, pool, seed),
-            "far": lambda: show_far(folder, pool, seed),
-            "clean": lambda: show_clean(folder, pool, seed, n),
-            "gears": lambda: show_gears(folder, pool, seed, n),
-            "sizes": lambda: show_sizes(folder, pool, seed),
-            "time": lambda: show_time(folder, seed),
-            "axes": lambda: show_axes(folder, pool, seed),
-            "distinguish": lambda: show_distinguish(folder, pool, seed, n),
+            "runs": lambda: show_runs(kept, folder, pool),
+            "flaws": lambda: show_flaws(kept, folder, pool, seed),
+            "far": lambda: show_far(kept, folder, pool, seed),
+            "clean": lambda: show_clean(kept, folder, pool, seed, n),
+            "gears": lambda: show_gears(kept, folder, pool, seed, n),
+            "sizes": lambda: show_sizes(kept, folder, pool, seed),
+            "time": lambda: show_time(kept, folder, seed),
+            "axes": lambda: show_axes(kept, folder, pool, seed),
+            "distinguish": lambda: show_distinguish(kept, folder, pool, seed, n),
         }
         for name, row in rows.items():
             if name in given.rows:
-                every += list(row() or ())
-        show_honest(every)
+                kept.clear()
+                own = list(row() or ())
+                every += own
+                kept |= honest(own) if own else {}
+                command = f"python benchmarks/excluded.py {name} --seed {seed} --clean {n}"
+                keep(f"excluded-{name}", kept, depends=DEPENDS, command=command, seeds=[seed])
+        runs, good, wrong, most = (each.value for each in honest(every).values())
+        print(f"good and off by more than {HONEST:g} times the stated error: {wrong} of"
+              f" {good} ({runs} runs), most {most:.2g} times")  # fmt: skip
 
 
 if __name__ == "__main__":
