@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "harness"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from ethercat_outages.session import results
+from figures import keep
 
 
 def main() -> int:
@@ -31,7 +32,12 @@ def main() -> int:
     given = parser.parse_args()
     logging.disable()  # the driver's log of every session that ended
     found = results(given.seed, range(given.number))
-    report(found)  # type: ignore[arg-type]
+    keep(
+        "ethercat-outages", report(found), seeds=[given.seed],  # type: ignore[arg-type]
+        depends=("drivers/ethercat", "drivers/cia402", "drivers/session", "drivers/safety"),
+        command=f"python benchmarks/ethercat_outages.py --number {given.number} --seed"
+        f" {given.seed}",
+    )  # fmt: skip
     return int(any(verdict.broken for _, verdict in found))
 
 

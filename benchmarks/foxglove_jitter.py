@@ -12,6 +12,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
+from figures import keep
 from live_jitter import Case, measured, prepared, show
 from websockets.sync.client import connect
 
@@ -39,13 +40,17 @@ CASES = {
 
 
 def main(turns: int = 4, *options: str) -> None:
-    """Measure in turns, then print."""
+    """Measure in turns, then print and keep."""
     jitter: dict[str, list[NDArray[np.float64]]] = {name: [] for name in CASES}
     with prepared(*options) as (scratch, plan, given):
         for turn in range(turns):
             for name, case in CASES.items():
                 jitter[name].append(measured(plan, scratch / f"{turn}-{name}", case, given))
-    show(jitter)
+    keep(
+        "foxglove-jitter", show(jitter),
+        depends=("hil/live", "hil/measuring", "drivers/sync_clock.py"),
+        command=" ".join(["python benchmarks/foxglove_jitter.py", str(turns), *options]),
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
