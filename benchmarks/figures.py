@@ -66,7 +66,7 @@ class Figure:
     @classmethod
     def count(cls, number: int) -> Figure:
         """Return how many there are, with all digits."""
-        return cls(int(number), digits=len(str(number)))
+        return cls(int(number), digits=len(str(int(number))))
 
     @classmethod
     def median(

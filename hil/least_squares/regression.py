@@ -41,7 +41,7 @@ from scipy import special
 
 from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import reweighted
-from hil.least_squares.solving import condition, inverse, solved, undetermined_beside
+from hil.least_squares.solving import condition, inverse, undetermined_beside
 from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
@@ -142,8 +142,7 @@ class Regression:
             first = np.where(heard, counts / squares, 0.0)
 
         def weigh(weights: Array) -> Array:
-            x = solved(np.tensordot(weights, channels.N, 1), weights @ channels.v)
-            left = channels.error(x) / counts
+            left = channels.error(channels.weighted(weights).solution()) / counts
             return np.asarray(np.where(heard, 1.0 / np.maximum(left, least), 0.0))
 
         return cls(blocks, reweighted(weigh, first, rounds), kept)

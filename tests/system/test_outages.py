@@ -7,10 +7,7 @@ from __future__ import annotations
 
 import functools
 import logging
-import subprocess
-import sys
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import can
@@ -35,7 +32,6 @@ from sim_plant.plant import load_plant
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-ROOT = Path(__file__).parents[2]
 AXES = range(6)
 LENGTHS = (0.055, 0.075, 0.095, 0.120)
 
@@ -164,12 +160,6 @@ def test_outages_are_drawn_within_their_bounds_and_again_by_seed_and_number(
     assert outage.direction in DIRECTIONS
     assert (outage.axis in range(1, 7)) == (outage.direction == "drive")
     assert draw(seed, number, moments) == outage
-
-
-def test_the_benchmark_of_random_outages_starts() -> None:
-    command = [sys.executable, "benchmarks/outages.py", "--help"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)  # noqa: S603 - our own
-    assert done.returncode == 0, done.stderr
 
 
 # The witness

@@ -114,6 +114,8 @@ class Explained:
 
     Attributes
     ----------
+    robot, evidence, reading
+        What it is of; the evidence is without channels' own columns.
     misfit : float
         sum n_a log s_a^2: differences of it are chi squares.
     left : ndarray, shape (n_channels,)
@@ -212,8 +214,7 @@ def explained(
 ) -> Explained:
     """Fit base parameters under a reading, and of `more` columns, shape (n, k).
 
-    Evidence is without channels' own columns. What is impossible is so by more than noise of a
-    `dispersion` makes it.
+    What is impossible is so by more than noise of a `dispersion` makes it.
     """
     torque, X = reading.rows(robot, evidence)
     n_base = X.shape[1]

@@ -136,15 +136,15 @@ class Evidence:
         return int(self.motion.shape[-1])
 
     def thinned(self, most: int) -> tuple[Evidence, Indices]:
-        """About `most` rows of each channel beyond those that friction takes, and which these are.
+        """Rows of each channel, at least `most` beyond those that friction takes, and their places.
 
-        Friction of many parts would leave nothing of `most` rows.
+        Of `most` rows alone friction of many parts would leave nothing.
         """
         counts, kept, parts, first = np.bincount(self.axis), [], [], 0
         for rows, Q in self.parts:
             n = rows.stop - rows.start
             wanted = Q.shape[1] + most * n / counts[self.axis[rows.start]]
-            step = max(1, round(n / wanted))
+            step = max(1, int(n / wanted))
             some = np.arange(rows.start, rows.stop)[::step]
             kept.append(some)
             basis, _ = orthonormal(Q[::step], _SAME)

@@ -13,7 +13,6 @@ from hil.estimation.excluded.result import Found
 from hil.estimation.excluded.saturation import saturated
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.stretches import Stretches
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 
@@ -35,8 +34,8 @@ friction that is eliminated here contradicts every model a little where samples 
 turns often (public recordings of five machines: 0.75 and more)."""
 
 ENOUGH = 600.0
-"""Time of the stretches of free motions that are looked at, at most [s]: as many parts as share
-their friction for ten minutes leave a hundred of the `MOST` rows of an axis to each."""
+"""Time of the free motions that are looked at, at most [s], if they are several: rows are no more
+however much is recorded, and `evidence.MOST` of an axis are four a second then."""
 APART = 60.0
 """From the earlier recordings to the later ones [s]; no cause counts how long that was."""
 
@@ -132,14 +131,19 @@ def changed(
 def _prepared(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
 ) -> Iterator[tuple[ParameterMotion, Signals]]:
-    free = Stretches(ENOUGH)
+    free: list[tuple[FreeMotion, Recording]] = []
+    seen, every = 0, 1  # of free motions every so many
     for measurement, recording in recorded:
-        if isinstance(measurement, FreeMotion):
-            if not measurement.unknown_gains:
-                free.add(measurement, recording)
-        elif shows_parameters(measurement):
-            yield from _signals(measurement, recording)
-    for motion, recording in free.kept:
+        if not isinstance(measurement, FreeMotion):
+            if shows_parameters(measurement):
+                yield from _signals(measurement, recording)
+        elif not measurement.unknown_gains:
+            if seen % every == 0:
+                free.append((measurement, recording))
+            if len(free) > 1 and sum(motion.duration for motion, _ in free) > ENOUGH:
+                free, every = free[::2], 2 * every
+            seen += 1
+    for motion, recording in free:
         yield from _signals(motion, recording)
 
 

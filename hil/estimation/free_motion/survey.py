@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
-from hil.estimation.stretches import Stretches, lasting
 from hil.least_squares.standstill import extent, moving
 
 if TYPE_CHECKING:
@@ -19,6 +18,10 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 
+STRETCHES = 150.0
+"""Time of all stretches together, at most [s]."""
+LEAST_STRETCH = 5.0
+"""Of one recording, where it is as long [s]."""
 SLOWEST = 1e-5
 """Least speed of an axis that moves, by which speeds are divided [rad/s or m/s]."""
 SPAN = 0.05
@@ -36,7 +39,7 @@ class Survey:
     Attributes
     ----------
     stretches : tuple of Recording
-        Of all recordings alike.
+        Of all recordings alike, `STRETCHES` together.
     speed : ndarray, shape (n_joints,)
         Exceeded by few samples [rad/s or m/s].
     still : tuple of int
@@ -63,6 +66,30 @@ class Survey:
     unknown_gains: tuple[int, ...] = ()
 
 
+class _Stretches:
+    """Middle parts of recordings, which become shorter and then fewer as more recordings come."""
+
+    def __init__(self) -> None:
+        self.kept: list[Recording] = []
+        self._length, self._every, self._seen = STRETCHES, 1, 0
+
+    def add(self, recording: Recording) -> None:
+        self._seen += 1
+        if (self._seen - 1) % self._every:
+            return
+        self.kept.append(_middle(recording, self._length))
+        while sum(map(_duration, self.kept)) > STRETCHES:
+            self._shorten()
+
+    def _shorten(self) -> None:
+        if self._length > LEAST_STRETCH:
+            self._length = max(self._length / 2, LEAST_STRETCH)
+            self.kept = [_middle(each, self._length) for each in self.kept]
+        else:
+            self._every *= 2
+            self.kept = self.kept[::2]
+
+
 def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
     """Look at all recordings, one after the other.
 
@@ -74,16 +101,16 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         The gain of an axis is known in some recordings and unknown in others.
     """
     unknown: dict[str, tuple[int, ...]] = {}
-    stretches, speeds, extents, stated, short = Stretches(), [], [], [], []
+    stretches, speeds, extents, stated, short = _Stretches(), [], [], [], []
     duration, n_samples = 0.0, 0
     for motion, recording in recorded:
         unknown[motion.id] = motion.unknown_gains or ()
         if recording.n_samples < FEWEST:
             short.append(motion.id)
             continue
-        duration += lasting(recording)
+        duration += _duration(recording)
         n_samples += recording.n_samples
-        stretches.add(motion, recording)
+        stretches.add(recording)
         speeds.append(greatest_speed(recording))
         extents.append(extent(recording.q, recording.period))
         stated += [] if motion.cut_off is None else [motion.cut_off]
@@ -93,7 +120,7 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         )
     still = ~moving(extents)
     return Survey(
-        stretches=tuple(each for _, each in stretches.kept),
+        stretches=tuple(stretches.kept),
         speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), SLOWEST)),
         still=tuple(int(axis) for axis in np.flatnonzero(still)),
         duration=duration,
@@ -124,9 +151,21 @@ def configurations(found: Survey, n: int = CONFIGURATIONS) -> Array:
     return np.asarray(q[np.linspace(0, len(q) - 1, min(n, len(q))).astype(int)])
 
 
+def _duration(recording: Recording) -> float:
+    return recording.period * recording.n_samples
+
+
 def greatest_speed(recording: Recording) -> Array:
     """Mean speed of each axis over `SPAN` that few such times exceed [rad/s or m/s]."""
     every = max(1, min(round(SPAN / recording.period), recording.n_samples // 10))
     moved = np.abs(np.diff(recording.q[::every], axis=0)) / (every * recording.period)
     # share of the samples that are slower than the speed of an axis
     return np.asarray(np.quantile(moved, 0.99, axis=0))
+
+
+def _middle(recording: Recording, length: float) -> Recording:
+    n = round(length / recording.period)
+    first = max(0, (recording.n_samples - n) // 2)
+    part = slice(first, first + n)
+    arrays = {each.name: getattr(recording, each.name) for each in fields(recording)}
+    return replace(recording, **{k: x[part] for k, x in arrays.items() if x is not None})

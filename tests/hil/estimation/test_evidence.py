@@ -1,10 +1,12 @@
-"""Rows of evidence that are thinned out: friction of many parts leaves something of them."""
+"""Evidence that is thinned out: friction of many parts leaves rows, many recordings some whole."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from free_run import TRUTH, arm, recorded
 
+from hil.estimation.excluded import proof
 from hil.estimation.excluded.evidence import Evidence
 
 
@@ -31,14 +33,14 @@ def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
     )
 
 
-@pytest.mark.parametrize(("n_parts", "rows"), [(3, 800), (68, 35), (150, 40)])
+@pytest.mark.parametrize(("n_parts", "rows"), [(3, 800), (68, 35), (150, 40), (40, 15)])
 def test_as_many_rows_as_are_asked_for_are_left_beside_friction(n_parts: int, rows: int) -> None:
     thin, at = evidence(n_parts, rows, 4).thinned(250)
     left = np.array([(thin.axis == channel).sum() for channel in (0, 1)], dtype=float)
     for rows_of_part, Q in thin.parts:
         left[thin.axis[rows_of_part.start]] -= Q.shape[1]
-    assert np.all(left >= 160)
-    assert np.all(left <= 400)
+    assert np.all(left >= 250)
+    assert np.all(left <= 2 * (250 + 4 * n_parts))
     assert len(at) == len(thin.axis)
 
 
@@ -52,3 +54,17 @@ def test_without_own_columns_nothing_is_left_along_them() -> None:
         assert np.abs(own.T @ rows[of]).max() < 1e-9
     counts = [e.blocks(np.zeros((len(e.axis), 1)), 0).counts[0] for e in (whole, bare)]
     assert (counts[0] - counts[1]).tolist() == [2.0, 2.0]
+
+
+@pytest.mark.parametrize(("enough", "kept"), [(9, 9), (8, 5), (4, 3), (2, 2), (0.5, 1)])
+def test_of_many_free_motions_every_so_many_are_looked_at_whole(
+    monkeypatch: pytest.MonkeyPatch, enough: float, kept: int
+) -> None:
+    data = recorded(arm(), TRUTH, n=9)
+    monkeypatch.setattr(proof, "ENOUGH", 1.0001 * enough * data[0][0].duration)
+    found = list(proof._prepared(data))
+    names = [motion.id for motion, _ in data]
+    places = [names.index(motion.id) for motion, _ in found]
+    assert len(found) == kept
+    assert len(set(np.diff(places))) <= 1
+    assert all(len(s.time) == len(data[0][1].time) for _, s in found)

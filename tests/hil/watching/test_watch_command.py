@@ -156,7 +156,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
 
 def test_strokes_raise_no_alarm_and_axes_that_stand_are_named(model: Path, tmp_path: Path) -> None:
     plan, folder = tmp_path / "strokes.yaml", tmp_path / "watch"
-    plan.write_bytes(dump_plan(strokes_of((2, 4), 6)).encode())
+    plan.write_bytes(dump_plan(strokes_of((2, 4, 1), 12)).encode())
     done = called("watch", plan, "--model", model, "-o", folder, "--learn", 5, "--repeat", 2)
     found = load_yaml(folder / NAME, Watched)
     assert found.alarms == ()

@@ -7,8 +7,7 @@ import pytest
 from free_run import TRUTH, arm, recorded
 
 from hil.estimation.free_motion.settings import processing_of
-from hil.estimation.free_motion.survey import survey
-from hil.estimation.stretches import STRETCHES
+from hil.estimation.free_motion.survey import STRETCHES, survey
 
 
 def test_noise_of_the_positions_lowers_the_cut_off() -> None:
