@@ -14,8 +14,7 @@ if [ -n "$missing" ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; the
 	} </dev/null >/dev/null 2>&1 || echo "cannot install$missing"
 fi
 
-# Compiled code is cached for one kind of processor; the guest's is another, so any will do for both,
-# in a cache of their own: Numba names files of two kinds alike where two processes compile at once.
+# Compiled code is cached for one kind of processor; the guest's is another, so any will do for both.
 # Plug-ins and fixtures that these tests do not need would take the guest half a minute.
 export NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= PYTEST_DISABLE_PLUGIN_AUTOLOAD=1
 tests='.venv/bin/pytest --noconftest -p pytest_rerunfailures tests/drivers/test_real_time.py -rs'
@@ -24,7 +23,6 @@ if [ -e /sys/class/net/vcan0 ]; then
 fi
 scratch=$(mktemp -d) # a run in one process, for what it compiles
 trap 'rm -rf "$scratch"' EXIT
-export NUMBA_CACHE_DIR="$scratch/compiled"
 {
 	.venv/bin/hil plan manutec-r15 -o "$scratch/plan.yaml" --gravity 8 --inertia 20 --coupling 2 &&
 		.venv/bin/hil run "$scratch/plan.yaml" -o "$scratch/run"
