@@ -1,6 +1,7 @@
 """Lock-step with the plant in a process of its own, against one process: SYNCs a second.
 
-Over a local channel, and over vcan0 where there is one::
+Over a local channel, over EtherCAT on a cable of two interfaces where root asks, and over vcan0
+where there is one::
 
     python benchmarks/two_processes.py
     python tools/can_guest.py .venv/bin/python benchmarks/two_processes.py
@@ -8,12 +9,17 @@ Over a local channel, and over vcan0 where there is one::
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 from figures import Figure, keep
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+
+from foreign_ethercat import THEIRS, carried_out
 
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
@@ -48,22 +54,35 @@ def apart(interface: str, channel: str) -> Figure:
             plant.kill()
 
 
+def over_ethercat() -> Figure:
+    """Return the same over EtherCAT, from this file as a script beside the plant."""
+    value, scatter = map(float, carried_out(__file__, "beside-the-plant").split()[-2:])
+    return Figure(value, "SYNC/s", scatter=scatter)
+
+
 def main() -> None:
     """Print and keep the rates."""
+    if "beside-the-plant" in sys.argv:
+        rate = cycles_per_second("ethercat", THEIRS)
+        print(rate.value, rate.scatter)
+        return
     together = cycles_per_second("sim_plant", "manutec-r15")
     print(f"{'one process':24s} {together.value:8.0f} SYNC/s")
     kept = {"one-process": together}
-    places = [("local", "benchmark"), ("socketcan", "vcan0")]
+    places = [("local", "benchmark"), ("ethercat", THEIRS), ("socketcan", "vcan0")]
     for interface, channel in places:
+        if interface == "ethercat" and os.geteuid() != 0:
+            print(f"{interface} {channel}: only root may make a network namespace")
+            continue
         if interface == "socketcan" and not Path(f"/sys/class/net/{channel}").exists():
             print(f"{interface} {channel}: not here; see tools/can_guest.py")
             continue
-        rate = apart(interface, channel)
+        rate = over_ethercat() if interface == "ethercat" else apart(interface, channel)
         ratio = rate.value / together.value
         print(f"{interface + ' ' + channel:24s} {rate.value:8.0f} SYNC/s, ratio {ratio:.3f}")
         kept |= {f"{interface}-over-one-process": Figure(ratio), interface: rate}
     command = "python benchmarks/two_processes.py"
-    keep("two-processes", kept, depends=("drivers", "sim_plant/serving"), command=command)
+    keep("two-processes", kept, depends=("drivers", "sim_plant"), command=command)
 
 
 if __name__ == "__main__":

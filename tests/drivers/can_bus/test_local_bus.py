@@ -109,6 +109,27 @@ def test_thousands_of_frames_arrive_in_order_without_loss(
     assert [int.from_bytes(message.data) for message in received if message] == list(numbers)
 
 
+@pytest.mark.parametrize(("timeout", "asleep"), [(0.1, False), (None, False), (0.05, True)])
+def test_a_peer_that_answers_at_once_finds_us_awake_where_we_may_wait_long(
+    join: Callable[..., can.BusABC],
+    monkeypatch: pytest.MonkeyPatch,
+    timeout: float | None,
+    asleep: bool,
+) -> None:
+    peer, bus = join(), join()
+    slept = False
+
+    def sleep(_self: LocalBus, _timeout: float | None) -> None:
+        nonlocal slept
+        slept = True
+        peer.send(frame())
+
+    monkeypatch.setattr(LocalBus, "_await", sleep)
+    monkeypatch.setattr("drivers.can_bus.local_bus.os.sched_yield", lambda: peer.send(frame()))
+    assert bus.recv(timeout) is not None
+    assert slept == asleep
+
+
 def test_two_who_send_to_each_other_first_do_not_wait_for_ever(
     join: Callable[..., can.BusABC],
 ) -> None:

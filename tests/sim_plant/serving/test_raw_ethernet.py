@@ -35,10 +35,17 @@ class Wire:
         self.ours, self.theirs = socket.socketpair()
         self.theirs.send(b"!")  # there is always something to read
 
+    def close(self) -> None:
+        self.ours.close()
+        self.theirs.close()
+
     def fileno(self) -> int:
         return self.ours.fileno()
 
-    def recvfrom(self, _size: int) -> tuple[bytes, tuple[str, int, int]]:
+    def recvfrom(self, _size: int, flags: int) -> tuple[bytes, tuple[str, int, int]]:
+        assert flags == socket.MSG_DONTWAIT
+        if not self._frames:
+            raise BlockingIOError
         frame, kind = self._frames.pop(0)
         if not self._frames:
             self._stop.set()
@@ -58,11 +65,31 @@ def test_frames_that_come_in_are_answered_and_our_own_are_not(clock: Clock) -> N
     segment = Segment(IdealMachine(3), clock)
     segment.power_on()
     serve_frames(wire, segment, clock, stop)
-    wire.ours.close()
-    wire.theirs.close()
+    wire.close()
     assert len(wire.sent) == 1, "one of two found the queue full"
     assert answers_of(wire.sent[0])[0] == (b"\1\0", 3)
     assert wire.sent[0][6] & 2, "it has passed a slave"
+
+
+@pytest.mark.parametrize(("clock", "sleeps"), [("sync", 1), ("wall", 2)])
+def test_the_next_frame_of_a_master_in_lock_step_finds_the_server_awake(
+    clock: Clock, sleeps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop = threading.Event()
+    wire: Any = Wire(stop, [(READ, COMING), (READ, COMING)], fails=0)
+    slept: list[float] = []
+
+    def select(_read: object, _write: object, _other: object, timeout: float) -> tuple[list[Any]]:
+        slept.append(timeout)
+        return ([wire],)
+
+    monkeypatch.setattr(raw_ethernet.select, "select", select)
+    segment = Segment(IdealMachine(3), clock)
+    segment.power_on()
+    serve_frames(wire, segment, clock, stop)
+    wire.close()
+    assert len(wire.sent) == 2
+    assert len(slept) == sleeps
 
 
 def test_other_systems_than_linux_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
