@@ -259,6 +259,14 @@ class Cia402Drive:
 
     # States
 
+    def waits_for_news(self) -> bool:
+        """Return whether controlword and target, written again as they are, change nothing."""
+        return (
+            self.state is State.OPERATION_ENABLED
+            and self._next_state is None
+            and self._follower is not self._cyclic
+        )
+
     @property
     def _follows_set_points(self) -> bool:
         return self.state is State.OPERATION_ENABLED and self._next_state is None

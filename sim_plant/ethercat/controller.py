@@ -20,6 +20,8 @@ from sim_plant.ethercat.frame import BROADCAST, LOGICAL, Datagram
 _FMMU = struct.Struct("<IHBBHBBB")
 _SYNC_MANAGER = struct.Struct("<HHBBBB")
 _FULL = 0x08
+_STATUS = tuple(reg.SYNC_MANAGER + 8 * number + 5 for number in range(reg.SYNC_MANAGERS))
+"""Where each sync manager shows its status."""
 _READ, _WRITE = 1, 2
 _WHOLE_BYTES = 0, 7, 0
 
@@ -96,6 +98,8 @@ class Controller:
     ----------
     memory : bytearray
         Registers and process memory; the slave's own side writes it directly.
+    set_up : list of SyncManager, or None
+        All sync managers as they are set, a new list after every change; None while it is stale.
     """
 
     def __init__(self) -> None:
@@ -105,7 +109,7 @@ class Controller:
         """Be as after power-on."""
         self.memory = reg.power_on()
         self._events: set[int] = set()
-        self._managers: list[SyncManager] | None = None
+        self.set_up: list[SyncManager] | None = None
         self._active: list[tuple[int, SyncManager, int]] = []
         self._fmmus: list[_Fmmu] = []
 
@@ -122,18 +126,13 @@ class Controller:
     @property
     def managers(self) -> list[SyncManager]:
         """All sync managers, as they are set now."""
-        if self._managers is None:
+        if self.set_up is None:
             self._load()
-        return self._managers or []
-
-    @property
-    def set_up(self) -> list[SyncManager] | None:
-        """The very list of sync managers, a new one after every change; None while it is stale."""
-        return self._managers
+        return self.set_up or []
 
     def parts(self, logical: int, size: int) -> list[LogicalPart]:
         """Return what a logical datagram touches."""
-        if self._managers is None:
+        if self.set_up is None:
             self._load()
         found = [(fmmu, _overlap(fmmu, logical, size)) for fmmu in self._fmmus]
         return [
@@ -144,12 +143,12 @@ class Controller:
 
     def _load(self) -> None:
         """Take over how sync managers and FMMUs are set; one that is off has no full mailbox."""
-        self._managers = [
+        self.set_up = [
             SyncManager(*_SYNC_MANAGER.unpack_from(self.memory, reg.SYNC_MANAGER + 8 * n))
             for n in range(reg.SYNC_MANAGERS)
         ]
         self._active = []
-        for number, guarded in enumerate(self._managers):
+        for number, guarded in enumerate(self.set_up):
             if guarded.is_active:
                 self._active.append((number, guarded, guarded.start + guarded.size))
             else:
@@ -167,18 +166,18 @@ class Controller:
 
     def is_full(self, manager: int) -> bool:
         """Whether a mailbox waits to be read."""
-        return bool(self.memory[_status(manager)] & _FULL)
+        return bool(self.memory[_STATUS[manager]] & _FULL)
 
     def set_full(self, manager: int, *, full: bool) -> None:
         """Hand a mailbox over."""
-        status = self.memory[_status(manager)]
-        self.memory[_status(manager)] = status | _FULL if full else status & ~_FULL
+        status = self.memory[_STATUS[manager]]
+        self.memory[_STATUS[manager]] = status | _FULL if full else status & ~_FULL
 
     def acknowledge_repeat(self, manager: int, bit: int) -> None:
         """Show that a request to repeat a mailbox has been seen."""
         place = reg.SYNC_MANAGER + 8 * manager + 7
         self.memory[place] = self.memory[place] & ~0x02 | bit
-        self._managers = None
+        self.set_up = None
 
     def content(self, manager: int) -> bytes:
         """Return what stands in the part of a sync manager."""
@@ -239,7 +238,7 @@ class Controller:
 
     def _guards(self, place: int, end: int) -> list[tuple[int, SyncManager, int]]:
         """Return number, sync manager and end of all that guard a piece of memory."""
-        if self._managers is None:
+        if self.set_up is None:
             self._load()
         return [found for found in self._active if found[1].start < end and place < found[2]]
 
@@ -250,11 +249,11 @@ class Controller:
                 self.memory[at] = 0 if at in reg.CLEARED else value
                 self._events.add(at)
                 taken = True
-        self._managers = None
+        self.set_up = None
         return taken
 
     def _serve_logical(self, datagram: Datagram, *, reads: bool, writes: bool) -> None:
-        if self._managers is None:
+        if self.set_up is None:
             self._load()
         incoming, outgoing = datagram.data, bytearray(datagram.data)
         done = 0
@@ -302,10 +301,6 @@ class Controller:
             found = value.to_bytes(size, "little")
         data[first : first + size] = found
         return True
-
-
-def _status(manager: int) -> int:
-    return reg.SYNC_MANAGER + 8 * manager + 5
 
 
 def _overlap(fmmu: _Fmmu, start: int, size: int) -> tuple[int, int, int]:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from sim_plant.ethercat.slave import EthercatSlave
 
 _COUNTER = struct.Struct("<H")
+_INDEX = 17
+"""Where the number of the first datagram stands, another one in every frame."""
 _TIME = 8
 """Size of a system time [bytes]."""
 
@@ -42,6 +44,14 @@ class _Shown(NamedTuple):
     place: int
     start: int
     end: int
+
+    def show(self, frame: bytes, passing: bytearray) -> None:
+        """Put them into what becomes of a frame."""
+        for there, here in enumerate(range(self.start, self.end), self.place):
+            bits = frame[here]
+            for controller in self.controllers:
+                bits |= controller.memory[there]
+            passing[here] = bits
 
 
 class _Reference(NamedTuple):
@@ -78,19 +88,22 @@ class CyclicFrame:
     is_plain : bool
         The layout is one of process data for all slaves, of registers that are read, and of the
         first slave's time: whatever else is to be passed datagram by datagram.
+    is_repeated : bool
+        The frame that was passed last brought the outputs of the one before it.
     """
 
     def __init__(self, slaves: Sequence[EthercatSlave], frame: bytes) -> None:
         self._slaves = slaves
         self._controllers = [slave.controller for slave in slaves]
-        self._managers = [controller.managers for controller in self._controllers]
+        self._set_up = [(controller, controller.managers) for controller in self._controllers]
         self._size = len(frame)
         self._written: list[_Copy] = []
         self._read: list[_Copy] = []
         self._shown: list[_Shown] = []
         self._references: list[_Reference] = []
-        self._counted: list[tuple[int, int]] = []
-        self.is_plain = True
+        self._counted: list[tuple[slice, bytes]] = []
+        self.is_plain, self.is_repeated = True, False
+        self._before, self._answer = b"", bytearray()
         layout, end = "<", 0
         for datagram in datagrams(bytearray(frame)):
             layout += f"{datagram.place - end}xBx6s2x{datagram.size}xH"
@@ -115,30 +128,32 @@ class CyclicFrame:
         """Whether a frame is laid out alike, and slaves are set up as they were."""
         if len(frame) != self._size or self._layout.unpack_from(frame) != self._head:
             return False
-        for controller, managers in zip(self._controllers, self._managers, strict=True):
-            if controller.set_up is not managers:
-                return False
-        return True
+        return all(controller.set_up is managers for controller, managers in self._set_up)
 
     def passed(self, frame: bytes) -> bytes:
         """Return what becomes of a frame that fits."""
-        passing = bytearray(frame)
+        content = frame[:_INDEX] + frame[_INDEX + 1 :]
+        self.is_repeated = content == self._before
+        if self.is_repeated:  # what the answer before has of it stands
+            passing = bytearray(self._answer)
+            passing[_INDEX] = frame[_INDEX]
+        else:
+            passing = bytearray(frame)
+            for here, count in self._counted:  # working counters, and slaves passed by
+                passing[here] = count
+            mark_passed(passing)
         for memory, there, here in self._read:
             passing[here] = memory[there]
-        for memory, there, here in self._written:
-            memory[there] = frame[here]
+        if not self.is_repeated:
+            for memory, there, here in self._written:
+                memory[there] = frame[here]
         for slave, delay, others, start in self._references:
             time = passing[start : start + _TIME] = slave.time(delay)
             for other, behind in others:
                 other.take_time(time, behind)
-        for controllers, place, start, end in self._shown:
-            bits, size = int.from_bytes(frame[start:end], "little"), end - start
-            for controller in controllers:
-                bits |= int.from_bytes(controller.memory[place : place + size], "little")
-            passing[start:end] = bits.to_bytes(size, "little")
-        for place, count in self._counted:  # working counters, and slaves passed by
-            _COUNTER.pack_into(passing, place, count)
-        mark_passed(passing)
+        for registers in self._shown:
+            registers.show(frame, passing)
+        self._before, self._answer = content, passing
         return bytes(passing)
 
     def _lay(self, datagram: Datagram) -> None:
@@ -176,7 +191,7 @@ class CyclicFrame:
         self.is_plain &= not (times and datagram.offset < reg.TIME_OFFSET)
         self._shown.append(_Shown(self._controllers, datagram.offset, start, start + datagram.size))
         number = len(self._controllers)
-        self._counted.append((datagram.place + 2, (datagram.position + number) & 0xFFFF))
+        self._state(datagram.place + 2, (datagram.position + number) & 0xFFFF)
         self._count(datagram, number)
 
     def _refer(self, datagram: Datagram) -> None:
@@ -186,8 +201,11 @@ class CyclicFrame:
         self._count(datagram, len(self._slaves))
 
     def _count(self, datagram: Datagram, count: int) -> None:
-        place = datagram.place + HEADER_SIZE + datagram.size
-        self._counted.append((place, count))
+        self._state(datagram.place + HEADER_SIZE + datagram.size, count)
+
+    def _state(self, place: int, number: int) -> None:
+        here = slice(place, place + _COUNTER.size)
+        self._counted.append((here, _COUNTER.pack(number)))
 
 
 def _copy(controller: Controller, place: int, start: int, end: int) -> _Copy:

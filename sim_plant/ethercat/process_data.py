@@ -41,6 +41,11 @@ class ProcessData:
     emergencies : Emergencies
     is_fixed : callable
         Whether assignment and mappings must not be changed now.
+
+    Attributes
+    ----------
+    stand : bool
+        Outputs have been taken as they are, and nothing else has written since.
     """
 
     def __init__(
@@ -91,11 +96,13 @@ class ProcessData:
     def forget(self) -> None:
         """Let the next outputs be news, whatever they are."""
         self._last: tuple[int, ...] = ()
+        self.stand = False
 
     def act(self, memory: bytearray, start: int, size: int) -> None:
         """Let outputs take effect, which stand in so many bytes of a memory."""
         if size < self._received.size:
             return
+        self.stand = True
         values = self._received.unpack_from(memory, start)
         last, self._last = self._last, values
         for n, write, always in self._writers:
@@ -103,6 +110,7 @@ class ProcessData:
                 try:
                     write(values[n])
                 except SdoAbort:
+                    self.stand = False  # refused as often as it is asked
                     self._emergencies.report(ErrorCode.PDO_VALUE)
 
     def latch(self, image: Sequence[int]) -> bytes:

@@ -102,8 +102,11 @@ class Segment(TimedNetwork):
             for node in self.nodes:
                 node.take_outputs()
             self._exchanged.clear()
+            image: Sequence[int] = ()
             for node in usual.by_frames:
-                node.exchange()
+                if node.exchanges:
+                    image = image or self._latch_once()
+                    node.exchange(image, repeated=usual.is_repeated)
             if self._clock == "sync":
                 self._advance(self._usual_cycle)
             return answer
@@ -181,8 +184,8 @@ class Segment(TimedNetwork):
     def _finish_cycle(self) -> None:
         self._exchanged.clear()
         for node in self.nodes:
-            if not node.clock.cycle:
-                node.exchange()
+            if node.exchanges and not node.clock.cycle:
+                node.exchange(self._latch_once())
         if self._clock == "sync":
             self._advance(self.cycle)
 

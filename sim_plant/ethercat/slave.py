@@ -49,6 +49,7 @@ _MAILBOX_MIN = HEADER.size + 16
 """Bytes that a mailbox needs for the services that there are."""
 _TICK = 40e-9
 """Unit of the watchdog's divider [s]."""
+_OP, _SAFEOP = AlState.OP, AlState.SAFEOP
 _ROUNDING = 1e-9
 """What sums of instants may be off by [s]."""
 
@@ -177,6 +178,7 @@ class EthercatSlave(Cia402Drive):
         if self._is_feeding:
             self._feed()
         if self.controller.is_full(OUT):
+            self.process_data.stand = False
             self.mailbox.work()
 
     def _look_up(self) -> None:
@@ -217,7 +219,8 @@ class EthercatSlave(Cia402Drive):
     @property
     def exchanges(self) -> bool:
         """Whether it takes part in the exchange of process data."""
-        return self.states.state in (AlState.SAFEOP, AlState.OP)
+        state = self.states.state
+        return state is _OP or state is _SAFEOP
 
     def _take_outputs(self, events: set[int]) -> bool:
         """Return whether process data were exchanged: outputs, inputs of a slave without any."""
@@ -230,20 +233,27 @@ class EthercatSlave(Cia402Drive):
                 self._feed()
         return written or (not outputs.is_active and inputs.is_active and inputs.start in events)
 
-    def exchange(self) -> None:
-        """Latch inputs and let outputs act, where the slave takes part."""
-        state = self.states.state
-        if state is not AlState.OP and state is not AlState.SAFEOP:
-            return
-        data, memory = self.process_data.latch(self._latch_axes()), self.controller.memory
-        if self._known is not self.controller.set_up:
+    def exchange(self, image: Sequence[int], *, repeated: bool = False) -> None:
+        """Latch inputs and let outputs act.
+
+        Parameters
+        ----------
+        image : sequence of int
+            Of all axes, as they were latched.
+        repeated : bool
+            Outputs are those of the frame before.
+        """
+        controller = self.controller
+        data, memory = self.process_data.latch(image), controller.memory
+        if self._known is not controller.set_up:
             self._look_up()
         start, end = self._inputs
         if end - start == len(data):
             memory[start:end] = data
-        if self._new_outputs and state is AlState.OP:
+        if self._new_outputs and self.states.state is _OP:
             self._new_outputs = False
-            self.process_data.act(memory, *self._outputs)
+            if not (repeated and self.process_data.stand and self.waits_for_news()):
+                self.process_data.act(memory, *self._outputs)
 
     # Watchdog and SYNC0
 
@@ -287,7 +297,8 @@ class EthercatSlave(Cia402Drive):
 
     def _sync0(self) -> None:
         self._start_sync0(self.clock.cycle // 2)
-        self.exchange()
+        if self.exchanges:
+            self.exchange(self._latch_axes())
 
     # States
 

@@ -25,6 +25,8 @@ from sim_plant.ethercat.segment import Segment
 from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from drivers.drive_bus import Sample
     from drivers.drives_file import DrivesFile
 
@@ -121,8 +123,8 @@ def test_inputs_are_of_sync0_and_stand_under_it_however_late_this_computer_is(
         latched: list[tuple[int, int]] = []
         exchange = node.exchange
 
-        def noted() -> None:
-            exchange()
+        def noted(image: Sequence[int]) -> None:
+            exchange(image)
             now = node.clock.system(wire.segment.time)
             latched.append((now, node.dictionary.get(0x6064)))
 

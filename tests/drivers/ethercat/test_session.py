@@ -142,10 +142,10 @@ def test_an_axis_that_takes_no_part_is_flagged_alone(open_bus: Opening, wire: Pl
         node = wire.segment.nodes[4]
         fmmu = node.controller.memory[reg.FMMU + 12]
         node.controller.memory[reg.FMMU + 12] = 0
-        node.controller._managers = None
+        node.controller.set_up = None
         sample = bus.sample()
         node.controller.memory[reg.FMMU + 12] = fmmu
-        node.controller._managers = None
+        node.controller.set_up = None
         after = bus.sample()
     assert sample.flags == (0, 0, 0, 0, SampleFlag.MISSING, 0)
     assert after.flags == (0, 0, 0, 0, SampleFlag.MISSING, 0)

@@ -126,7 +126,7 @@ def test_sync0_comes_once_a_cycle_while_the_clock_is_drawn(
     align(master)
     master.to_preop(1)
     master.to_safeop(1)
-    node.exchange = lambda: counted.append(segment.time)  # type: ignore[method-assign]
+    node.exchange = lambda _image: counted.append(segment.time)  # type: ignore[method-assign]
     master.write(1, 0x990, struct.pack("<Q", times(master, 1)[0] + 1_000_000))
     master.write(1, 0x9A0, struct.pack("<I", 1_000_000))
     master.write(1, 0x981, b"\3")

@@ -21,7 +21,10 @@ AXES, ADDRESS = 3, 0x1001
 
 
 def session(segment: Segment) -> tuple[list[bytes | None], int]:
-    """Return what came back of frames of which many are alike, and how many were so for it."""
+    """Return what came back of frames of which many are alike, and how many were so for it.
+
+    Outputs stay for some frames; meanwhile SDOs write the same objects and change the mode.
+    """
     answers: list[bytes | None] = []
     alike = 0
 
@@ -44,18 +47,20 @@ def session(segment: Segment) -> tuple[list[bytes | None], int]:
         apart = (Command.BRD, 0, reg.TIME_DIFFERENCE, bytes(4))
         master.send(*logical, (Command.BRD, 0, reg.AL_STATUS, bytes(2)), clock, apart)
 
+    happens: dict[int, Callable[[], object]] = {
+        15: lambda: master.download(0, 0x607A, 0, struct.pack("<i", 77)),
+        16: lambda: master.download(1, 0x6040, 0, struct.pack("<H", 2)),
+        18: lambda: (master.upload(0, 0x607A), master.upload(1, 0x6040)),
+        20: lambda: master.upload(1, 0x6064),
+        25: lambda: master.download(2, 0x6060, 0, b"\x08"),
+        30: lambda: master.request(2, 4),
+        40: lambda: master.request(2, 8),
+        50: lambda: segment.cuts.add(2),
+        53: segment.cuts.clear,
+    }
     for step in range(60):
-        cycle((6, 7, 15)[min(step // 3, 2)], 100 * step)
-        if step == 20:
-            master.upload(1, 0x6064)
-        if step == 30:
-            master.request(2, 4)
-        if step == 40:
-            master.request(2, 8)
-        if step == 50:
-            segment.cuts.add(2)
-        if step == 53:
-            segment.cuts.clear()
+        cycle((6, 7, 15)[min(step // 3, 2)], 100 * (step // 7))
+        happens.get(step, lambda: None)()
     segment.elapse(0.2)
     cycle(15, 0)
     return answers, alike
