@@ -89,7 +89,7 @@ class CyclicFrame:
         The layout is one of process data for all slaves, of registers that are read, and of the
         first slave's time: whatever else is to be passed datagram by datagram.
     is_repeated : bool
-        The frame that was passed last brought the outputs of the one before it.
+        The frame that was passed last is the one before it under another number.
     """
 
     def __init__(self, slaves: Sequence[EthercatSlave], frame: bytes) -> None:
@@ -103,7 +103,8 @@ class CyclicFrame:
         self._references: list[_Reference] = []
         self._counted: list[tuple[slice, bytes]] = []
         self.is_plain, self.is_repeated = True, False
-        self._before, self._answer = b"", bytearray()
+        self._before: bytes | None = None
+        self._answer = bytearray()
         layout, end = "<", 0
         for datagram in datagrams(bytearray(frame)):
             layout += f"{datagram.place - end}xBx6s2x{datagram.size}xH"
@@ -126,13 +127,15 @@ class CyclicFrame:
 
     def fits(self, frame: bytes) -> bool:
         """Whether a frame is laid out alike, and slaves are set up as they were."""
-        if len(frame) != self._size or self._layout.unpack_from(frame) != self._head:
+        if _content(frame) != self._before and (
+            len(frame) != self._size or self._layout.unpack_from(frame) != self._head
+        ):
             return False
         return all(controller.set_up is managers for controller, managers in self._set_up)
 
     def passed(self, frame: bytes) -> bytes:
         """Return what becomes of a frame that fits."""
-        content = frame[:_INDEX] + frame[_INDEX + 1 :]
+        content = _content(frame)
         self.is_repeated = content == self._before
         if self.is_repeated:  # what the answer before has of it stands
             passing = bytearray(self._answer)
@@ -206,6 +209,10 @@ class CyclicFrame:
     def _state(self, place: int, number: int) -> None:
         here = slice(place, place + _COUNTER.size)
         self._counted.append((here, _COUNTER.pack(number)))
+
+
+def _content(frame: bytes) -> bytes:
+    return frame[:_INDEX] + frame[_INDEX + 1 :]
 
 
 def _copy(controller: Controller, place: int, start: int, end: int) -> _Copy:

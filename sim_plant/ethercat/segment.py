@@ -93,11 +93,8 @@ class Segment(TimedNetwork):
 
     def process(self, frame: bytes) -> bytes | None:
         """Return what becomes of a frame on its way through all slaves, None if it is lost."""
-        reached = self._reached()
-        if not reached:
-            return None
         usual = self._usual
-        if usual is not None and reached is self.nodes and usual.fits(frame):
+        if usual is not None and not self.cuts and usual.fits(frame):
             answer = usual.passed(frame)
             for node in self.nodes:
                 node.take_outputs()
@@ -110,6 +107,9 @@ class Segment(TimedNetwork):
             if self._clock == "sync":
                 self._advance(self._usual_cycle)
             return answer
+        reached = self._reached()
+        if not reached:
+            return None
         self._show_links(len(reached))
         passing = bytearray(frame)
         waits = False

@@ -140,8 +140,9 @@ class EthercatSlave(Cia402Drive):
         self.boot()
 
     def connect(self, connected: bool) -> None:
-        """Let frames pass, or none, as without supply."""
+        """Let frames pass, or none, as without supply: not as they did before."""
         self.is_connected = connected
+        self.controller.set_up = None
 
     # Frames
 
