@@ -1,14 +1,18 @@
 """What an installation takes on the disk: what `pip install` brings, by the package that needs it.
 
-Counted are the files of each distribution that this environment holds, compiled Python included::
+Counted are the files of each distribution that this environment holds, and apart from them what
+Python makes of all of it, which `pip` compiles at once and `uv` leaves until it is loaded::
 
     python benchmarks/installed_size.py
 """
 
 from __future__ import annotations
 
+import py_compile
+import tempfile
 import tomllib
 from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from figures import ROOT, Figure, keep
@@ -23,22 +27,44 @@ SHOWN = ("llvmlite", "numba", "scipy", "numpy", "h5py")
 
 
 def needed(names: Iterable[str]) -> dict[str, float]:
-    """Return what these packages and all that they need take [MB], by name."""
-    sizes: dict[str, float] = {}
+    """Return what these packages and all that they need bring [MB], by name."""
+    return {name: sum(map(_size, files)) for name, files in _files(names).items()}
+
+
+def compiled(names: Iterable[str]) -> float:
+    """Return what Python makes of these packages and all that they need [MB]."""
+    modules = [path for each in _files(names).values() for path in each if path.suffix == ".py"]
+    with tempfile.NamedTemporaryFile() as into:
+        return sum(_compiled(path, into.name) for path in modules)
+
+
+def _compiled(module: Path, into: str) -> float:
+    """Return the size of a compiled module; some are templates that no Python can compile."""
+    done = py_compile.compile(str(module), into, quiet=2)
+    return _size(Path(done)) if done else 0.0
+
+
+def _size(path: Path) -> float:
+    return path.stat().st_size / MEGABYTE
+
+
+def _files(names: Iterable[str]) -> dict[str, list[Path]]:
+    """Return the files of these packages and of all that they need, but compiled Python."""
+    found_of: dict[str, list[Path]] = {}
     asked = list(names)
     while asked:
         name = canonicalize_name(asked.pop())
-        if name in sizes:
+        if name in found_of:
             continue
         try:
             found = distribution(name)
         except PackageNotFoundError:  # of another platform
             continue
-        files = [path for each in found.files or () if (path := each.locate()).is_file()]
-        sizes[name] = sum(path.stat().st_size for path in files) / MEGABYTE
+        files = [Path(str(each.locate())) for each in found.files or () if each.suffix != ".pyc"]
+        found_of[name] = [path for path in files if path.is_file()]
         wanted = map(Requirement, found.requires or ())
         asked += [r.name for r in wanted if r.marker is None or r.marker.evaluate({"extra": ""})]
-    return sizes
+    return found_of
 
 
 def main() -> None:
@@ -47,7 +73,7 @@ def main() -> None:
     core = [Requirement(each).name for each in project["dependencies"]]
     all_of_it = needed(core)
     total = sum(all_of_it.values())
-    kept = {"total": Figure(total, "MB", 3)}
+    kept = {"total": Figure(total, "MB", 3), "compiled": Figure(compiled(core), "MB")}
     kept |= {name: Figure(all_of_it[name], "MB") for name in SHOWN if name in all_of_it}
     rest = sum(needed(each for each in core if each != "numba").values())
     kept["with-numba"] = Figure(total - rest, "MB")
