@@ -4,7 +4,8 @@ Each seed is a virtual twin whose friction drifts. Its strokes are measured over
 as CSV files of positions and torques alone, imported with a map each, and identified by the method
 for them, by that for strokes of our own and by that for free motions::
 
-    python benchmarks/back_and_forth.py tests/robots/pan-tilt.yaml [--strokes smooth] [--seeds 10]
+    python benchmarks/back_and_forth.py [tests/robots/pan-tilt.yaml] [--strokes smooth]
+        [--seeds 10]
 
 Strokes are the trapezoids of gravity and inertia measurements that `hil plan` designs, or smooth
 ones whose way back is a fifth faster than the way forth. Errors are of torques on a free motion
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import yaml
-from figures import Figure, keep
+from figures import ROOT, Figure, keep
 
 from hil.errors import HilError
 from hil.estimation.back_and_forth import NAME
@@ -180,7 +181,8 @@ def identified(found: Estimate, truth: Array) -> tuple[Array, Array]:
 def main() -> None:
     """Measure, identify and judge."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("robot", type=Path)
+    robot = ROOT / "tests" / "robots" / "pan-tilt.yaml"
+    parser.add_argument("robot", type=Path, nargs="?", default=robot)
     parser.add_argument("--strokes", choices=("trapezoids", "smooth"), default="trapezoids")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first", type=int, default=FIRST_SEED)

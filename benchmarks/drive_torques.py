@@ -1,20 +1,24 @@
 """Torques of the drives, predicted of a motion that the model was not made from, by parts.
 
-    python benchmarks/drive_torques.py runs/first runs/other
+    python benchmarks/drive_torques.py [runs/first runs/other]
 
 The first run is identified, the second one only predicted: root mean square of the torque, of what
 the whole prediction leaves of it, and of what is left without motors and without friction; at last
 the share of samples in intervals of 95 %. Signals pass the low-pass of the improved method; samples
-near a reversal of any axis are left out, as no law of velocity holds there.
+near a reversal of any axis are left out, as no law of velocity holds there. Without runs they are a
+campaign of benchmarks/history.py and a motion that `hil validate --measure` designs.
 """
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from figures import Figure, keep
+from history import FOLDER, made
+from history import hil as hil_command
 from rich.console import Console
 from rich.table import Table
 
@@ -28,6 +32,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+SEED, ITS_SEED = 300, 31
+"""Of the campaign and the motion by default."""
+
 
 def samples(run: hil.Run) -> tuple[Array, ...]:
     """Positions, velocities, accelerations and torques of a run, smoothed."""
@@ -39,6 +46,15 @@ def samples(run: hil.Run) -> tuple[Array, ...]:
         for kept, each in zip(found, (s.q, s.qd, s.qdd, s.tau), strict=True):
             kept.append(s.smoothed(each)[used])
     return tuple(np.concatenate(kept) for kept in found)
+
+
+def campaign_and_motion() -> tuple[Path, Path]:
+    """Return both runs by default, which are made where they are missing."""
+    first, motion = made(FOLDER, "unchanged", SEED), FOLDER / "motion"
+    if not motion.exists():
+        seed = ("--bus-option", f"seed={ITS_SEED}")
+        hil_command("validate", motion, "--model", first, "--measure", *seed)
+    return first, motion
 
 
 def main(identified: str, other: str) -> None:
@@ -66,12 +82,11 @@ def main(identified: str, other: str) -> None:
         }
         kept[f"axis-{axis + 1}-inside"] = Figure(100 * inside[axis], "%")
     Console().print(table)
-    command = f"python benchmarks/drive_torques.py {identified} {other}"
+    command = "python benchmarks/drive_torques.py"
+    if FOLDER not in Path(identified).parents:
+        command += f" {identified} {other}"
     keep("drive-torques", kept, depends=("hil/estimation", "hil/results"), command=command)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3:
-        main(*sys.argv[1:])
-    else:
-        print("needs two runs: see docs/how-to/export.md")
+    main(*(sys.argv[1:] or map(str, campaign_and_motion())))

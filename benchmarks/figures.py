@@ -17,6 +17,7 @@ a page of all of them over time (`over_time`);
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import re
@@ -128,7 +129,14 @@ def keep(
     command : str
         Which gives them again.
     seeds : sequence of int
+
+    Raises
+    ------
+    ValueError
+        A figure is none: nothing was measured.
     """
+    if none := [key for key, figure in figures.items() if not math.isfinite(figure.value)]:
+        raise ValueError(f"{name}: no figures, so nothing is kept: {', '.join(none)}")
     path = RESULTS / f"{name}.json"
     before = read(name).figures if path.exists() else {}
     print(*changes(name, before, figures), sep="\n")

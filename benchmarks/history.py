@@ -1,15 +1,15 @@
 """False alarms and marked changes of `hil history`, on campaigns of the virtual plant.
 
-    python benchmarks/history.py FOLDER [--runs N] [--changed M]
+    python benchmarks/history.py [FOLDER] [--runs N] [--changed M]
 
 Makes N campaigns of 39 measurements of the manutec-r15 that differ by the plant's seed alone
 (noise, drift of the friction, lubricant), and by that half of them begin on a machine that was at
 work before: 25 K above its surroundings instead of 5 K, its lubricant stirred. Makes M campaigns
 each with 15 % more Coulomb friction of axis 3, with p5 smaller by 2 % and with a drive of axis 5
-whose torque constant is greater by 4 %, all in FOLDER; those that are there already are not made
-again. Printed is in how many new runs of an unchanged machine anything is marked, each against the
-first run and the one before; in how many of all pairs of these runs, which are not independent; and
-what is named first of each change.
+whose torque constant is greater by 4 %, all in FOLDER (runs/history); those that are there already
+are not made again. Printed is in how many new runs of an unchanged machine anything is marked, each
+against the first run and the one before; in how many of all pairs of these runs, which are not
+independent; and what is named first of each change.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import sys
 from itertools import combinations
 from pathlib import Path
 
-from figures import Figure, keep
+from figures import ROOT, Figure, keep
 
 from hil.results.history import history_of, read_history
 from hil.results.model import Model
@@ -35,6 +35,8 @@ CHANGES = {
     "drive": (("torque_constant: 0.2608", "torque_constant: 0.27123"),),
     "warm": ((r"(friction: {[^}]*)}", r"\1, temperature: 25, lubricant: 0.1}"),),
 }
+FOLDER = ROOT / "runs" / "history"
+"""Where campaigns stay, so that a second call makes what is missing."""
 JUDGED_FAILED = 3
 """Exit status of `hil identify` that writes a model and calls it failed."""
 FIRST_SEED = 210
@@ -46,14 +48,10 @@ NAMED = {"friction": "friction of axis 3", "p5": "(p5)", "drive": "drive of axis
 def main() -> None:
     """Make what is not there yet, and judge all of it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
     parser.add_argument("--runs", type=int, default=54)
     parser.add_argument("--changed", type=int, default=5)
     given = parser.parse_args()
-    given.folder.mkdir(parents=True, exist_ok=True)
-    plan = given.folder / "plan.yaml"
-    if not plan.exists():
-        hil("plan", "manutec-r15", *COUNTS, "-o", plan)
     changed = {
         name: [made(given.folder, name, FIRST_SEED + k) for k in range(given.changed)]
         for name in NAMED
@@ -66,7 +64,7 @@ def main() -> None:
         "history",
         {name: Figure.count(number) for name, number in judge(unchanged, changed).items()},
         depends=("hil/results", "hil/estimation", "hil/friction"),
-        command=f"python benchmarks/history.py FOLDER --runs {given.runs} --changed"
+        command=f"python benchmarks/history.py --runs {given.runs} --changed"
         f" {given.changed}",
         seeds=[*range(FIRST_SEED, FIRST_SEED + given.changed),
                *range(UNCHANGED_FROM, UNCHANGED_FROM + given.runs)],
@@ -78,12 +76,15 @@ def made(folder: Path, change: str, seed: int) -> Path:
     run, plant = folder / f"{change}-{seed}", folder / f"{change}-{seed}.yaml"
     if (run / "model.yaml").exists():
         return run
+    if not (plan := folder / "plan.yaml").exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        hil("plan", "manutec-r15", *COUNTS, "-o", plan)
     text = PLANT.read_text().replace("\nseed: 1\n", f"\nseed: {seed}\n")
     for before, after in CHANGES[change]:
         text, times = re.subn(before if change == "warm" else re.escape(before), after, text)
         assert times == (6 if change == "warm" else 1), before
     plant.write_text(text)
-    hil("run", folder / "plan.yaml", "-o", run, "--channel", plant)
+    hil("run", plan, "-o", run, "--channel", plant)
     hil("identify", run)
     return run
 

@@ -1,6 +1,6 @@
 """Friction of a cold start, predicted at the mean level and at the warmth of the gears.
 
-    python benchmarks/warmth.py FOLDER
+    python benchmarks/warmth.py [FOLDER]
 
 Makes four campaigns of 39 measurements of the manutec-r15, each begun cold with a seed of its own,
 identifies them together, and predicts the friction of two more, of other seeds. Printed is, axis by
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from figures import Figure, keep
-from history import COUNTS, hil, made
+from history import FOLDER, made
 
 from hil.estimation.condensed import stack
 from hil.estimation.friction.history import history
@@ -41,11 +41,8 @@ DESCRIBED = (("warming", "s", 2), ("cooling", "s", 2), ("cold", "", 4), ("warm",
 def main() -> None:
     """Make what is not there yet, print and keep what is left."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
     folder = parser.parse_args().folder
-    folder.mkdir(parents=True, exist_ok=True)
-    if not (plan := folder / "plan.yaml").exists():
-        hil("plan", "manutec-r15", *COUNTS, "-o", plan)
     first, *more = (Run.open(made(folder, "unchanged", seed)) for seed in SEEDS)
     model = identify(first, others=more)
     squares = sum(left(model, Run.open(made(folder, "unchanged", seed))) for seed in OTHERS)
@@ -65,7 +62,7 @@ def main() -> None:
             }
     keep(
         "warmth", kept, depends=("hil/friction", "hil/estimation/friction"),
-        command="python benchmarks/warmth.py FOLDER", seeds=(*SEEDS, *OTHERS),
+        command="python benchmarks/warmth.py", seeds=(*SEEDS, *OTHERS),
     )  # fmt: skip
 
 

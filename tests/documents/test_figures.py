@@ -101,6 +101,13 @@ def test_what_is_kept_states_where_it_was_measured_and_what_has_changed(
     assert capsys.readouterr().out == "x.b: 2.0 -> 3.0\nx: 1 of 2 figures have changed\n"
 
 
+def test_what_is_no_figure_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(figures, "RESULTS", tmp_path)
+    with pytest.raises(ValueError, match=r"x: no figures, so nothing is kept: b"):
+        keep("x", {"a": Figure(1.0), "b": Figure(float("nan"))}, depends=(), command="")
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_page_over_time_has_a_column_a_measurement_with_its_scatter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
