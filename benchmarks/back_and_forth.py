@@ -53,6 +53,7 @@ if TYPE_CHECKING:
 
 SMOOTH = 8
 """Configurations of each axis with smooth strokes."""
+PAN_TILT = ROOT / "tests" / "robots" / "pan-tilt.yaml"
 FIRST_SEED = 201
 IMPROVED = "improved"
 """Method for strokes that were measured here, which takes friction's law anew in each recording."""
@@ -181,8 +182,7 @@ def identified(found: Estimate, truth: Array) -> tuple[Array, Array]:
 def main() -> None:
     """Measure, identify and judge."""
     parser = argparse.ArgumentParser(description=__doc__)
-    robot = ROOT / "tests" / "robots" / "pan-tilt.yaml"
-    parser.add_argument("robot", type=Path, nargs="?", default=robot)
+    parser.add_argument("robot", type=Path, nargs="?", default=PAN_TILT)
     parser.add_argument("--strokes", choices=("trapezoids", "smooth"), default="trapezoids")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first", type=int, default=FIRST_SEED)
@@ -228,7 +228,8 @@ def main() -> None:
             f"{name}-intervals": Figure.count(int(of.sum())),
             f"{name}-half-over-error": Figure(half.mean(), scatter=half.std() or None),
         }
-    command = f"python benchmarks/back_and_forth.py {options.robot} --strokes {options.strokes}"
+    robot = "" if options.robot == PAN_TILT else f"{options.robot} "
+    command = f"python benchmarks/back_and_forth.py {robot}--strokes {options.strokes}"
     command += f" --first {options.first} --seeds {options.seeds}"
     name = f"back-and-forth-{options.robot.stem}-{options.strokes}"
     keep(name, kept, depends=("hil/estimation", "hil/imports"), command=command, seeds=seeds)
