@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
+from drivers.awake import LONG, look_out
+
 if TYPE_CHECKING:
     from can.typechecking import CanFilters, Channel
 
@@ -31,10 +33,6 @@ PATIENCE = 0.25
 
 SLICE = 0.001
 """How often a waiting sender looks for frames that it must take out of others' way [s]."""
-
-EAGER, FROM = 0.0003, 0.1
-"""How long a frame is looked for before the kernel is to wake us [s], where we may wait so much
-longer: for a peer in lock-step. It answers in a third of this, and waking up takes longer."""
 
 FD_SETSIZE = 1024
 """File descriptors from here on are more than `select` takes."""
@@ -136,8 +134,8 @@ class LocalBus(can.BusABC):
         if not self._inbox:
             self._collect()
         if not self._inbox and timeout != 0 and self._socket.fileno() >= 0:
-            if timeout is None or timeout >= FROM:
-                self._look_out()
+            if timeout is None or timeout >= LONG:
+                look_out(self._came)
             if not self._inbox:
                 self._await(timeout)
                 self._collect(1)
@@ -146,12 +144,10 @@ class LocalBus(can.BusABC):
         instant, frame = self._inbox.popleft()
         return self._message(instant, frame), False
 
-    def _look_out(self) -> None:
-        """Take a frame that comes within `EAGER`."""
-        ends = time.perf_counter() + EAGER
-        while not self._inbox and time.perf_counter() < ends:
-            os.sched_yield()  # who is to send may need this core
-            self._collect(1)
+    def _came(self) -> deque[tuple[float, bytes]] | None:
+        """Take a frame that is there; return the inbox, None if it is empty."""
+        self._collect(1)
+        return self._inbox or None
 
     def _await(self, timeout: float | None) -> None:
         """Wait for a frame; `select` keeps a timeout to the microsecond, `poll` to whole ms."""

@@ -7,23 +7,17 @@ byte that comes in is read by Python, which no slave can make write beside its b
 from __future__ import annotations
 
 import errno
-import os
 import select
 import socket
 import struct
-import time
 from typing import Protocol
 
+from drivers.awake import LONG, look_out
 from drivers.drive_bus import BusUnavailable
 from drivers.ethercat.frames import ETHERTYPE
 
 BUFFER = 2048
 """Longest frame that is taken [bytes]."""
-_COARSE = 0.1
-"""Time-outs from here on may be a tick of the kernel longer [s]."""
-_EAGER = 0.0003
-"""How long a frame is looked for before the kernel is to wake us [s], where we may wait long: for a
-plant in lock-step. It answers in a sixth of this, and waking up takes longer than all else."""
 _RECEIVE_TIMEOUT = getattr(socket, "SO_RCVTIMEO", 20)
 _RIGHTS = (
     "raw Ethernet frames are for root, or a Python with CAP_NET_RAW (sudo setcap"
@@ -101,10 +95,10 @@ class RawWire:
     def receive(self, timeout: float) -> bytes | None:
         """Return the next frame, None if none comes in time [s]."""
         try:
-            if timeout < _COARSE:  # the socket's own time-out counts in ticks of the kernel
+            if timeout < LONG:  # the socket's own time-out counts in ticks of the kernel
                 if not select.select([self._socket], [], [], timeout)[0]:
                     return None
-            elif (frame := self._at_once()) is not None:
+            elif (frame := look_out(self._came)) is not None:
                 return frame
             elif timeout != self._blocks:
                 self._block(timeout)
@@ -118,15 +112,12 @@ class RawWire:
         """Let the interface go."""
         self._socket.close()
 
-    def _at_once(self) -> bytes | None:
-        """Return a frame that comes within `_EAGER`, None if none does."""
-        ends = time.perf_counter() + _EAGER
-        while time.perf_counter() < ends:
-            try:
-                return self._socket.recv(BUFFER, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                os.sched_yield()  # who is to answer may need this core
-        return None
+    def _came(self) -> bytes | None:
+        """Return a frame that is there, None if none is."""
+        try:
+            return self._socket.recv(BUFFER, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return None
 
     def _block(self, timeout: float) -> None:
         """Have a read wait for so long, which saves asking whether there is something."""

@@ -261,7 +261,7 @@ class Cia402Drive:
 
     def waits_for_news(self) -> bool:
         """Return whether controlword and target, written again as they are, change nothing."""
-        return (
+        return (  # as `_follows_set_points`, which a call for every slave in every cycle would cost
             self.state is State.OPERATION_ENABLED
             and self._next_state is None
             and self._follower is not self._cyclic

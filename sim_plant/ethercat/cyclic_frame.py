@@ -194,7 +194,7 @@ class CyclicFrame:
         self.is_plain &= not (times and datagram.offset < reg.TIME_OFFSET)
         self._shown.append(_Shown(self._controllers, datagram.offset, start, start + datagram.size))
         number = len(self._controllers)
-        self._state(datagram.place + 2, (datagram.position + number) & 0xFFFF)
+        self._put(datagram.place + 2, (datagram.position + number) & 0xFFFF)
         self._count(datagram, number)
 
     def _refer(self, datagram: Datagram) -> None:
@@ -204,9 +204,9 @@ class CyclicFrame:
         self._count(datagram, len(self._slaves))
 
     def _count(self, datagram: Datagram, count: int) -> None:
-        self._state(datagram.place + HEADER_SIZE + datagram.size, count)
+        self._put(datagram.place + HEADER_SIZE + datagram.size, count)
 
-    def _state(self, place: int, number: int) -> None:
+    def _put(self, place: int, number: int) -> None:
         here = slice(place, place + _COUNTER.size)
         self._counted.append((here, _COUNTER.pack(number)))
 

@@ -44,7 +44,7 @@ class ProcessData:
 
     Attributes
     ----------
-    stand : bool
+    is_taken : bool
         Outputs have been taken as they are, and nothing else has written since.
     """
 
@@ -96,13 +96,13 @@ class ProcessData:
     def forget(self) -> None:
         """Let the next outputs be news, whatever they are."""
         self._last: tuple[int, ...] = ()
-        self.stand = False
+        self.is_taken = False
 
     def act(self, memory: bytearray, start: int, size: int) -> None:
         """Let outputs take effect, which stand in so many bytes of a memory."""
         if size < self._received.size:
             return
-        self.stand = True
+        self.is_taken = True
         values = self._received.unpack_from(memory, start)
         last, self._last = self._last, values
         for n, write, always in self._writers:
@@ -110,7 +110,7 @@ class ProcessData:
                 try:
                     write(values[n])
                 except SdoAbort:
-                    self.stand = False  # refused as often as it is asked
+                    self.is_taken = False  # refused as often as it is asked
                     self._emergencies.report(ErrorCode.PDO_VALUE)
 
     def latch(self, image: Sequence[int]) -> bytes:

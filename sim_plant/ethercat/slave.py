@@ -50,6 +50,7 @@ _MAILBOX_MIN = HEADER.size + 16
 _TICK = 40e-9
 """Unit of the watchdog's divider [s]."""
 _OP, _SAFEOP = AlState.OP, AlState.SAFEOP
+"""Looked up once, since every slave asks for them in every cycle."""
 _ROUNDING = 1e-9
 """What sums of instants may be off by [s]."""
 
@@ -140,9 +141,9 @@ class EthercatSlave(Cia402Drive):
         self.boot()
 
     def connect(self, connected: bool) -> None:
-        """Let frames pass, or none, as without supply: not as they did before."""
+        """Let frames pass, or none, as without supply."""
         self.is_connected = connected
-        self.controller.set_up = None
+        self.controller.set_up = None  # no `CyclicFrame` of before fits
 
     # Frames
 
@@ -179,7 +180,7 @@ class EthercatSlave(Cia402Drive):
         if self._is_feeding:
             self._feed()
         if self.controller.is_full(OUT):
-            self.process_data.stand = False
+            self.process_data.is_taken = False
             self.mailbox.work()
 
     def _look_up(self) -> None:
@@ -253,7 +254,7 @@ class EthercatSlave(Cia402Drive):
             memory[start:end] = data
         if self._new_outputs and self.states.state is _OP:
             self._new_outputs = False
-            if not (repeated and self.process_data.stand and self.waits_for_news()):
+            if not (repeated and self.process_data.is_taken and self.waits_for_news()):
                 self.process_data.act(memory, *self._outputs)
 
     # Watchdog and SYNC0

@@ -125,7 +125,7 @@ def test_a_peer_that_answers_at_once_finds_us_awake_where_we_may_wait_long(
         peer.send(frame())
 
     monkeypatch.setattr(LocalBus, "_await", sleep)
-    monkeypatch.setattr("drivers.can_bus.local_bus.os.sched_yield", lambda: peer.send(frame()))
+    monkeypatch.setattr("drivers.awake.os.sched_yield", lambda: peer.send(frame()))
     assert bus.recv(timeout) is not None
     assert slept == asleep
 
