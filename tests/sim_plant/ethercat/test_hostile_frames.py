@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ideal_machine import IdealMachine
 
+from sim_plant.ethercat.cyclic_frame import CyclicFrame
 from sim_plant.ethercat.frame import Command
 from sim_plant.ethercat.segment import Segment
 
@@ -92,3 +93,39 @@ def test_mutated_frames_of_a_master_energise_nothing(seed: int) -> None:
         segment.process(frame if rng.random() < 0.3 else mutated(rng, frame))
     energised = {call[0] for axis in machine.axes for call in axis.calls}
     assert "move" not in energised
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_among_any_frames_those_that_come_again_are_passed_as_any_frame_is(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def answers() -> list[bytes | None]:
+        rng = random.Random(seed)
+        _, segment = switched_on()
+        found: list[bytes | None] = []
+
+        def process(frame: bytes) -> bytes | None:
+            found.append(segment.process(frame))
+            return found[-1]
+
+        master = Master(process)
+        for number in range(1500):
+            if number % 100 == 0:
+                for node in segment.nodes:
+                    node.restart()
+                master.to_op(0, 1)
+                word, target = 0, 0
+            if rng.random() < 0.1:
+                word, target = rng.choice((0, 2, 6, 7, 15, 31)), rng.choice((0, 500, -500))
+            data = struct.pack("<Hiih", word, target, 0, 0) + bytes(12)
+            cycle = frame_of((Command.LRW, 0, 0, data), (Command.LRW, 0x100, 0, data))
+            content = struct.pack("<HHBB", 30, 0, 0, 3 | rng.randrange(8) << 4) + service(rng)
+            mail = frame_of((Command.APWR, 0, 0x1000, content.ljust(512, b"\0")))
+            kind = rng.random()
+            frame = cycle if kind < 0.9 else mail if kind < 0.95 else mutated(rng, cycle)
+            process(frame)
+        return found
+
+    usual = answers()
+    monkeypatch.setattr(CyclicFrame, "fits", lambda *_: False)
+    assert answers() == usual
