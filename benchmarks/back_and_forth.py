@@ -110,8 +110,11 @@ def measured(plan: Path, twin: Path, seed: int, folder: Path) -> Run:
     return Run.open(run)
 
 
-def exported(run: Run, folder: Path, *, strokes: bool = True) -> Run:
-    """The same recordings, of one axis's strokes or of any motion, as an import of CSV has them."""
+def exported(run: Run, folder: Path, *, strokes: bool = True, every: int = 1) -> Run:
+    """The same recordings, of one axis's strokes or of any motion, as an import of CSV has them.
+
+    Of samples `every` n-th alone is there: a slower controller's.
+    """
     if (folder / "run").exists():
         return Run.open(folder / "run")
     folder.mkdir(parents=True)
@@ -121,8 +124,8 @@ def exported(run: Run, folder: Path, *, strokes: bool = True) -> Run:
         axis = int(np.argmax(np.ptp(recording.q, axis=0)))
         columns = np.column_stack([recording.time, recording.q, recording.tau])
         names = ["t", *(f"{x}{j + 1}" for x in "qm" for j in range(recording.n_joints))]
-        np.savetxt(folder / f"r{number}.csv", columns, "%.10g", ",", header=",".join(names),
-                   comments="")  # fmt: skip
+        np.savetxt(folder / f"r{number}.csv", columns[::every], "%.10g", ",",
+                   header=",".join(names), comments="")  # fmt: skip
         joints = [
             {
                 "position": {"column": f"q{j + 1}", "unit": "rad" if turns else "m"},

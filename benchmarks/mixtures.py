@@ -1,86 +1,159 @@
-"""Whether strokes and an imported trajectory of one plant make a better model than each alone.
+"""Whether recordings of two kinds make a better model together than each alone.
 
-Every seed is a plant with noise and friction of its own. It is measured by strokes and by three
-minutes of a trajectory; the trajectory is written as a table and imported, as that of another
-controller would be. Torques of a free motion that the base parameters miss are stated in the mean
-of all axes, for strokes, the import, and both together, with the intervals of 95 % that hold::
+Every seed is a plant with noise and friction of its own. Trajectories of three minutes are written
+as tables and imported, as those of another controller would be::
 
-    python benchmarks/mixtures.py [--drift 1] [--first 831] [--seeds 6] [--runs FOLDER]
+    python benchmarks/mixtures.py [KIND ...] [--drift 1] [--first 831] [--seeds 20] [--runs FOLDER]
 
-``--drift 3``: friction drifts three times as strongly. The rule was made on seeds 801 to 829; seeds
-831 to 836, and 841 to 846 with ``--drift 3``, were not looked at before.
+strokes
+    Strokes that were measured here, and an imported trajectory.
+rates
+    Two imported trajectories, of 250 and of 125 samples a second.
+loads
+    Strokes of the bare arm, and an imported trajectory of the arm with a load of 4 kg.
+
+Torques of a free motion that the base parameters miss are stated in the mean of all axes, for
+either part and for both together, with the intervals of 95 % that hold; of loads those of the arm
+as each part carries it, and the intervals of the load. ``--drift 3``: friction drifts three times
+as strongly. The rule for strokes was made on seeds 801 to 829; nobody has looked at those from 831
+on, nor at rates and loads of any seed, before these rules stood.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from back_and_forth import exported
 from covariances import KINDS, measured
 from figures import Figure, keep
 
+from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import JOINT, estimate
+from hil.estimation.intervals import half_width
 from hil.ground_truth.true_parameters import true_parameters
+from hil.model.load import load_columns
+from hil.results.load import BareRun, find_load
 from hil.results.prediction import FreeTorques
 from hil.runs.pooling import Pooled
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from hil.arrays import Array
     from hil.runs.run import Run
 
+SLOWER = 2
+"""Of two imported trajectories one has every so many-th sample."""
+OTHER = 1000
+"""What is added to a seed for that one: its noise and friction are not those of the first."""
 
-def judged(strokes: Run, trajectory: Run, truth: Array) -> list[float]:
-    """Of strokes, import and both: error of torques [%], and intervals that hold."""
-    free, found = FreeTorques(strokes.robot), []
-    for runs, method in (
-        ([strokes], "improved"),
-        ([trajectory], "free motion"),
-        ([strokes, trajectory], JOINT),
-    ):
-        made = estimate(strokes.robot, Pooled(runs), method)
-        missed = made.p - truth
-        found.append(100 * float((free.rms(missed) / free.rms(truth)).mean()))
-        found.append(int((np.abs(missed) <= made.half_width()).sum()))
-    return found
+
+class Part(NamedTuple):
+    """Torques missed [%], and intervals that hold, of how many."""
+
+    name: str
+    missed: float
+    inside: int
+    of: int
+
+
+def by_method(runs: list[Run], method: str, truth: Array, name: str) -> Part:
+    """What one method makes of runs."""
+    made = estimate(runs[0].robot, Pooled(runs), method)
+    inside = np.abs(made.p - truth) <= made.half_width()
+    return Part(name, error(runs[0], made.p, truth), int(inside.sum()), len(truth))
+
+
+def error(run: Run, p: Array, truth: Array) -> float:
+    """Torques of a free motion that parameters miss, in the mean of all axes [%]."""
+    free = FreeTorques(run.robot)
+    return 100 * float((free.rms(p - truth) / free.rms(truth)).mean())
+
+
+def strokes(folder: Path, seed: int) -> Iterator[Part]:
+    """Strokes, an import, both."""
+    own, plant = measured(folder, "strokes", seed)
+    other, _ = measured(folder, "trajectories", seed)
+    imported = exported(other, folder / f"csv-{seed}", strokes=False)
+    truth = true_parameters(own.robot, plant)
+    yield by_method([own], "improved", truth, "strokes")
+    yield by_method([imported], DEFAULT, truth, "import")
+    yield by_method([own, imported], JOINT, truth, "both")
+
+
+def rates(folder: Path, seed: int) -> Iterator[Part]:
+    """An import of 250 samples a second, one of 125, both."""
+    first, plant = measured(folder, "trajectories", seed)
+    second, _ = measured(folder, "trajectories", seed + OTHER)
+    fast = exported(first, folder / f"csv-{seed}", strokes=False)
+    slow = exported(second, folder / f"slow-{seed}", strokes=False, every=SLOWER)
+    truth = true_parameters(first.robot, plant)
+    yield by_method([fast], DEFAULT, truth, "fast")
+    yield by_method([slow], DEFAULT, truth, "slow")
+    yield by_method([fast, slow], DEFAULT, truth, "both")
+
+
+def loads(folder: Path, seed: int) -> Iterator[Part]:
+    """Bare strokes alone and beside a loaded import; the loaded import alone and beside them."""
+    bare, plant = measured(folder, "strokes", seed)
+    heavy, plant_with = measured(folder, "load", seed)
+    loaded = exported(heavy, folder / f"loaded-{seed}", strokes=False)
+    truth, with_load = (true_parameters(bare.robot, each) for each in (plant, plant_with))
+    yield by_method([bare], "improved", truth, "bare")
+    yield by_method([loaded], DEFAULT, with_load, "loaded")
+    found, K = find_load(BareRun(bare), [loaded]), load_columns(bare.robot).K
+    inside = np.abs(found.p - truth) <= half_width(
+        np.diag(found.p_covariance), np.zeros(len(truth)), found.p_degrees, 0.95
+    )
+    yield Part("bare-by-both", error(bare, found.p, truth), int(inside.sum()), len(truth))
+    shown = np.diag(found.covariance) > 0
+    half = half_width(np.diag(found.covariance), np.zeros(10), found.degrees, 0.95)
+    right = np.linalg.lstsq(K, with_load - truth, rcond=None)[0]
+    held = int((np.abs(found.phi - right) <= half)[shown].sum())
+    missed = error(bare, found.p + K @ found.phi, with_load)
+    yield Part("loaded-by-both", missed, held, int(shown.sum()))
+
+
+MIXTURES: dict[str, Callable[[Path, int], Iterator[Part]]] = {
+    "strokes": strokes, "rates": rates, "loads": loads,
+}  # fmt: skip
 
 
 def main() -> None:
     """Measure, import, identify, print, keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("kind", nargs="*", help=f"of {', '.join(MIXTURES)}; all by default")
     parser.add_argument("--drift", type=float, default=1.0)
     parser.add_argument("--first", type=int, default=831)
-    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--runs", type=Path, default=Path("build/mixtures"))
     given = parser.parse_args()
-    folder = given.runs.resolve()
+    folder = given.runs.resolve() / f"drift-{given.drift:g}"
     folder.mkdir(parents=True, exist_ok=True)
-    for kind in ("strokes", "trajectories"):
-        KINDS[kind] = KINDS[kind][0], {"drift_strength": given.drift}
-    rows = []
-    print("seed   strokes: % holds   import: % holds   both: % holds")
+    for kind, (plan, differs) in KINDS.items():
+        KINDS[kind] = plan, differs | {"drift_strength": given.drift}
     seeds = range(given.first, given.first + given.seeds)
-    for seed in seeds:
-        strokes, plant = measured(folder, "strokes", seed)
-        trajectory = exported(
-            measured(folder, "trajectories", seed)[0], folder / f"csv-{seed}", strokes=False
-        )
-        rows.append(judged(strokes, trajectory, true_parameters(strokes.robot, plant)))
-        print(seed, *(f"{x:.3f}" if k % 2 == 0 else x for k, x in enumerate(rows[-1])), flush=True)
-    mean, n = np.mean(rows, axis=0), len(true_parameters(strokes.robot, plant))
-    print("mean", *(f"{x:.3f}" for x in mean[::2]), f"% ; hold {mean[1::2] / n}")
-    kept: dict[str, Figure] = {}
-    for k, name in enumerate(("strokes", "import", "both")):
-        errors, held = np.transpose(rows)[2 * k : 2 * k + 2]
-        kept[f"{name}-error"] = Figure(mean[2 * k], "%", scatter=float(errors.std()))
-        kept[f"{name}-inside"] = Figure(100 * held.mean() / n, "%", 3, 100 * held.std() / n)
-    command = f"python benchmarks/mixtures.py --drift {given.drift:g} --first {given.first}"
-    keep(
-        "mixtures" if given.drift == 1 else f"mixtures-drift-{given.drift:g}".replace(".", "-"),
-        kept, depends=("hil/estimation",), command=f"{command} --seeds {given.seeds}", seeds=seeds,
-    )  # fmt: skip
+    for kind in given.kind or MIXTURES:
+        rows = []
+        for seed in seeds:
+            rows.append(list(MIXTURES[kind](folder, seed)))
+            print(kind, seed, *(f"{p.name} {p.missed:.3f} % {p.inside}/{p.of}" for p in rows[-1]),
+                  flush=True)  # fmt: skip
+        kept: dict[str, Figure] = {}
+        for parts in zip(*rows, strict=True):
+            missed, of = np.array([p.missed for p in parts]), sum(p.of for p in parts)
+            inside, name = sum(p.inside for p in parts), parts[0].name
+            print(f"{kind}, {name}: {missed.mean():.3f} %, {inside} of {of} hold", flush=True)
+            kept[f"{name}-error"] = Figure(missed.mean(), "%", scatter=float(missed.std()) or None)
+            kept[f"{name}-inside"] = Figure(100 * inside / of, "%", 3)
+        drift = "" if given.drift == 1 else f"-drift-{given.drift:g}".replace(".", "-")
+        command = f"python benchmarks/mixtures.py {kind} --drift {given.drift:g}"
+        command += f" --first {given.first} --seeds {given.seeds}"
+        keep(f"mixtures-{kind}{drift}", kept, depends=("hil/estimation",), command=command,
+             seeds=seeds)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
+from hil.estimation.free_motion.offsets import only_directions
 from hil.friction.terms import BENT, LAWS
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression
@@ -195,13 +196,15 @@ def covariance_of_choices(products: Products, choice: Choice) -> Array:
     Returns
     -------
     ndarray, shape (n, n)
-        Of all unknowns; 0 of the other terms of friction, which mean something else in each law.
+        Of all unknowns; 0 of the other terms of friction, which mean something else in each law,
+        and so does the offset of an axis that moves in one direction only.
     """
     layout, n = products.layout, products.n_joints
+    one_way = only_directions(products.pieces[1])
     whole = products.pieces[0].normal(choice.weights)
     zones = range(choice.slowest, len(SPEEDS))
     fits = {zone: products.pieces[zone].normal(choice.weights) for zone in zones}
-    common = layout.kept([("offset",)] * n)
+    common = layout.kept([() if axis in one_way else ("offset",) for axis in range(n)])
 
     def solved(zone: int, laws: Sequence[str]) -> tuple[Array, float]:
         kept, equations = kept_by(layout, laws), fits[zone]

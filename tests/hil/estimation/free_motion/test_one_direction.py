@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from free_run import PERIOD, write_free_run
 
+from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.identify import estimate
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.results.identification import identified
@@ -88,6 +90,17 @@ def test_offset_and_coulomb_friction_are_stated_together(
         "Coulomb friction and an offset cannot be separated" in each
         for each in model.friction.remarks
     )
+
+
+@pytest.mark.parametrize("cut_off", [20.0, 40.0, 62.5])
+def test_their_sum_is_certain_however_wide_the_band_is(cut_off: float) -> None:
+    """What other laws call an offset is no error of the sum, which all of them share."""
+    motion, recording = driven(SPEEDS, rest=3.0)
+    found = estimate(ROBOT, [(motion.model_copy(update={"cut_off": cut_off}), recording)], DEFAULT)
+    assert found.free is not None
+    one_way = found.free.axes[0].one_way
+    assert one_way is not None
+    assert one_way.together.standard_error < 0.1
 
 
 def test_such_a_model_is_doubtful_and_says_to_move_in_both_directions(tmp_path: Path) -> None:
