@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sim_plant.ethercat import registers as reg
 from sim_plant.ethercat.clock import HOP
-from sim_plant.ethercat.frame import HEADER_SIZE, LOGICAL, Command, datagrams, mark_passed
+from sim_plant.ethercat.frame import (
+    DATAGRAMS,
+    HEADER_SIZE,
+    LOGICAL,
+    Command,
+    datagrams,
+    mark_passed,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -105,7 +112,7 @@ class CyclicFrame:
         self.is_plain, self.is_repeated = True, False
         self._before: bytes | None = None
         self._answer = bytearray()
-        layout, end = "<", 0
+        layout, end = "<12x4s", DATAGRAMS  # what makes it a frame of EtherCAT: type, length, kind
         for datagram in datagrams(bytearray(frame)):
             layout += f"{datagram.place - end}xBx6s2x{datagram.size}xH"
             end = datagram.place + HEADER_SIZE + datagram.size + _COUNTER.size
@@ -119,7 +126,7 @@ class CyclicFrame:
                 self.is_plain = False
         self._layout = struct.Struct(layout)
         self._head = self._layout.unpack_from(frame)
-        self.is_plain &= not any(self._head[2::3])  # counters, which begin at zero
+        self.is_plain &= not any(self._head[3::3])  # counters, which begin at zero
         self.is_plain &= {id(each.memory) for each in self._written} == {
             id(controller.memory) for controller in self._controllers
         } and len(self._written) == len(self._controllers)

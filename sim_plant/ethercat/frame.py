@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 ETHERTYPE = 0x88A4
 _ETHERNET = 14
-_DATAGRAMS = _ETHERNET + 2
+DATAGRAMS = _ETHERNET + 2
+"""Where the first datagram begins: behind Ethernet's header and the frame's own."""
 _HEADER = struct.Struct("<BBHHHH")
 HEADER_SIZE = _HEADER.size
 _COUNTER = struct.Struct("<H")
@@ -118,11 +119,11 @@ class Datagram:
 
 def datagrams(frame: bytearray) -> Iterator[Datagram]:
     """Find the datagrams of a frame that slaves work on, in order; none if it is not EtherCAT."""
-    if len(frame) < _DATAGRAMS or int.from_bytes(frame[12:14], "big") != ETHERTYPE:
+    if len(frame) < DATAGRAMS or int.from_bytes(frame[12:14], "big") != ETHERTYPE:
         return
     if frame[15] >> 4 != _DATAGRAM_TYPE:
         return
-    place, more = _DATAGRAMS, True
+    place, more = DATAGRAMS, True
     while more and place + _HEADER.size + _COUNTER.size <= len(frame):
         number, _, position, offset, length, _ = _HEADER.unpack_from(frame, place)
         size, more = length & _SIZE, bool(length & _MORE)

@@ -95,7 +95,8 @@ def test_mutated_frames_of_a_master_energise_nothing(seed: int) -> None:
     assert "move" not in energised
 
 
-@pytest.mark.parametrize("seed", range(3))
+# of seed 100 a frame that is no longer EtherCAT's came between its like
+@pytest.mark.parametrize("seed", [0, 1, 100])
 def test_among_any_frames_those_that_come_again_are_passed_as_any_frame_is(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
