@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent
-from drivers.ethercat.access import CoeAccess
 from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.connection import EthercatConnection
 from drivers.ethercat.cycle_time import MAX_LOAD, StopwatchWire, cycle_time
@@ -71,7 +70,7 @@ class EthercatBus:
         line = self._line()
         slaves = Slaves(line)
         reached = _reached(line, slaves, drives)
-        servers = [_server(drive, axis.node, axis.name) for drive, axis in reached]
+        servers = [RemoteDictionary(drive, axis.node, axis.name) for drive, axis in reached]
         return EthercatConnection(
             line,
             slaves,
@@ -87,7 +86,7 @@ class EthercatBus:
         line = self._line()
         reached = _reached(line, Slaves(line), drives)
         self._asked += (drive for drive, _ in reached)
-        servers = tuple(_server(drive, axis.node, axis.name) for drive, axis in reached)
+        servers = tuple(RemoteDictionary(drive, axis.node, axis.name) for drive, axis in reached)
         found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
         clock = self._clock(drives.sync_period)
         data = EthercatProcessData(line, drives.axes, [drive for drive, _ in reached], clock)
@@ -106,7 +105,7 @@ class EthercatBus:
             self._asked.append(EthercatDrive(find, line, label, timeout))
             return self._asked[-1]
 
-        return tuple(_server(drive(place), place.node, place.name) for place in places)
+        return tuple(RemoteDictionary(drive(place), place.node, place.name) for place in places)
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find slaves and what they offer (see `drivers.ethercat.scan.scan_line`)."""
@@ -158,10 +157,6 @@ def _reached(
         (EthercatDrive(partial(slaves.at, axis.node, axis.alias), line, axis.label, timeout), axis)
         for axis in drives.axes
     ]
-
-
-def _server(drive: EthercatDrive, node: int, name: str) -> RemoteDictionary:
-    return RemoteDictionary(CoeAccess(drive), node, name)
 
 
 class TimedEthercatBus(EthercatBus):

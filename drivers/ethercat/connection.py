@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.cia402.supervision import Supervision
 from drivers.drive_bus import DriveError, NodeSilent
 from drivers.ethercat import registers as reg
-from drivers.ethercat.access import heard
 from drivers.ethercat.al_states import ERROR, MASK, AlState
 from drivers.ethercat.clocks import Clocks
 from drivers.ethercat.communication import EthercatCommunication, offers_sync0, synchronise
+from drivers.ethercat.drive import heard
 from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
 from drivers.ethercat.reference_clock import AHEAD, ReferenceClock
 from drivers.ethercat.watchdog import OutputsSent
@@ -18,7 +19,7 @@ from drivers.remote_dictionary import NoAnswer
 from drivers.session.connection import Connection
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
@@ -93,7 +94,7 @@ class EthercatConnection(Connection):
         )
         super().__init__(tuple(servers), found, supervision, data, life_sign)
         for drive, server in zip(drives, servers, strict=True):
-            drive.emergencies = _delivering(supervision, server.node)
+            drive.emergencies = partial(supervision.take_emergency, server.node)
         line.idle = life_sign.beat
 
     def conflicts(self) -> Sequence[DriveRefused]:
@@ -168,7 +169,7 @@ class EthercatConnection(Connection):
 
     def close(self) -> None:
         """Put back watchdogs and AL states of drives that are shown to be in PREOP."""
-        self._line.idle = _nothing
+        self._line.idle = lambda: None
         for drive in self._drives:
             try:
                 drive.hand_back()
@@ -236,11 +237,3 @@ class EthercatConnection(Connection):
             " reaction has stopped it; see the AL status code in the drive's manual, and check its"
             " supply and that no other master is on the line"
         )
-
-
-def _delivering(supervision: Supervision, node: int) -> Callable[[bytes], None]:
-    return lambda data: supervision.take_emergency(node, data)
-
-
-def _nothing() -> None:
-    """Do nothing."""
