@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
-from drivers.dictionary.bus_rules import Obstacle, ProcessDataReview
+from drivers.dictionary.bus_rules import ProcessDataReview
 from drivers.dictionary.dictionary import carried
+from drivers.dictionary.missing_objects import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -81,7 +82,7 @@ def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -
     attempts = [(current, tuple(_sending(offers, current))) for current in usable]
     if not attempts:
         return ProcessDataReview(None, None, receiving)
-    fitting = (each for each in attempts if not any(fatal for *_, fatal in each[1]))
+    fitting = (attempt for attempt in attempts if not any(each.fatal for each in attempt[1]))
     current, obstacles = next(fitting, attempts[0])
     return ProcessDataReview(current, _other_tpdos(offers, current), (*receiving, *obstacles))
 
@@ -92,7 +93,7 @@ def _other_tpdos(offers: _Offers, current: CurrentCandidate) -> tuple[tuple[int,
     together, apart = ((*_STATE, measured),), (_STATE, (measured,))
     usual = together if current.declared.bits == 16 else apart
     fits = usual is together and not any(
-        fatal for *_, fatal in _obstacles(offers.tpdo1, "TPDO 1", together[0])
+        each.fatal for each in _obstacles(offers.tpdo1, "TPDO 1", together[0])
     )
     wanted = together if fits else apart
     found = tuple(
@@ -141,11 +142,11 @@ def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int,
             yield carried(word)
 
 
-def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Obstacle]:
+def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Finding]:
     declared, carried_current = current.declared, _place(current)
     first, second = offers.tpdo1, offers.tpdo2
     together = list(_obstacles(first, "TPDO 1", (*_STATE, carried_current)))
-    if declared.bits == 16 and not any(fatal for *_, fatal in together):
+    if declared.bits == 16 and not any(each.fatal for each in together):
         yield from _types(first)
         yield from together
         yield from _goes_on(second)
@@ -156,7 +157,7 @@ def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Obstacle]:
         return
     if declared.bits == 16 and not fixed:
         so = "the current goes into TPDO 2, which takes more of the bus"
-        yield "TPDO 1", "has no room for 3 objects", so, False
+        yield Finding("TPDO 1", "has no room for 3 objects", so, fatal=False)
     yield from _types(first, second)
     yield from _obstacles(first, "TPDO 1", _STATE)
     yield from _obstacles(second, "TPDO 2", (carried_current,))
@@ -171,45 +172,43 @@ def _has(offer: PdoOffer | None, wanted: tuple[int, int, int]) -> bool:
     return offer is not None and wanted in offer.carries
 
 
-def _types(*offers: PdoOffer | None) -> Iterator[Obstacle]:
+def _types(*offers: PdoOffer | None) -> Iterator[Finding]:
     for offer in offers:
         if offer is not None and offer.transmission not in {None, ON_SYNC}:
             problem = f"has the fixed transmission type {offer.transmission}"
-            yield offer.name, problem, "its values are not those of a SYNC (type 1)", True
+            so = "its values are not those of a SYNC (type 1)"
+            yield Finding(offer.name, problem, so, fatal=True)
 
 
-def _goes_on(offer: PdoOffer | None) -> Iterator[Obstacle]:
+def _goes_on(offer: PdoOffer | None) -> Iterator[Finding]:
     """Note a TPDO that we do not use and that goes on to be sent."""
     if offer is not None and offer.switchable is False and offer.on:
         so = "it goes on to be sent, which does no harm under an identifier of its own"
-        yield offer.name, "cannot be switched off (its COB-ID is fixed)", so, False
+        yield Finding(offer.name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
 
 
 def _obstacles(
     offer: PdoOffer | None, name: str, wanted: tuple[tuple[int, int, int], ...]
-) -> Iterator[Obstacle]:
+) -> Iterator[Finding]:
     what = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in wanted)
     if offer is None:
-        yield name, "is missing", f"{what} cannot be exchanged", True
+        yield Finding(name, "is missing", f"{what} cannot be exchanged", fatal=True)
         return
     if offer.writable is False and not _serves(offer, wanted):
         has = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in offer.carries) or "nothing"
-        yield (
-            name,
-            f"is fixed and carries {has}",
-            f"{what} is needed; map it with the maker's tool or use another drive",
-            True,
-        )
+        so = f"{what} is needed; map it with the maker's tool or use another drive"
+        yield Finding(name, f"is fixed and carries {has}", so, fatal=True)
     elif offer.writable is False:
         return
     elif offer.room is not None and offer.room < len(wanted):
-        yield name, f"takes {offer.room} objects at most", f"{what} does not fit", True
+        problem = f"takes {offer.room} objects at most"
+        yield Finding(name, problem, f"{what} does not fit", fatal=True)
     elif offer.declared is not None and offer.declared < len(wanted):
         so = f"{what} is needed; whether it fits shows when the drive is set up"
-        yield name, f"declares room for {offer.declared} objects", so, False
+        yield Finding(name, f"declares room for {offer.declared} objects", so, fatal=False)
     elif offer.switchable is False and offer.carries != wanted:
         so = "whether its mapping may be changed all the same shows when the drive is set up"
-        yield name, "cannot be switched off (its COB-ID is fixed)", so, False
+        yield Finding(name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
 
 
 def _serves(offer: PdoOffer, wanted: tuple[tuple[int, int, int], ...]) -> bool:

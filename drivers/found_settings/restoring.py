@@ -9,7 +9,8 @@ at power-on that cannot be written, and every master chooses its own.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import decode_state
@@ -18,7 +19,7 @@ from drivers.drive_bus import DriveRefused
 from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundDrive
@@ -29,27 +30,26 @@ _ROUNDS = 2
 """Limits may depend on each other: what a drive refuses at first is tried again once."""
 
 
-class RestoringOrder(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class RestoringOrder:
     """How a bus's own objects are put back.
 
     Attributes
     ----------
+    restore_process_data : callable
+        Puts the process data of `server` back that stand in `values`; returns the values that are
+        left, and why not, by object.
     late : frozenset of int
         Index of those that wait for all others of the bus.
     watchdogs : frozenset of int
         Index of what watches us, which waits for everything.
     """
 
-    @property
-    def late(self) -> frozenset[int]: ...  # noqa: D102 - an attribute
-
-    @property
-    def watchdogs(self) -> frozenset[int]: ...  # noqa: D102 - an attribute
-
-    def restore_process_data(
-        self, server: RemoteDictionary, values: Mapping[Entry, int]
-    ) -> tuple[dict[Entry, int], dict[Entry, str]]:
-        """Put process data back; return the values that are left, and why not, by object."""
+    restore_process_data: Callable[
+        [RemoteDictionary, Mapping[Entry, int]], tuple[dict[Entry, int], dict[Entry, str]]
+    ]
+    late: frozenset[int] = frozenset()
+    watchdogs: frozenset[int] = frozenset()
 
 
 class NotTakenBack(DriveRefused):
