@@ -9,12 +9,14 @@ at power-on that cannot be written, and every master chooses its own.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import decode_state
 from drivers.cia402.stop import NOT_ENERGISED
+from drivers.commissioning.held_values import read_if_held
 from drivers.drive_bus import DriveRefused
 from drivers.remote_dictionary import Aborted
 
@@ -127,7 +129,7 @@ def restore(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry
 
 
 def _put_back(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    if not differs(server, entry, value):
+    if holds(server, {entry: value}):
         return
     server.put(entry, value)
     kept = server.get(entry)
@@ -138,9 +140,25 @@ def _put_back(server: RemoteDictionary, entry: Entry, value: int) -> None:
         )
 
 
-def differs(server: RemoteDictionary, entry: Entry, value: int) -> bool:
-    """Whether a drive holds another value, or none that can be read."""
-    try:
-        return server.get(entry) != value
-    except Aborted:
-        return True
+def restore_mapping(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
+    """Put back a mapping or an assignment: count 0, entries, count; return why not, by object."""
+    count = {e: v for e, v in values.items() if e.subindex == 0}
+    for entry in count:
+        put_if_taken(server, entry, 0)
+    active = max(count.values(), default=0)
+    entries = {e: v for e, v in values.items() if e.subindex}
+    # Beyond its count a mapping means nothing, and not every drive takes what stood there.
+    restore(server, {e: v for e, v in entries.items() if e.subindex > active})
+    problems = restore(server, {e: v for e, v in entries.items() if e.subindex <= active})
+    return problems | restore(server, count)
+
+
+def put_if_taken(server: RemoteDictionary, entry: Entry, value: int) -> None:
+    """Write a number; a drive may refuse it."""
+    with suppress(Aborted):
+        server.put(entry, value)
+
+
+def holds(server: RemoteDictionary, values: Mapping[Entry, int]) -> bool:
+    """Whether a drive holds all of these values; what cannot be read it does not."""
+    return all(read_if_held(server, entry) == value for entry, value in values.items())
