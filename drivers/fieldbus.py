@@ -51,9 +51,29 @@ class Entry:
         return f"{value:08X}h" if hexadecimal else f"{value}"
 
     @property
+    def key(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return self.index, self.subindex
+
+    @property
+    def place(self) -> str:
+        """Index and sub-index as they are written everywhere."""
+        return f"{self.index:04X}:{self.subindex:02X}"
+
+    @property
+    def bits(self) -> int:
+        """Length [bits]."""
+        return int(self.type[1:])
+
+    @property
     def size(self) -> int:
         """Length [bytes]."""
-        return int(self.type[1:]) // 8
+        return self.bits // 8
+
+    @property
+    def word(self) -> int:
+        """How a mapping names it: index, sub-index and length in bits."""
+        return self.index << 16 | self.subindex << 8 | self.bits
 
     @property
     def signed(self) -> bool:
@@ -67,7 +87,7 @@ class Entry:
         return int.from_bytes(data, "little", signed=self.signed)
 
     def __str__(self) -> str:
-        return f"{self.index:04X}:{self.subindex:02X} ({self.name})"
+        return f"{self.place} ({self.name})"
 
 
 class Objects(Protocol):

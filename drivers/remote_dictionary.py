@@ -224,7 +224,7 @@ class RemoteDictionary:
                 f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
                 f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
             )
-        if self.first_write is not None and (entry.index, entry.subindex) not in self.saved:
+        if self.first_write is not None and entry.key not in self.saved:
             self.first_write(entry)
         data = value.to_bytes(entry.size, "little", signed=entry.signed)
         try:

@@ -30,10 +30,7 @@ def _remarks(dictionary: Dictionary) -> Iterator[Finding]:
 def _unwatched(dictionary: Dictionary) -> str | None:
     """State that a drive can neither watch our heartbeat nor be guarded."""
     watch = cia301.CONSUMER_HEARTBEAT
-    known = (
-        dictionary.entry(watch) is not None
-        or (watch.index, watch.subindex) in dictionary.unanswered
-    )
+    known = dictionary.entry(watch) is not None or watch.key in dictionary.unanswered
     return None if known or all(map(dictionary.entry, GUARDING)) else "the drive has no 1016"
 
 

@@ -145,7 +145,7 @@ class Dictionary:
 
     def entry(self, entry: Entry) -> Declared | None:
         """Return what is declared for one of `drivers.cia402.objects` (see `find`)."""
-        return self.find(entry.index, entry.subindex)
+        return self.find(*entry.key)
 
     def value(self, entry: Entry) -> int | None:
         """Return the configured value, or the only one that there can be; never a mere default."""

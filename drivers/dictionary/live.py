@@ -88,7 +88,7 @@ class _Reading:
 
     def ask(self, entry: Entry) -> None:
         """Read one number, once."""
-        key = (entry.index, entry.subindex)
+        key = entry.key
         if key in self.entries or key in self.unanswered:
             return
         if self.silences >= PATIENCE:
@@ -105,7 +105,7 @@ class _Reading:
             self.entries[key] = _declared(entry, data)
 
     def _denied(self, entry: Entry, refusal: AccessRefused) -> None:
-        key, code = (entry.index, entry.subindex), refusal.code
+        key, code = entry.key, refusal.code
         if code == WRITE_ONLY:
             self.entries[key] = Declared(*key, entry.name, entry.type, access="wo")
         elif code == NO_DATA:  # it is there and empty, as a history (1003) without errors
@@ -115,7 +115,7 @@ class _Reading:
 
     def value(self, entry: Entry) -> int | None:
         """Return what was read, None where nothing was."""
-        found = self.entries.get((entry.index, entry.subindex))
+        found = self.entries.get(entry.key)
         return None if found is None else found.value
 
     def text(self, index: int) -> str:

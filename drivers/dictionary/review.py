@@ -159,7 +159,7 @@ def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
 
 
 def _commandless(dictionary: Dictionary) -> bool:
-    keys = {(entry.index, entry.subindex) for entry in (objects.CONTROLWORD, objects.STATUSWORD)}
+    keys = {objects.CONTROLWORD.key, objects.STATUSWORD.key}
     known = {*dictionary.entries, *dictionary.unanswered, *dictionary.damaged}
     return not keys & known
 

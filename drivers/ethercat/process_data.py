@@ -206,7 +206,7 @@ class EthercatProcessData(CycleData):
     def _put(self, axis: int, entry: Entry, value: int) -> None:
         self._store(
             axis,
-            (entry.index, entry.subindex),
+            entry.key,
             value.to_bytes(entry.size, "little", signed=entry.signed),
         )
 

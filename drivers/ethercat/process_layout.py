@@ -60,11 +60,6 @@ class Mapped:
         )
 
 
-def mapping_word(entry: Entry) -> int:
-    """Return how a mapping names an object: index, sub-index and length in bits."""
-    return entry.index << 16 | entry.subindex << 8 | 8 * entry.size
-
-
 def outputs_of(*, feed_forward: bool) -> tuple[Entry, ...]:
     """Return what a drive is sent: controlword and target, and what is fed forward."""
     return (*COMMAND, *objects.OFFSETS) if feed_forward else COMMAND
@@ -77,7 +72,7 @@ def inputs_of(axis: AxisDrive) -> tuple[Entry, ...]:
 
 def ours(index: int, entries: Iterable[Entry]) -> Mapped:
     """Return the one mapping as we would have it."""
-    return Mapped((index,), tuple(mapping_word(entry) for entry in entries))
+    return Mapped((index,), tuple(entry.word for entry in entries))
 
 
 def places(outputs: Mapped, start: int) -> dict[Place, Place]:

@@ -116,7 +116,7 @@ class SettingsKeeper:
         """Return what an object held before any of our writes; None where it is missing."""
         kept = self._drive(server.node)
         for each in kept.objects if kept else ():
-            if each.place == (entry.index, entry.subindex):
+            if each.key == entry.key:
                 present = None if each.written is None else server.find(entry)
                 return present if each.set_anew(present) else each.value
         return server.find(entry)
@@ -151,7 +151,7 @@ class SettingsKeeper:
             kept = _standing(server, earlier)
         kept = _with_planned(_extended(kept, found), {**found, **planned})
         self._settings = self.settings.with_drives([kept])
-        server.saved = {each.place for each in self.drive(server).objects}
+        server.saved = {each.key for each in self.drive(server).objects}
 
     def announced(self, servers: Iterable[RemoteDictionary]) -> None:
         """Put on the disk what was taken; from here on a further object is kept when it comes.
@@ -267,7 +267,7 @@ class SettingsKeeper:
             self._settings = self.settings.with_drives([_extended(self.drive(server), found)])
             self.save()
             self.unannounced.append(f"{server.label}: {entry}")
-        server.saved.update((each.index, each.subindex) for each in (*found, entry))
+        server.saved.update(each.key for each in (*found, entry))
 
 
 def _standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
@@ -285,9 +285,9 @@ def _standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
 
 def _with_planned(drive: FoundDrive, planned: Mapping[Entry, int]) -> FoundDrive:
     """Add what a drive will hold, for a session that is killed during start-up."""
-    values = {(entry.index, entry.subindex): value for entry, value in planned.items()}
+    values = {entry.key: value for entry, value in planned.items()}
     objects = tuple(
-        each.model_copy(update={"written": values.get(each.place, each.written)})
+        each.model_copy(update={"written": values.get(each.key, each.written)})
         if each.index in WRITTEN_ONCE
         else each
         for each in drive.objects
@@ -304,7 +304,7 @@ def _with_written(server: RemoteDictionary, each: FoundObject) -> FoundObject:
 
 def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
     """Add values to those that are kept of a drive; what is kept already stays."""
-    places = {each.place for each in drive.objects}
+    places = {each.key for each in drive.objects}
     objects = tuple(
         FoundObject.model_validate(
             {
@@ -316,6 +316,6 @@ def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
             }
         )
         for entry, value in found.items()
-        if (entry.index, entry.subindex) not in places
+        if entry.key not in places
     )
     return drive.model_copy(update={"objects": (*drive.objects, *objects), "restored": False})

@@ -65,7 +65,7 @@ class NotTakenBack(DriveRefused):
 
     def __init__(self, problems: Mapping[Entry, str]) -> None:
         super().__init__("\n".join(problems.values()))
-        self.places = frozenset((each.index, each.subindex) for each in problems)
+        self.places = frozenset(each.key for each in problems)
 
 
 def restore_drive(server: RemoteDictionary, found: FoundDrive, order: RestoringOrder) -> None:

@@ -131,7 +131,7 @@ class FoundObject(FileModel):
         )
 
     @property
-    def place(self) -> tuple[int, int]:
+    def key(self) -> tuple[int, int]:
         """Index and sub-index."""
         return self.index, self.subindex
 
@@ -173,7 +173,7 @@ class FoundDrive(FileModel):
     def done(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
         """Return this drive as one that holds everything again but what it did not take back."""
         objects = tuple(
-            each.model_copy(update={"written": None, "refused": each.place in refused})
+            each.model_copy(update={"written": None, "refused": each.key in refused})
             for each in self.objects
         )
         return self.model_copy(update={"restored": True, "objects": objects})
@@ -195,7 +195,7 @@ class FoundDrive(FileModel):
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
-        places = [each.place for each in self.objects]
+        places = [each.key for each in self.objects]
         for index, subindex in places:
             if places.count((index, subindex)) > 1:
                 raise ValueError(f"object {index:04X}:{subindex:02X} stands twice; remove one")

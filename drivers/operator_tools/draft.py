@@ -218,7 +218,7 @@ def _brake(dictionary: Dictionary) -> Iterator[str]:
     counts = dictionary.value(maker.brake_delay.entry) if maker else None
     if maker and counts:
         delay = maker.brake_delay
-        said = f"s, {delay.place} of the drive ({delay.entry.name})"
+        said = f"s, {delay.entry.place} of the drive ({delay.entry.name})"
         yield _line("brake_delay", f"{delay.value(counts):g}", said, "")
 
 

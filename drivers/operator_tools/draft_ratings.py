@@ -82,7 +82,7 @@ def _own(dictionary: Dictionary, own: VendorObject | None, unit: str) -> Drafted
     counts = dictionary.value(own.entry) if own else None
     if own is None or not counts:
         return None
-    return Drafted(f"{own.value(counts):.10g}", f"{unit}, {own.place}", "")
+    return Drafted(f"{own.value(counts):.10g}", f"{unit}, {own.entry.place}", "")
 
 
 def _rated_torque(
