@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
+
+from drivers.axis import AxisScale
+from drivers.cia402 import objects
+from drivers.cia402.states import decode_state
+from drivers.cia402.supervision import interlock
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.cia402.error_codes import Emergency
     from drivers.cia402.states import State
+    from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
 
 
 @dataclass(slots=True)
@@ -19,6 +26,8 @@ class AxisPicture:
 
     Attributes
     ----------
+    drive : AxisDrive
+        What the drives file states of it.
     name : str
     node : int
     heard : float
@@ -37,8 +46,10 @@ class AxisPicture:
         How many emergencies came, and how many TPDOs that are not mapped as ours.
     """
 
-    name: str
-    node: int
+    drive: AxisDrive
+    name: str = field(init=False)
+    node: int = field(init=False)
+    _scale: AxisScale = field(init=False)
     heard: float = -math.inf
     nmt: str = ""
     state: State | None = None
@@ -48,6 +59,21 @@ class AxisPicture:
     emergency: Emergency | None = None
     emergencies: int = 0
     foreign: int = 0
+
+    def __post_init__(self) -> None:
+        self.name, self.node = self.drive.name, self.drive.node
+        self._scale = AxisScale.of(self.drive)
+
+    def show(self, entry: Entry, value: float) -> None:
+        """Take what an object of the drive holds."""
+        if entry == objects.STATUSWORD:
+            self.state = decode_state(int(value))
+        elif entry == objects.POSITION:
+            self.q = self._scale.position_from_counts(float(value))
+        elif entry == self.drive.current.entry:
+            self.tau = self._scale.torque_from_counts(float(value))
+        elif entry == objects.DIGITAL_INPUTS:
+            self.interlock = interlock(int(value)) or ""
 
 
 class Picture(Protocol):
