@@ -142,14 +142,13 @@ class TimedCanopenBus(CanopenBus):
         super().__init__(stopwatch, pacing)
         self._stopwatch, self._drives = stopwatch, drives
         self._found: tuple[CanopenCommunication, ...] = ()
-        self._period = 0.0
 
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> CanopenConnection:
         """Build all that is needed, and remember what the drives are set up to send."""
         connection = super().connect(drives, period, feed_forward=feed_forward)
-        self._found, self._period = connection.communications, period
+        self._found = connection.communications
         return connection
 
     def achievable_rate(self) -> tuple[float, float]:
@@ -158,6 +157,6 @@ class TimedCanopenBus(CanopenBus):
         sent = [drive.transmitted for drive in self._found]
         return achievable_rate(self._drives, slowest, sent), slowest
 
-    def jitter(self) -> float:
+    def jitter(self, period: float) -> float:
         """Return how far SYNC was off its period where it acts [s], 0 in lock-step."""
-        return 0.0 if self.lock_step else self._stopwatch.jitter(self._period)
+        return 0.0 if self.lock_step else self._stopwatch.jitter(period)

@@ -173,20 +173,12 @@ class TimedEthercatBus(EthercatBus):
     def __init__(self, stopwatch: StopwatchWire, *, lock_step: bool) -> None:
         super().__init__(stopwatch, "lock-step" if lock_step else "wall-clock")
         self._stopwatch = stopwatch
-        self._period = 0.0
-
-    def connect(
-        self, drives: DrivesFile, period: float, *, feed_forward: bool = False
-    ) -> EthercatConnection:
-        """Build all that is needed, and remember the period."""
-        self._period = period
-        return super().connect(drives, period, feed_forward=feed_forward)
 
     def achievable_rate(self) -> tuple[float, float]:
         """Return the highest rate of cycles [1/s], and the slowest answer [s], 0 in lock-step."""
         slowest = 0.0 if self.lock_step else self._stopwatch.slowest
         return self._stopwatch.achievable_rate(slowest), slowest
 
-    def jitter(self) -> float:
+    def jitter(self, period: float) -> float:
         """Return how far frames were off their period [s], 0 in lock-step."""
-        return 0.0 if self.lock_step else self._stopwatch.jitter(self._period)
+        return 0.0 if self.lock_step else self._stopwatch.jitter(period)

@@ -253,8 +253,8 @@ class TimedFieldbus(Fieldbus, Protocol):
     def achievable_rate(self) -> tuple[float, float]:
         """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 if not timed."""
 
-    def jitter(self) -> float:
-        """Return how far SYNC was off its period where it acts, but for one in a hundred [s].
+    def jitter(self, period: float) -> float:
+        """Return how far SYNC was off its period [s] where it acts, but for one in a hundred [s].
 
         0 where it is not timed.
         """
