@@ -90,42 +90,6 @@ class Entry:
         return f"{self.place} ({self.name})"
 
 
-class Objects(Protocol):
-    """The object dictionary of one drive, which serves it (hence `server` wherever one is meant).
-
-    Whatever cannot be read or written raises a `drivers.drive_bus.DriveError`: `NodeSilent` where
-    no answer comes, `DriveRefused` where the drive refuses.
-
-    Attributes
-    ----------
-    node : int
-        Its number on the fieldbus.
-    label : str
-        How messages name the drive.
-    missing : set of Entry
-        Optional objects that the drive lacks, or keeps as they are.
-    """
-
-    node: int
-    label: str
-    missing: set[Entry]
-
-    def get(self, entry: Entry) -> int:
-        """Read a number."""
-
-    def find(self, entry: Entry) -> int | None:
-        """Read a number that not every drive has; None where it is missing."""
-
-    def put(self, entry: Entry, value: int) -> None:
-        """Write a number."""
-
-    def order(self, entry: Entry, value: int) -> None:
-        """Write a number at once and await no answer: what becomes of it must show elsewhere."""
-
-    def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
-        """Write a number and read it back; where it is missing, note what follows from that."""
-
-
 class ProcessData(Protocol):
     """Process data of all axes, latched at SYNC, and the time that SYNC makes.
 

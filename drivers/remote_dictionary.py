@@ -128,7 +128,7 @@ class Access(Protocol):
 
 
 class RemoteDictionary:
-    """The object dictionary of one drive.
+    """The object dictionary of one drive, which serves it (hence `server` wherever one is meant).
 
     Parameters
     ----------

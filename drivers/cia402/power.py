@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.cia402.supervision import Supervision
-    from drivers.fieldbus import Objects, ProcessData
+    from drivers.fieldbus import ProcessData
+    from drivers.remote_dictionary import RemoteDictionary
 
 STEP_TIME = 3.0
 """How long a drive may take from one state to another [s]; brakes and DC links are slow."""
@@ -37,7 +38,7 @@ class Power:
     ----------
     process_data : ProcessData
         Of all axes.
-    servers : sequence of Objects
+    servers : sequence of RemoteDictionary
         The drives in joint order.
     supervision : Supervision
         Puts faults into words.
@@ -46,7 +47,7 @@ class Power:
     def __init__(
         self,
         process_data: ProcessData,
-        servers: Sequence[Objects],
+        servers: Sequence[RemoteDictionary],
         supervision: Supervision,
     ) -> None:
         self._process_data = process_data
@@ -62,7 +63,7 @@ class Power:
             self._process_data.tick()
         return True
 
-    def make_safe(self, server: Objects, *, reset_fault: bool) -> None:
+    def make_safe(self, server: RemoteDictionary, *, reset_fault: bool) -> None:
         """Bring a drive in whatever state to SWITCH ON DISABLED.
 
         Raises
@@ -97,7 +98,7 @@ class Power:
             for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
                 self._step(axis, server, state, goal, late=late)
 
-    def switch_off(self, server: Objects) -> None:
+    def switch_off(self, server: RemoteDictionary) -> None:
         """Switch one drive off by SDO, and see that it shows it.
 
         Raises
@@ -120,10 +121,10 @@ class Power:
                 "press the emergency stop"
             )
 
-    def _state(self, server: Objects) -> State | None:
+    def _state(self, server: RemoteDictionary) -> State | None:
         return decode_state(server.get(objects.STATUSWORD))
 
-    def _reset(self, server: Objects, *, permitted: bool) -> None:
+    def _reset(self, server: RemoteDictionary, *, permitted: bool) -> None:
         reason = self._supervision.reason(server)
         if not permitted:
             raise DriveFault(f"{server.label}: {State.FAULT.value}: {reason}; {RESET}")
@@ -135,7 +136,7 @@ class Power:
             )
 
     def _step(
-        self, axis: int, server: Objects, state: State | None, goal: State, *, late: bool
+        self, axis: int, server: RemoteDictionary, state: State | None, goal: State, *, late: bool
     ) -> None:
         if state in _FAULTS:
             raise self._supervision.diagnose(server, self._process_data.words[axis])

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
     from drivers.axis import Axis
     from drivers.cia402.states import Command
-    from drivers.fieldbus import LifeSign, Objects, ProcessData
+    from drivers.fieldbus import LifeSign, ProcessData
+    from drivers.remote_dictionary import RemoteDictionary
 
 SETTLING_TIME = 0.04
 """For how long an axis must keep still to count as resting [s], and for `SETTLED` samples."""
@@ -97,7 +98,7 @@ class Shutdown:
         life_sign: LifeSign,
         axes: Sequence[Axis],
         period: float,
-        switch_off: Callable[[Objects], None],
+        switch_off: Callable[[RemoteDictionary], None],
     ) -> None:
         self.problems: list[str] = []
         self._switch_off_by_objects = switch_off

@@ -17,7 +17,7 @@ from drivers.drive_bus import DriveError, DriveFault
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.fieldbus import Objects
+    from drivers.remote_dictionary import RemoteDictionary
 
 INTERLOCK = 1 << 3
 """Bit of the digital inputs (60FD). Some makers keep it for another input, so what is read is
@@ -36,7 +36,7 @@ class Supervision:
 
     Parameters
     ----------
-    servers : sequence of Objects
+    servers : sequence of RemoteDictionary
         The drives in joint order.
 
     Attributes
@@ -45,7 +45,7 @@ class Supervision:
         An emergency has come of which it is not yet reported whether it was a warning.
     """
 
-    def __init__(self, servers: Sequence[Objects]) -> None:
+    def __init__(self, servers: Sequence[RemoteDictionary]) -> None:
         self.emergency = False
         self._servers = servers
         self._emergencies: dict[int, Emergency] = {}
@@ -83,7 +83,7 @@ class Supervision:
                 found.append(f"{labels[node]}: warning {emergency}; see the drive's manual")
         return found
 
-    def diagnose(self, server: Objects, statusword: int) -> DriveError:
+    def diagnose(self, server: RemoteDictionary, statusword: int) -> DriveError:
         """Put into words why a drive is not in OPERATION ENABLED."""
         state = decode_state(statusword)
         if state in _FAULTS:
@@ -97,7 +97,7 @@ class Supervision:
             "torque off and the drive's enable input"
         )
 
-    def reason(self, server: Objects) -> str:
+    def reason(self, server: RemoteDictionary) -> str:
         """Return a fault's reason: the last emergency, else what 603F or 1003 says."""
         emergency = self._emergencies.get(server.node)
         if emergency is not None:
@@ -123,7 +123,7 @@ class Supervision:
             self._emergencies.pop(node, None)
 
 
-def safe_torque_off(server: Objects) -> str | None:
+def safe_torque_off(server: RemoteDictionary) -> str | None:
     """Return that safe torque off is active and what says so; None where nothing does.
 
     Never raises a `DriveError`: it is asked when something else has failed already.
