@@ -3,8 +3,9 @@
 A drive of this profile is an object dictionary and process data: statusword, position and current
 come with each SYNC, target and controlword go out. CANopen carries both (`drivers.canopen`);
 another fieldbus that carries the profile (CANopen over EtherCAT) is a folder beside it that offers
-the same protocols. `drivers.cia402` and `drivers.safety` see nothing else of a bus; what sessions
-and tools need beside that is `drivers.session.connection.Fieldbus`.
+the same. `drivers.cia402` and `drivers.safety` see objects (`drivers.remote_dictionary`), process
+data (`drivers.cycle_data`) and a sign of life; what sessions and tools need beside that is
+`drivers.session.connection.Fieldbus`.
 """
 
 from __future__ import annotations
@@ -14,8 +15,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from drivers.drive_bus import DriveError
 
 PacingName = Literal["auto", "lock-step", "wall-clock"]
@@ -88,96 +87,6 @@ class Entry:
 
     def __str__(self) -> str:
         return f"{self.place} ({self.name})"
-
-
-class ProcessData(Protocol):
-    """Process data of all axes, latched at SYNC, and the time that SYNC makes.
-
-    Positions are in increments, currents in the drive's unit; axes are in joint order.
-
-    Attributes
-    ----------
-    words, positions, currents : sequence of int (currents of float), length n_axes
-        Statusword, position and current; where an axis's telegram is missing, those of the SYNC
-        before.
-    flags : sequence of int, length n_axes
-        `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE and SKIPPED.
-    irregular : bool
-        Some flag is set.
-    time : float
-        The last SYNC's instant [s].
-    skipped : int
-        SYNCs that were left out because we came too late for them; may be set.
-    """
-
-    skipped: int
-
-    @property
-    def words(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
-
-    @property
-    def positions(self) -> tuple[int, ...]: ...  # noqa: D102 - an attribute
-
-    @property
-    def currents(self) -> Sequence[float]: ...  # noqa: D102 - an attribute
-
-    @property
-    def flags(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
-
-    @property
-    def irregular(self) -> bool: ...  # noqa: D102 - an attribute
-
-    @property
-    def time(self) -> float: ...  # noqa: D102 - an attribute
-
-    def now(self) -> float:
-        """Time of the same clock as `time` [s]."""
-
-    def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis, at once.
-
-        Each word counts, also where several are sent between two SYNCs: a fault reset sends two.
-        """
-
-    @property
-    def on_arrival(self) -> tuple[int, ...]:
-        """Axes on which set-points of a stream act when they arrive, and then those of all do.
-
-        Where there are none they act at the next SYNC.
-        """
-
-    def lead(self, axis: int, target: int) -> None:
-        """Send a set-point of a stream to one axis that follows it [increments]."""
-
-    def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [the drive's unit] and torque [per mille of rated] to one axis.
-
-        They count until the next ones; only for drives that were set up to take them.
-        """
-
-    def speeds(self) -> Sequence[float]:
-        """Return how fast each axis went just now [increments/s], inf where it is not seen."""
-
-    def withdraw(self, axis: int) -> None:
-        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
-
-    def sync(self) -> float:
-        """Send the next SYNC when it is due and collect its answers; return its instant [s].
-
-        Raises
-        ------
-        drivers.drive_bus.BusUnavailable
-            The bus does not take or give telegrams any more.
-        """
-
-    def tick(self) -> None:
-        """Let one period pass while the drives send no process data yet."""
-
-    def miss(self) -> None:
-        """Let one period pass in which the bus took no SYNC."""
-
-    def hurry(self, hurried: bool) -> None:
-        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
 
 
 class LifeSign(Protocol):

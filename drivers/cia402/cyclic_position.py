@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.axis import Axis
+    from drivers.cycle_data import ProcessData
     from drivers.drive_bus import Move
-    from drivers.fieldbus import ProcessData
     from drivers.remote_dictionary import RemoteDictionary
     from drivers.safety.trips import Trips
 

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.axis import Axis
-    from drivers.fieldbus import Entry, ProcessData
+    from drivers.cycle_data import ProcessData
+    from drivers.fieldbus import Entry
     from drivers.remote_dictionary import RemoteDictionary
 
     Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.cia402.supervision import Supervision
-    from drivers.fieldbus import ProcessData
+    from drivers.cycle_data import ProcessData
     from drivers.remote_dictionary import RemoteDictionary
 
 STEP_TIME = 3.0

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
     from drivers.axis import Axis
     from drivers.cia402.states import Command
-    from drivers.fieldbus import LifeSign, ProcessData
+    from drivers.cycle_data import ProcessData
+    from drivers.fieldbus import LifeSign
     from drivers.remote_dictionary import RemoteDictionary
 
 SETTLING_TIME = 0.04

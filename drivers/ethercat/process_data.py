@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Command as Order
-from drivers.cycle_data import CycleData, unpacking
+from drivers.cycle_data import ProcessData, unpacking
 from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
@@ -65,8 +65,8 @@ _WATCHDOGS = Datagram(Command.BRD, reg.WATCHDOG_STATUS << 16, bytes(2))
 """Read where no outputs are sent: what a plant in lock-step takes for a cycle that passes."""
 
 
-class EthercatProcessData(CycleData):
-    """Process data of all axes (`drivers.fieldbus.ProcessData`).
+class EthercatProcessData(ProcessData):
+    """Process data of all axes (`drivers.cycle_data.ProcessData`).
 
     Parameters
     ----------
@@ -81,8 +81,6 @@ class EthercatProcessData(CycleData):
 
     Attributes
     ----------
-    words, positions, currents, flags, irregular, time, on_arrival
-        See `ProcessData`.
     feeding : bool
         Outputs are sent; else inputs are read alone.
     unusual, fallen : bool
@@ -92,8 +90,6 @@ class EthercatProcessData(CycleData):
     farthest : float
         How far any clock was from the reference since they were set, at most [s].
     """
-
-    on_arrival: tuple[int, ...] = ()
 
     def __init__(
         self,

@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from drivers.cia402.picture import Picture
     from drivers.cia402.supervision import Supervision
     from drivers.commissioning.communication import Communication
+    from drivers.cycle_data import ProcessData
     from drivers.dictionary.bus_rules import BusRules
     from drivers.dictionary.found_nodes import Scan
     from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
-    from drivers.fieldbus import LifeSign, ProcessData
+    from drivers.fieldbus import LifeSign
     from drivers.remote_dictionary import RemoteDictionary
 
 

@@ -143,7 +143,7 @@ class FakeDrive:
 
 
 class FakeFieldbus:
-    """Process data of all axes (`drivers.fieldbus.ProcessData`), and our sign of life.
+    """Process data of all axes (`drivers.cycle_data.ProcessData`), and our sign of life.
 
     Attributes
     ----------

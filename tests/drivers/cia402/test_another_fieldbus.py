@@ -22,7 +22,8 @@ from drivers.drive_bus import DriveFault, Move
 from drivers.safety.trips import Trips
 
 if TYPE_CHECKING:
-    from drivers.fieldbus import LifeSign, ProcessData
+    from drivers.cycle_data import ProcessData
+    from drivers.fieldbus import LifeSign
 
 AXES = drives_file().axes
 SCALES = [AxisScale.of(axis) for axis in AXES]
