@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from drivers.drive_bus import DriveRefused, NodeSilent
 
@@ -27,6 +27,11 @@ _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
 RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
 FIXED_CODES = RANGE_CODES | {READ_ONLY}
 """A drive keeps its value: the object is read-only, or ours is outside its range."""
+
+
+Judge: TypeAlias = "Callable[[Entry, int, int], tuple[bool, str]]"
+"""Judges what a drive keeps of an object after a value was written (entry, written, kept): whether
+it will do, and " (... instead of ...)" in SI; empty where the numbers say it all."""
 
 
 class AccessRefused(Exception):
@@ -86,28 +91,6 @@ class Note:
         return f"{self.place}: {self.text}"
 
 
-class Judge(Protocol):
-    """Judges what a drive keeps instead of the value that was written."""
-
-    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
-        """Whether it will do."""
-
-    def compared(self, entry: Entry, written: int, kept: int) -> str:
-        """Return " (... instead of ...)" in SI; empty where the numbers say it all."""
-
-
-class _Exact:
-    """Accepts nothing but the value written."""
-
-    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
-        del entry
-        return kept == written
-
-    def compared(self, entry: Entry, written: int, kept: int) -> str:
-        del entry, written, kept
-        return ""
-
-
 class Access(Protocol):
     """How a bus reaches the objects of one drive; raises `AccessRefused` and `NoAnswer`."""
 
@@ -163,7 +146,7 @@ class RemoteDictionary:
         self.missing: set[Entry] = set()
         self.notes: list[Note] = []
         self.kept: dict[Entry, int] = {}
-        self.judge: Judge = _Exact()
+        self.judge: Judge = lambda _, written, kept: (kept == written, "")
         self.saved: set[tuple[int, int]] = set()
         self.first_write: Callable[[Entry], None] | None = None
         self.access = access
@@ -314,8 +297,8 @@ class RemoteDictionary:
         """Note that a drive keeps another value, or refuse it."""
         if kept == value:
             return
-        compared = self.judge.compared(entry, value, kept)
-        if not self.judge.accepts(entry, value, kept):
+        accepted, compared = self.judge(entry, value, kept)
+        if not accepted:
             raise DriveRefused(
                 f"{self.label}: object {entry} reads back {kept} after {value} was written"
                 f"{compared}; the drive limits or ignores it: choose a value that it takes, or "
