@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import local_drives
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from fake_fieldbus import axes_of
 from local_bench import NODES, drives_file
 
 from drivers.axis import AxisScale
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.cia402.stream_limits import check_path

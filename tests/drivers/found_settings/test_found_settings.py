@@ -10,6 +10,7 @@ import can
 import canopen
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from downloads import Place, downloads
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +20,6 @@ from probing_bench import Scripted
 
 from checked_files.yaml_file import FileError, parse_yaml
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.held_values import COMMANDS
 from drivers.drive_bus import DriveError, DriveRefused, Move
