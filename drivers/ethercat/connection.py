@@ -21,7 +21,6 @@ from drivers.session.connection import Connection
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
     from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
@@ -96,10 +95,6 @@ class EthercatConnection(Connection):
         for drive, server in zip(drives, servers, strict=True):
             drive.emergencies = partial(supervision.take_emergency, server.node)
         line.idle = life_sign.beat
-
-    def conflicts(self) -> Sequence[DriveRefused]:
-        """Return none: each drive has its own place in a frame."""
-        return ()
 
     def start(self) -> None:
         """Bring all drives to SAFEOP as they have been set up, and ask for OP."""

@@ -71,9 +71,9 @@ class Connection(ABC):
         """State what is to be known of the bus itself after a while, and stops nothing."""
         return ()
 
-    @abstractmethod
     def conflicts(self) -> Sequence[DriveRefused]:
         """Return which drives cannot share the bus, once all are configured."""
+        return ()
 
     @abstractmethod
     def start(self) -> None:
