@@ -19,15 +19,15 @@ from drivers.ethercat.rules import RULES
 from drivers.ethercat.scan import scan_line
 from drivers.ethercat.slaves import Slaves
 from drivers.remote_dictionary import NoAnswer, RemoteDictionary
-from drivers.session.connection import UnpoweredDrives
+from drivers.session.connection import UnpoweredDrives, places_of
 from drivers.sync_clock import LockStep
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator
+    from collections.abc import Collection, Iterable, Iterator, Sequence
     from typing import Self
 
     from drivers.dictionary.found_nodes import Scan
-    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.drives_file import DrivesFile
     from drivers.ethercat.wire import Wire
     from drivers.fieldbus import PacingName
     from drivers.session.connection import Place
@@ -69,27 +69,21 @@ class EthercatBus:
         """Build all that is needed to talk to drives (see `Fieldbus`)."""
         line = self._line()
         slaves = Slaves(line)
-        reached = _reached(line, slaves, drives)
-        servers = [RemoteDictionary(drive, axis.node, axis.name) for drive, axis in reached]
+        reached, servers = _reached(line, slaves, places_of(drives.axes), drives.sdo_timeout)
+        clock = self._clock(period)
         return EthercatConnection(
-            line,
-            slaves,
-            [drive for drive, _ in reached],
-            servers,
-            self._clock(period),
-            drives,
-            feed_forward=feed_forward,
+            line, slaves, reached, servers, clock, drives, feed_forward=feed_forward
         )
 
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
         """Reach drives by their mailboxes alone."""
         line = self._line()
-        reached = _reached(line, Slaves(line), drives)
-        self._asked += (drive for drive, _ in reached)
-        servers = tuple(RemoteDictionary(drive, axis.node, axis.name) for drive, axis in reached)
+        places = places_of(drives.axes)
+        reached, servers = _reached(line, Slaves(line), places, drives.sdo_timeout)
+        self._asked += reached
         found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
         clock = self._clock(drives.sync_period)
-        data = EthercatProcessData(line, drives.axes, [drive for drive, _ in reached], clock)
+        data = EthercatProcessData(line, drives.axes, reached, clock)
         return UnpoweredDrives(servers, found, data)
 
     def servers(
@@ -97,15 +91,9 @@ class EthercatBus:
     ) -> tuple[RemoteDictionary, ...]:
         """Reach drives by position or alias, which may take `timeout` to answer [s]."""
         line = self._line()
-        slaves = Slaves(line)
-
-        def drive(place: Place) -> EthercatDrive:
-            label = f"{place.name} (node {place.node})"
-            find = partial(slaves.at, place.node, place.alias)
-            self._asked.append(EthercatDrive(find, line, label, timeout))
-            return self._asked[-1]
-
-        return tuple(RemoteDictionary(drive(place), place.node, place.name) for place in places)
+        reached, servers = _reached(line, Slaves(line), tuple(places), timeout)
+        self._asked += reached
+        return servers
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find slaves and what they offer (see `drivers.ethercat.scan.scan_line`)."""
@@ -150,13 +138,15 @@ class EthercatBus:
 
 
 def _reached(
-    line: Line, slaves: Slaves, drives: DrivesFile
-) -> list[tuple[EthercatDrive, AxisDrive]]:
-    timeout = drives.sdo_timeout
-    return [
-        (EthercatDrive(partial(slaves.at, axis.node, axis.alias), line, axis.label, timeout), axis)
-        for axis in drives.axes
-    ]
+    line: Line, slaves: Slaves, places: Sequence[Place], timeout: float
+) -> tuple[tuple[EthercatDrive, ...], tuple[RemoteDictionary, ...]]:
+    """Return drives and their objects, which are looked for on the line when first needed."""
+    drives = tuple(
+        EthercatDrive(partial(slaves.at, node, alias), line, f"{name} (node {node})", timeout)
+        for node, name, alias in places
+    )
+    pairs = zip(drives, places, strict=True)
+    return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)
 
 
 class TimedEthercatBus(EthercatBus):

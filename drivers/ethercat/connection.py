@@ -45,7 +45,7 @@ class EthercatConnection(Connection):
         All on it.
     drives : sequence of EthercatDrive
         In joint order.
-    servers : sequence of RemoteDictionary
+    servers : tuple of RemoteDictionary
         Their objects.
     clock : SyncClock
         Where the time of a cycle comes from.
@@ -66,7 +66,7 @@ class EthercatConnection(Connection):
         line: Line,
         slaves: Slaves,
         drives: Sequence[EthercatDrive],
-        servers: Sequence[RemoteDictionary],
+        servers: tuple[RemoteDictionary, ...],
         clock: SyncClock,
         file: DrivesFile,
         *,
@@ -91,7 +91,7 @@ class EthercatConnection(Connection):
         found = tuple(
             EthercatCommunication.wanted(axis, feed_forward=feed_forward) for axis in file.axes
         )
-        super().__init__(tuple(servers), found, supervision, data, life_sign)
+        super().__init__(servers, found, supervision, data, life_sign)
         for drive, server in zip(drives, servers, strict=True):
             drive.emergencies = partial(supervision.take_emergency, server.node)
         line.idle = life_sign.beat

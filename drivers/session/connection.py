@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from drivers.dictionary.bus_rules import BusRules
     from drivers.dictionary.found_nodes import Scan
     from drivers.drive_bus import DriveRefused
-    from drivers.drives_file import DrivesFile
+    from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import LifeSign
+    from drivers.found_settings.settings_file import FoundDrive
     from drivers.remote_dictionary import RemoteDictionary
 
 
@@ -167,6 +168,11 @@ class Place(NamedTuple):
     node: int
     name: str
     alias: int | None = None
+
+
+def places_of(drives: Iterable[AxisDrive | FoundDrive]) -> tuple[Place, ...]:
+    """Return where drives are that a file names."""
+    return tuple(Place(drive.node, drive.name, drive.alias) for drive in drives)
 
 
 class Fieldbus(Protocol):
