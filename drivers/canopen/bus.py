@@ -17,11 +17,10 @@ from drivers.canopen.scan import NODES, scan_bus
 from drivers.canopen.sdo import SDO_TIMEOUT, server_of
 from drivers.canopen.sync_clock import choose_sync_clock
 from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
-from drivers.session.connection import UnpoweredDrives
+from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
-    from typing import Self
 
     import can
 
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
     from drivers.session.connection import Place
 
 
-class CanopenBus:
-    """An open bus, and a context manager that closes it.
+class CanopenBus(Fieldbus):
+    """An open python-can bus.
 
     Parameters
     ----------
@@ -48,27 +47,9 @@ class CanopenBus:
     def __init__(self, bus: can.BusABC, pacing: PacingName = "auto") -> None:
         self._bus = bus
         self._pacing: PacingName = pacing
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.shutdown()
-
-    @property
-    def lock_step(self) -> bool:
-        """Whether all answers are queued before a frame has been sent."""
-        return capabilities_of(self._bus).lock_step
-
-    @property
-    def keeps_time(self) -> bool:
-        """Whether the kernel sends SYNC."""
-        return capabilities_of(self._bus).kernel_sync
-
-    @property
-    def recorded(self) -> bool:
-        """Whether no drives are behind it."""
-        return capabilities_of(self._bus).recorded
+        able = capabilities_of(bus)
+        self.lock_step, self.keeps_time = able.lock_step, able.kernel_sync
+        self.recorded = able.recorded
 
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
@@ -125,7 +106,7 @@ class CanopenBus:
         self._bus.shutdown()
 
 
-class TimedCanopenBus(CanopenBus):
+class TimedCanopenBus(CanopenBus, TimedFieldbus):
     """A bus that notes how long the answers to each SYNC take.
 
     Parameters

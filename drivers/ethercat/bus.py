@@ -19,12 +19,11 @@ from drivers.ethercat.rules import RULES
 from drivers.ethercat.scan import scan_line
 from drivers.ethercat.slaves import Slaves
 from drivers.remote_dictionary import NoAnswer, RemoteDictionary
-from drivers.session.connection import UnpoweredDrives, places_of
+from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives, places_of
 from drivers.sync_clock import LockStep
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
-    from typing import Self
 
     from drivers.dictionary.found_nodes import Scan
     from drivers.drives_file import DrivesFile
@@ -37,8 +36,8 @@ SDO_TIMEOUT = 1.0
 """How long a drive may take to answer [s], where no drives file says it."""
 
 
-class EthercatBus:
-    """An open interface, and a context manager that closes it.
+class EthercatBus(Fieldbus):
+    """An open interface.
 
     Parameters
     ----------
@@ -56,12 +55,6 @@ class EthercatBus:
         self._wire = wire
         self._asked: list[EthercatDrive] = []
         self.lock_step = pacing == "lock-step"
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.shutdown()
 
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
@@ -149,7 +142,7 @@ def _reached(
     return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)
 
 
-class TimedEthercatBus(EthercatBus):
+class TimedEthercatBus(EthercatBus, TimedFieldbus):
     """A bus that notes how long frames with process data take to come back.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402.power import Power
 
@@ -175,7 +175,7 @@ def places_of(drives: Iterable[AxisDrive | FoundDrive]) -> tuple[Place, ...]:
     return tuple(Place(drive.node, drive.name, drive.alias) for drive in drives)
 
 
-class Fieldbus(Protocol):
+class Fieldbus(ABC):
     """An open bus with drives on it, and a context manager that closes it.
 
     Attributes
@@ -190,24 +190,18 @@ class Fieldbus(Protocol):
         No drives are behind it that could be left switched on.
     """
 
-    @property
-    def rules(self) -> BusRules: ...  # noqa: D102 - an attribute
-
-    @property
-    def lock_step(self) -> bool: ...  # noqa: D102 - an attribute
-
-    @property
-    def keeps_time(self) -> bool: ...  # noqa: D102 - an attribute
-
-    @property
-    def recorded(self) -> bool: ...  # noqa: D102 - an attribute
+    rules: BusRules
+    lock_step: bool
+    keeps_time: bool
+    recorded: bool
 
     def __enter__(self) -> Self:
-        """Have it open."""
+        return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
+        self.shutdown()
 
+    @abstractmethod
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> Connection:
@@ -223,12 +217,15 @@ class Fieldbus(Protocol):
             The drives are to take offsets of velocity and torque.
         """
 
+    @abstractmethod
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
         """Reach drives as they are before or after a session."""
 
+    @abstractmethod
     def servers(self, places: Iterable[Place], timeout: float) -> tuple[RemoteDictionary, ...]:
         """Reach drives, which may take `timeout` to answer [s]."""
 
+    @abstractmethod
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find the nodes of some numbers (by default all) and what they offer, writing nothing.
 
@@ -238,28 +235,35 @@ class Fieldbus(Protocol):
             The bus takes no frames or has gone.
         """
 
+    @abstractmethod
     def wait(self, timeout: float) -> object:
         """Wait as for the next SYNC, for so long at most [s]; what is received is dropped."""
 
+    @abstractmethod
     def timed(self, drives: DrivesFile) -> AbstractContextManager[TimedFieldbus]:
         """Stand in for this bus and note how long drives take to answer."""
 
+    @abstractmethod
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> Picture:
         """Show what is seen by listening alone, and digital inputs (60FD) by asking for them."""
 
+    @abstractmethod
     def load(self, drives: DrivesFile) -> tuple[float, float]:
         """Return the time of a cycle on the bus [s], and the share of the period it may take."""
 
+    @abstractmethod
     def shutdown(self) -> None:
         """Close it."""
 
 
-class TimedFieldbus(Fieldbus, Protocol):
+class TimedFieldbus(Fieldbus):
     """An open bus that notes when SYNC was sent and how long drives take to answer."""
 
+    @abstractmethod
     def achievable_rate(self) -> tuple[float, float]:
         """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 if not timed."""
 
+    @abstractmethod
     def jitter(self, period: float) -> float:
         """Return how far SYNC was off its period [s] where it acts, but for one in a hundred [s].
 
