@@ -9,7 +9,7 @@ set-points included, and both are refused.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import EXTENDED, IDENTIFIER, NMT, SYNC
 from drivers.canopen.pdo_mapping import (
@@ -26,6 +26,7 @@ from drivers.canopen.pdo_set_up import set_up_pdos
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.canopen.set_up import find_emergency, note_process_data, set_up_sync
 from drivers.canopen.watch_set_up import set_up_watch
+from drivers.commissioning.communication import Communication
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class CanopenCommunication:
+class CanopenCommunication(Communication):
     """What one drive sends and listens to (see `drivers.commissioning.communication`).
 
     Attributes
@@ -81,8 +82,8 @@ class CanopenCommunication:
         inputs = Inputs(received(axis), led(axis), offsets)
         return cls(label, node, transmitted(axis), inputs, 0x80 + node)
 
-    requirements: ClassVar = REQUIREMENTS
-    later: ClassVar = LATER
+    requirements = REQUIREMENTS
+    later = LATER
 
     def refusable(self, axis: AxisDrive) -> Refusable | None:
         """Return what drives refuse whose TPDO 1 takes two objects, if there is another way."""
