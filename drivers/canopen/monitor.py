@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import can
@@ -21,7 +20,7 @@ from drivers.canopen.objects import SYNC
 from drivers.canopen.pdo_mapping import transmitted
 from drivers.cia402 import objects
 from drivers.cia402.error_codes import decode_emergency
-from drivers.cia402.picture import AxisPicture
+from drivers.cia402.picture import AxisPicture, Picture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,8 +37,7 @@ STOPPED = 2.0
 """Without a SYNC for so long there is no rate any more [s]."""
 
 
-@dataclass
-class BusPicture:
+class BusPicture(Picture):
     """What was seen of all axes of a drives file.
 
     Parameters
@@ -50,37 +48,33 @@ class BusPicture:
         To be listened to.
     asked : sequence of can.Message
         Sent on it before it is.
-
-    Attributes
-    ----------
-    axes : list of AxisPicture
-        In joint order.
     """
 
-    drives: DrivesFile
-    bus: can.BusABC | None = None
-    asked: Sequence[can.Message] = ()
-    axes: list[AxisPicture] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.axes = [AxisPicture(axis) for axis in self.drives.axes]
+    def __init__(
+        self,
+        drives: DrivesFile,
+        bus: can.BusABC | None = None,
+        asked: Sequence[can.Message] = (),
+    ) -> None:
+        super().__init__(drives)
+        self._bus, self._asked = bus, asked
         self._syncs: deque[float] = deque(maxlen=RATE_OVER)
         self._last_sync = -math.inf
         self._tpdos = {
             pdo.cob_id: (number, pdo.entries, pdo.size)
-            for number, axis in enumerate(self.drives.axes)
+            for number, axis in enumerate(drives.axes)
             for pdo in transmitted(axis)
         }
-        self._of_node = {axis.node: number for number, axis in enumerate(self.drives.axes)}
+        self._of_node = {axis.node: number for number, axis in enumerate(drives.axes)}
 
     def listen(self, duration: float) -> None:
         """Take what comes on the bus, for so long [s]."""
-        assert self.bus is not None  # noqa: S101 - by the caller
-        for question in self.asked:
-            self.bus.send(question)
+        assert self._bus is not None  # noqa: S101 - by the caller
+        for question in self._asked:
+            self._bus.send(question)
         ends = time.monotonic() + duration
         while (left := ends - time.monotonic()) > 0:
-            frame = self.bus.recv(left)
+            frame = self._bus.recv(left)
             if frame is not None:
                 self.take(frame, time.monotonic())
 

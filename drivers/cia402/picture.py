@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
@@ -12,11 +13,9 @@ from drivers.cia402.states import decode_state
 from drivers.cia402.supervision import interlock
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from drivers.cia402.error_codes import Emergency
     from drivers.cia402.states import State
-    from drivers.drives_file import AxisDrive
+    from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
 
 
@@ -76,20 +75,27 @@ class AxisPicture:
             self.interlock = interlock(int(value)) or ""
 
 
-class Picture(Protocol):
-    """What was seen of all axes of a drives file, by a bus that is listened to.
+class Picture(ABC):
+    """What was seen of all axes of a drives file, by a bus that is listened to, or asked.
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        The axes in joint order.
 
     Attributes
     ----------
-    axes : sequence of AxisPicture
+    axes : list of AxisPicture
         In joint order.
     """
 
-    @property
-    def axes(self) -> Sequence[AxisPicture]: ...  # noqa: D102 - an attribute
+    def __init__(self, drives: DrivesFile) -> None:
+        self.axes = [AxisPicture(axis) for axis in drives.axes]
 
+    @abstractmethod
     def listen(self, duration: float) -> None:
         """Take what comes, for so long [s]."""
 
+    @abstractmethod
     def sync_rate(self, now: float) -> float:
         """Rate of the last SYNCs [1/s], 0 if there are none any more at `now` [s]."""

@@ -9,11 +9,12 @@ import time
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.picture import AxisPicture
+from drivers.cia402.picture import Picture
 from drivers.drive_bus import DriveError
 from drivers.ethercat.process_layout import inputs_of
 
 if TYPE_CHECKING:
+    from drivers.cia402.picture import AxisPicture
     from drivers.drives_file import DrivesFile
     from drivers.remote_dictionary import RemoteDictionary
     from drivers.session.connection import UnpoweredDrives
@@ -22,7 +23,7 @@ PAUSE = 0.02
 """Between two rounds of questions [s]."""
 
 
-class LinePicture:
+class LinePicture(Picture):
     """What was seen of all axes of a drives file.
 
     Parameters
@@ -33,15 +34,10 @@ class LinePicture:
         Their objects.
     inputs : bool
         Digital inputs are asked for too.
-
-    Attributes
-    ----------
-    axes : list of AxisPicture
-        In joint order.
     """
 
     def __init__(self, drives: DrivesFile, reached: UnpoweredDrives, *, inputs: bool) -> None:
-        self.axes = [AxisPicture(axis) for axis in drives.axes]
+        super().__init__(drives)
         self._reached, self._inputs = reached, inputs
 
     def listen(self, duration: float) -> None:
