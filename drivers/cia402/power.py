@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.deadline import Deadline
-from drivers.cia402.states import Command, State, decode_state, next_command
+from drivers.cia402.states import FAULTS, Command, State, decode_state, in_words, next_command
 from drivers.cia402.stop import NOT_ENERGISED
 from drivers.cia402.supervision import RESET, safe_torque_off
 from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
@@ -27,8 +27,6 @@ STEP_TIME = 3.0
 """How long a drive may take from one state to another [s]; brakes and DC links are slow."""
 
 OFF_ATTEMPTS = 2
-
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 class Power:
@@ -114,10 +112,8 @@ class Power:
                 if attempt == OFF_ATTEMPTS - 1:
                     raise
         if not self.wait(lambda: self._state(server) in NOT_ENERGISED, STEP_TIME):
-            state = self._state(server)
             raise DriveRefused(
-                f"{server.label}: does not switch off, it shows "
-                f"{'an undefined state' if state is None else state.value}; "
+                f"{server.label}: does not switch off, it shows {in_words(self._state(server))}; "
                 "press the emergency stop"
             )
 
@@ -138,7 +134,7 @@ class Power:
     def _step(
         self, axis: int, server: RemoteDictionary, state: State | None, goal: State, *, late: bool
     ) -> None:
-        if state in _FAULTS:
+        if state in FAULTS:
             raise self._supervision.diagnose(server, self._process_data.words[axis])
         if late and state is not goal:
             locked = safe_torque_off(server)
@@ -147,10 +143,9 @@ class Power:
                     f"{server.label}: {locked}, so that {goal.value} cannot be reached; close "
                     "guards and emergency stops, and release it"
                 )
-            shown = "an undefined state" if state is None else state.value
             raise DriveRefused(
-                f"{server.label}: stays in {shown}, {goal.value} was commanded; check supply "
-                "voltage, enable input and safe torque off"
+                f"{server.label}: stays in {in_words(state)}, {goal.value} was commanded; check"
+                " supply voltage, enable input and safe torque off"
             )
         if self._process_data.flags[axis] & SampleFlag.MISSING or state is None:
             return

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.error_codes import Emergency, decode_emergency, error_text
-from drivers.cia402.states import State, decode_state
+from drivers.cia402.states import FAULTS, State, decode_state
 from drivers.drive_bus import DriveError, DriveFault
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ CODE_SIZE = 2
 """What an EMCY must hold at least: its error code [bytes]."""
 RESET = "remove the cause, then reset the fault (hil drives reset-faults)"
 """What is to be done about a fault."""
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 class Supervision:
@@ -86,7 +85,7 @@ class Supervision:
     def diagnose(self, server: RemoteDictionary, statusword: int) -> DriveError:
         """Put into words why a drive is not in OPERATION ENABLED."""
         state = decode_state(statusword)
-        if state in _FAULTS:
+        if state in FAULTS:
             reason = self.reason(server)
             return DriveFault(f"{server.label}: {state.value}: {reason}; {RESET}")
         shown = f"undefined statusword {statusword:04X}h" if state is None else state.value
