@@ -27,8 +27,6 @@ _STANDARD = {
     if isinstance(entry, Entry)
 }
 _NOTHING = Section("", 0)
-_STANDARD[0x6077, 0] = Entry(0x6077, 0, "i16", "torque actual value")
-_STANDARD[0x6078, 0] = Entry(0x6078, 0, "i16", "current actual value")
 
 
 def expand_compact(

@@ -7,18 +7,18 @@ several objects unanswered is not asked on, so that a scan ends in bounded time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.held_values import mapping_slot
-from drivers.dictionary.dictionary import Declared, Dictionary, Key, mapped_objects
-from drivers.fieldbus import Entry
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
 from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer
 
 if TYPE_CHECKING:
     from drivers.dictionary.bus_rules import BusRules
+    from drivers.fieldbus import Entry
     from drivers.remote_dictionary import Access
 
 DEVICE_NAME = 0x1008
@@ -29,10 +29,7 @@ MAPPED = 8
 """Mapping entries that are looked at."""
 TEXT_LIMIT = 60
 
-_CURRENTS = (
-    objects.TORQUE,
-    Entry(0x6078, 0, "i16", "current actual value"),
-)
+_CURRENTS = (objects.TORQUE, objects.CURRENT)
 
 
 def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
@@ -59,14 +56,10 @@ def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
             reading.ask(mapping_slot(mapping, number))
     model = reading.text(DEVICE_NAME)
     identity = [reading.value(entry) for entry in objects.IDENTITY]
-    proved = mapped_objects(reading.entries)
     return Dictionary(
         f"node {node}",
         live=True,
-        entries={
-            key: replace(found, mappable=True) if key in proved else found
-            for key, found in reading.entries.items()
-        },
+        entries=with_proof(reading.entries),
         unanswered=reading.unanswered,
         node=node,
         vendor=identity[0],
