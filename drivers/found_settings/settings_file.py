@@ -26,7 +26,7 @@ from drivers.drives_file import U32
 from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
     from pathlib import Path
 
     from drivers.remote_dictionary import RemoteDictionary
@@ -177,6 +177,14 @@ class FoundDrive(FileModel):
             for each in self.objects
         )
         return self.model_copy(update={"restored": True, "objects": objects})
+
+    def holding(self, held: Callable[[FoundObject], int | None]) -> FoundDrive:
+        """Return this drive with what it holds by now, or will, of what a session writes once."""
+        objects = tuple(
+            each.model_copy(update={"written": held(each)}) if each.index in WRITTEN_ONCE else each
+            for each in self.objects
+        )
+        return self.model_copy(update={"objects": objects})
 
     @property
     def doubt(self) -> str:
