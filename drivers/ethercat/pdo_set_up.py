@@ -163,8 +163,7 @@ def _content(server: RemoteDictionary, mappings: tuple[int, ...]) -> Mapped:
 def others(mapped: Mapped, entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """Return what else is carried, in whole bytes."""
     named = {entry.word for entry in entries}
-    return tuple(
-        Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "mapped beside")
-        for word in mapped.words
-        if word not in named and word >> 16 and mapped.place(word >> 16, word >> 8 & 0xFF)
-    )
+    carried = [
+        Entry(*key, f"u{8 * size}", "mapped beside") for key, (_, size) in mapped.places.items()
+    ]
+    return tuple(entry for entry in carried if entry.word not in named)

@@ -32,7 +32,7 @@ from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.clocks import OUT_OF_STEP, is_together, size_of
 from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, at
-from drivers.ethercat.process_layout import picking, places
+from drivers.ethercat.process_layout import picking
 from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.remote_dictionary import NoAnswer
 
@@ -133,7 +133,8 @@ class EthercatProcessData(ProcessData):
             address = LOGICAL + APART * axis
             written.append(Datagram(Command.LRW, address, bytes(size)))
             read.append(Datagram(Command.LRD, address, bytes(size)))
-            self._outputs[axis] = places(drive.outputs, place + HEAD)
+            found = drive.outputs.places.items()
+            self._outputs[axis] = {key: (place + HEAD + at, n) for key, (at, n) in found}
             picked, own = picking(drive.inputs, self._axes[axis])
             layout += f"{HEAD + drive.outputs.size}x{picked}BH"
             order += [_VALUES * axis + n for n in (*own, 3, 4)]
