@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
 from drivers.dictionary.bus_rules import ProcessDataReview
-from drivers.dictionary.dictionary import carried
 from drivers.dictionary.missing_objects import Finding
 
 if TYPE_CHECKING:
@@ -23,10 +22,7 @@ if TYPE_CHECKING:
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Declared, Dictionary
 
-_STATE, _COMMAND = (
-    tuple((entry.index, entry.subindex, 8 * entry.size) for entry in entries)
-    for entries in (STATE, COMMAND)
-)
+_STATE, _COMMAND = (tuple(entry.word for entry in entries) for entries in (STATE, COMMAND))
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +45,8 @@ class PdoOffer:
         How many objects it can carry, where its count (sub-index 0) says so.
     declared : int or None
         How many sub-indices a data sheet declares for them.
-    carries : tuple of (index, sub-index, bits)
-        Its mapping as it stands.
+    carries : tuple of int
+        Its mapping as it stands, each object as `drivers.fieldbus.Entry.word` names it.
     """
 
     name: str
@@ -60,7 +56,7 @@ class PdoOffer:
     transmission: int | None
     room: int | None
     declared: int | None
-    carries: tuple[tuple[int, int, int], ...]
+    carries: tuple[int, ...]
 
 
 class _Offers(NamedTuple):
@@ -89,7 +85,7 @@ def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -
 
 def _other_tpdos(offers: _Offers, current: CurrentCandidate) -> tuple[tuple[int, ...], ...] | None:
     """Return the words that TPDO 1 and 2 carry, None where that is what we would have."""
-    measured = _place(current)
+    measured = _word(current)
     together, apart = ((*_STATE, measured),), (_STATE, (measured,))
     usual = together if current.declared.bits == 16 else apart
     fits = usual is together and not any(
@@ -100,9 +96,7 @@ def _other_tpdos(offers: _Offers, current: CurrentCandidate) -> tuple[tuple[int,
         offer.carries if offer is not None and offer.writable is False else objects
         for offer, objects in zip(offers[:2], wanted, strict=False)
     )
-    if found == usual:
-        return None
-    return tuple(tuple(i << 16 | sub << 8 | bits for i, sub, bits in words) for words in found)
+    return None if found == usual else found
 
 
 def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
@@ -134,25 +128,25 @@ def _fixed_type(dictionary: Dictionary, communication: int) -> int | None:
     return kind.default if kind.value is None else kind.value
 
 
-def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int, int, int]]:
+def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[int]:
     number = count.default if count.value is None else count.value
     for slot in slots[: len(slots) if number is None or count.subindex else number]:
         word = slot.default if slot.value is None else slot.value
         if word:
-            yield carried(word)
+            yield word
 
 
 def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Finding]:
-    declared, carried_current = current.declared, _place(current)
+    declared, carried = current.declared, _word(current)
     first, second = offers.tpdo1, offers.tpdo2
-    together = list(_obstacles(first, "TPDO 1", (*_STATE, carried_current)))
+    together = list(_obstacles(first, "TPDO 1", (*_STATE, carried)))
     if declared.bits == 16 and not any(each.fatal for each in together):
         yield from _types(first)
         yield from together
         yield from _goes_on(second)
         return
     fixed = first is not None and first.writable is False
-    if declared.bits == 16 and (first is None or (fixed and not _has(second, carried_current))):
+    if declared.bits == 16 and (first is None or (fixed and not _has(second, carried))):
         yield from together
         return
     if declared.bits == 16 and not fixed:
@@ -160,15 +154,19 @@ def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Finding]:
         yield Finding("TPDO 1", "has no room for 3 objects", so, fatal=False)
     yield from _types(first, second)
     yield from _obstacles(first, "TPDO 1", _STATE)
-    yield from _obstacles(second, "TPDO 2", (carried_current,))
+    yield from _obstacles(second, "TPDO 2", (carried,))
 
 
-def _place(current: CurrentCandidate) -> tuple[int, int, int]:
+def _word(current: CurrentCandidate) -> int:
     declared = current.declared
-    return declared.index, declared.subindex, declared.bits or 0
+    return declared.index << 16 | declared.subindex << 8 | (declared.bits or 0)
 
 
-def _has(offer: PdoOffer | None, wanted: tuple[int, int, int]) -> bool:
+def _shown(words: Sequence[int]) -> str:
+    return ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF:02X}" for word in words)
+
+
+def _has(offer: PdoOffer | None, wanted: int) -> bool:
     return offer is not None and wanted in offer.carries
 
 
@@ -187,15 +185,13 @@ def _goes_on(offer: PdoOffer | None) -> Iterator[Finding]:
         yield Finding(offer.name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
 
 
-def _obstacles(
-    offer: PdoOffer | None, name: str, wanted: tuple[tuple[int, int, int], ...]
-) -> Iterator[Finding]:
-    what = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in wanted)
+def _obstacles(offer: PdoOffer | None, name: str, wanted: tuple[int, ...]) -> Iterator[Finding]:
+    what = _shown(wanted)
     if offer is None:
         yield Finding(name, "is missing", f"{what} cannot be exchanged", fatal=True)
         return
     if offer.writable is False and not _serves(offer, wanted):
-        has = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in offer.carries) or "nothing"
+        has = _shown(offer.carries) or "nothing"
         so = f"{what} is needed; map it with the maker's tool or use another drive"
         yield Finding(name, f"is fixed and carries {has}", so, fatal=True)
     elif offer.writable is False:
@@ -211,9 +207,9 @@ def _obstacles(
         yield Finding(name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
 
 
-def _serves(offer: PdoOffer, wanted: tuple[tuple[int, int, int], ...]) -> bool:
+def _serves(offer: PdoOffer, wanted: tuple[int, ...]) -> bool:
     """Whether a fixed mapping will do: an RPDO as it is, a TPDO in any order and with more."""
     if wanted == _COMMAND:
         return offer.carries == wanted
-    whole = all(bits % 8 == 0 for _, _, bits in offer.carries)
+    whole = all((word & 0xFF) % 8 == 0 for word in offer.carries)
     return whole and set(wanted) <= set(offer.carries)

@@ -160,15 +160,10 @@ class Dictionary:
             yield self.entries[key]
 
 
-def carried(word: int) -> tuple[int, int, int]:
-    """Return index, sub-index and bits of a mapping entry."""
-    return word >> 16, word >> 8 & 0xFF, word & 0xFF
-
-
 def with_proof(entries: Mapping[Key, Declared]) -> dict[Key, Declared]:
     """Return the same; what any TPDO or RPDO carries as it stands is shown to be mappable."""
     proved = frozenset(
-        carried(word)[:2]
+        (word >> 16, word >> 8 & 0xFF)
         for (index, subindex), member in entries.items()
         if subindex and any(index in mappings for mappings in MAPPINGS)
         for word in (member.default, member.value)
