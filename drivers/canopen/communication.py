@@ -24,7 +24,7 @@ from drivers.canopen.pdo_mapping import (
 )
 from drivers.canopen.pdo_set_up import set_up_pdos
 from drivers.canopen.requirements import REQUIREMENTS
-from drivers.canopen.set_up import find_emergency, note_process_data, set_up_sync
+from drivers.canopen.set_up import find_emergency, note_arrival, note_others, set_up_sync
 from drivers.canopen.watch_set_up import set_up_watch
 from drivers.commissioning.communication import Communication
 from drivers.drive_bus import DriveRefused
@@ -104,7 +104,8 @@ class CanopenCommunication(Communication):
         """
         set_up_sync(server, period)
         self.set_up_process_data(server, axis)
-        note_process_data(server, self.inputs, self.others, drives.bitrate, period)
+        note_arrival(server, self.inputs)
+        note_others(server, self.others, drives.bitrate, period)
         self.emergency = find_emergency(server)
         self.guarded = set_up_watch(server, axis, drives)
 
