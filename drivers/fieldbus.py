@@ -67,7 +67,7 @@ class Entry:
     @property
     def size(self) -> int:
         """Length [bytes]."""
-        return self.bits // 8
+        return int(self.type[1:]) // 8
 
     @property
     def word(self) -> int:
@@ -78,6 +78,16 @@ class Entry:
     def signed(self) -> bool:
         """Whether negative numbers exist."""
         return self.type.startswith("i")
+
+    @property
+    def bounds(self) -> tuple[int, int]:
+        """The lowest number that it holds, and the highest."""
+        half = 1 << self.bits - 1
+        return (-half, half - 1) if self.signed else (0, 2 * half - 1)
+
+    def data(self, value: int) -> bytes:
+        """Return the bytes of a number, little endian."""
+        return value.to_bytes(self.size, "little", signed=self.signed)
 
     def number(self, data: bytes) -> float:
         """Return the number that its bytes are, little endian; an integer but of f32."""

@@ -201,7 +201,7 @@ class RemoteDictionary:
 
     def put(self, entry: Entry, value: int) -> None:
         """Write a number (errors as in `get`)."""
-        low, high = _range(entry)
+        low, high = entry.bounds
         if not low <= value <= high:
             raise DriveRefused(
                 f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
@@ -209,9 +209,8 @@ class RemoteDictionary:
             )
         if self.first_write is not None and entry.key not in self.saved:
             self.first_write(entry)
-        data = value.to_bytes(entry.size, "little", signed=entry.signed)
         try:
-            self.access.write(entry.index, entry.subindex, data)
+            self.access.write(entry.index, entry.subindex, entry.data(value))
         except (AccessRefused, NoAnswer) as error:
             raise self._explained(error, entry, f"write {value} to") from error
 
@@ -223,8 +222,7 @@ class RemoteDictionary:
         BusUnavailable
             The bus does not take it.
         """
-        data = value.to_bytes(entry.size, "little", signed=entry.signed)
-        self.access.order(entry.index, entry.subindex, data)
+        self.access.order(entry.index, entry.subindex, entry.data(value))
 
     def set(self, entry: Entry, value: int) -> None:
         """Write a number and read it back; note another value that is accepted.
@@ -321,11 +319,6 @@ class RemoteDictionary:
             f"{self.label}: no answer when trying to {what} object {entry} ({error}); check that "
             f"the drive has power, {error.where}"
         )
-
-
-def _range(entry: Entry) -> tuple[int, int]:
-    bits = 8 * entry.size
-    return (-(1 << bits - 1), (1 << bits - 1) - 1) if entry.signed else (0, (1 << bits) - 1)
 
 
 def _remedy(code: int) -> str:

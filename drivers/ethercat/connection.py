@@ -209,7 +209,7 @@ class EthercatConnection(Connection):
         """Have outputs that are mapped beside ours go on to be what the drives hold."""
         for drive, found in zip(self._drives, self.communications, strict=True):
             for entry, value in found.beside:
-                drive.carry(entry.index, entry.subindex, value.to_bytes(entry.size, "little"))
+                drive.carry(entry.index, entry.subindex, entry.data(value))
 
     def _refused(self) -> bool:
         """Whether a drive shows an error."""

@@ -58,10 +58,6 @@ WRITTEN_ONCE = frozenset(
     row.entry.index for row in _SET if Use.VARY not in row.use and row.entry.index > _PDOS.stop
 )
 """Those of the profile of which a session holds one value from the end of start-up to its own."""
-_RANGES = {
-    kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
-    for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
-}
 
 
 def _printable(text: object) -> object:
@@ -106,7 +102,7 @@ class FoundObject(FileModel):
             raise ValueError(
                 f"index {self.index:04X}h is no setting that a run changes; remove this object"
             )
-        low, high = _RANGES[self.type]
+        low, high = self.entry.bounds
         for value in (self.value, self.value if self.written is None else self.written):
             if not low <= value <= high:
                 raise ValueError(
