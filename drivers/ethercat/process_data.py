@@ -203,7 +203,7 @@ class EthercatProcessData(ProcessData):
     def _put(self, axis: int, entry: Entry, value: int) -> None:
         self._store(
             axis,
-            entry.key,
+            (entry.index, entry.subindex),
             value.to_bytes(entry.size, "little", signed=entry.signed),
         )
 
