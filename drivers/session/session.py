@@ -8,7 +8,6 @@ Trouble stops all axes before it is raised, and latches. How a session is left i
 
 from __future__ import annotations
 
-import enum
 import math
 from typing import TYPE_CHECKING, NoReturn
 
@@ -45,14 +44,6 @@ UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
 
-class SessionState(enum.Enum):
-    """How far a session has come."""
-
-    CHECKED = "every drive has passed, and none exchanges process data"
-    READY = "all drives exchange process data"
-    LEFT = "all that could be was stopped, switched off and put back"
-
-
 class Session:
     """Axes under power, and what moves and watches them.
 
@@ -77,8 +68,8 @@ class Session:
         As given.
     stopping : Stopping
         Stops all axes, and remembers why.
-    state : SessionState
-        How far it has come; whoever leaves it says so.
+    started : bool
+        All drives exchange process data.
     """
 
     def __init__(
@@ -91,7 +82,7 @@ class Session:
         anywhere: bool,
         feed_forward: bool = False,
     ) -> None:
-        self.state = SessionState.CHECKED
+        self.started = False
         self.connection = connection
         self.axes = axes
         self._period = period
@@ -126,7 +117,7 @@ class Session:
             Why not.
         """
         self.connection.start()
-        self.state = SessionState.READY
+        self.started = True
         self.connection.await_answers()
         self.power_on()
 
