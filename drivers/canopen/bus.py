@@ -66,7 +66,7 @@ class CanopenBus(Fieldbus):
         servers = tuple(
             server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
         )
-        found = tuple(CanopenCommunication.predefined(axis, axis.label) for axis in drives.axes)
+        found = tuple(CanopenCommunication.predefined(axis) for axis in drives.axes)
         return UnpoweredDrives(servers, found, SyncProcessData(network, drives.axes, clock, found))
 
     def servers(

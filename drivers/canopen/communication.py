@@ -76,11 +76,11 @@ class CanopenCommunication(Communication):
         return self.inputs.offsets is not None
 
     @classmethod
-    def predefined(cls, axis: AxisDrive, label: str, *, feed_forward: bool = False) -> Self:
+    def predefined(cls, axis: AxisDrive, *, feed_forward: bool = False) -> Self:
         """Return what a drive does whose communication is as we write it."""
         node, offsets = axis.node, fed_forward(axis) if feed_forward else None
         inputs = Inputs(received(axis), led(axis), offsets)
-        return cls(label, node, transmitted(axis), inputs, 0x80 + node)
+        return cls(axis.label, node, transmitted(axis), inputs, 0x80 + node)
 
     requirements = REQUIREMENTS
     later = LATER

@@ -78,8 +78,7 @@ class CanopenConnection(Connection):
             server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
         )
         communications = tuple(
-            CanopenCommunication.predefined(axis, axis.label, feed_forward=feed_forward)
-            for axis in drives.axes
+            CanopenCommunication.predefined(axis, feed_forward=feed_forward) for axis in drives.axes
         )
         supervision = Supervision(servers)
         heartbeats = Heartbeats(

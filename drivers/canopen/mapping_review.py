@@ -9,7 +9,7 @@ in any order, and then it is the fixed mapping that decides which current is use
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
@@ -59,42 +59,34 @@ class PdoOffer:
     carries: tuple[int, ...]
 
 
-class _Offers(NamedTuple):
-    """The PDOs that we would use; None where the drive does not have one."""
-
-    tpdo1: PdoOffer | None
-    tpdo2: PdoOffer | None
-    rpdo1: PdoOffer | None
+_Tpdos = tuple[PdoOffer | None, PdoOffer | None]
+"""Those that we would use; None where the drive does not have one."""
 
 
 def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -> ProcessDataReview:
     """Find out what the PDOs can carry (see `drivers.dictionary.bus_rules.ProcessDataReview`)."""
-    offers = _Offers(
-        _offer(dictionary, "TPDO 1", 0x1800),
-        _offer(dictionary, "TPDO 2", 0x1801),
-        _offer(dictionary, "RPDO 1", 0x1400),
-    )
-    receiving = tuple(_obstacles(offers.rpdo1, "RPDO 1", _COMMAND))
-    attempts = [(current, tuple(_sending(offers, current))) for current in usable]
+    tpdos = _offer(dictionary, "TPDO 1", 0x1800), _offer(dictionary, "TPDO 2", 0x1801)
+    receiving = tuple(_obstacles(_offer(dictionary, "RPDO 1", 0x1400), "RPDO 1", _COMMAND))
+    attempts = [(current, tuple(_sending(tpdos, current))) for current in usable]
     if not attempts:
         return ProcessDataReview(None, None, receiving)
     fitting = (attempt for attempt in attempts if not any(each.fatal for each in attempt[1]))
     current, obstacles = next(fitting, attempts[0])
-    return ProcessDataReview(current, _other_tpdos(offers, current), (*receiving, *obstacles))
+    return ProcessDataReview(current, _other_tpdos(tpdos, current), (*receiving, *obstacles))
 
 
-def _other_tpdos(offers: _Offers, current: CurrentCandidate) -> tuple[tuple[int, ...], ...] | None:
+def _other_tpdos(tpdos: _Tpdos, current: CurrentCandidate) -> tuple[tuple[int, ...], ...] | None:
     """Return the words that TPDO 1 and 2 carry, None where that is what we would have."""
     measured = _word(current)
     together, apart = ((*_STATE, measured),), (_STATE, (measured,))
     usual = together if current.declared.bits == 16 else apart
     fits = usual is together and not any(
-        each.fatal for each in _obstacles(offers.tpdo1, "TPDO 1", together[0])
+        each.fatal for each in _obstacles(tpdos[0], "TPDO 1", together[0])
     )
     wanted = together if fits else apart
     found = tuple(
         offer.carries if offer is not None and offer.writable is False else objects
-        for offer, objects in zip(offers[:2], wanted, strict=False)
+        for offer, objects in zip(tpdos, wanted, strict=False)
     )
     return None if found == usual else found
 
@@ -136,9 +128,9 @@ def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[int]:
             yield word
 
 
-def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Finding]:
+def _sending(tpdos: _Tpdos, current: CurrentCandidate) -> Iterator[Finding]:
     declared, carried = current.declared, _word(current)
-    first, second = offers.tpdo1, offers.tpdo2
+    first, second = tpdos
     together = list(_obstacles(first, "TPDO 1", (*_STATE, carried)))
     if declared.bits == 16 and not any(each.fatal for each in together):
         yield from _types(first)
