@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import can
 
-from drivers.canopen.objects import SYNC
+from drivers.canopen.objects import NMT_STATES, SYNC
 from drivers.canopen.pdo_mapping import transmitted
 from drivers.cia402 import objects
 from drivers.cia402.error_codes import decode_emergency
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from drivers.drives_file import DrivesFile
 
-NMT_STATES = {0x00: "booting", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
 _SDO_ANSWER, _SDO_REQUEST = 0x580, 0x600
 _UPLOAD = b"\x40" + objects.DIGITAL_INPUTS.index.to_bytes(2, "little") + b"\x00"
 _EXPEDITED = 0x43

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.canopen.network import PumpedNetwork
-from drivers.canopen.objects import SYNC
+from drivers.canopen.objects import NMT_STATES, SYNC
 from drivers.canopen.rules import RULES
 from drivers.canopen.sdo import SdoAccess
 from drivers.dictionary.found_nodes import Scan
@@ -35,7 +35,6 @@ SDO_TIMEOUT = 0.25
 BATCH = 8
 """Requests in a row; socketcan queues ten."""
 REQUEST = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])
-STATES = {0x00: "boot-up", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
 
 
 def scan_bus(
@@ -92,7 +91,7 @@ def _listen_to_all(network: PumpedNetwork, scan: Scan) -> None:
 
 def _on_heartbeat(scan: Scan, can_id: int, data: bytearray, _: float) -> None:
     found = scan.heard(can_id & 0x7F)
-    found.state = STATES.get(data[0] & 0x7F, "unknown state") if data else "unknown state"
+    found.state = NMT_STATES.get(data[0] & 0x7F, "unknown state") if data else "unknown state"
     found.boots += found.state == "boot-up"
 
 
