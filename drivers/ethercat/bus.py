@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from contextlib import contextmanager, suppress
-from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent
 from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.connection import EthercatConnection
 from drivers.ethercat.cycle_time import MAX_LOAD, StopwatchWire, cycle_time
-from drivers.ethercat.drive import EthercatDrive
+from drivers.ethercat.drive import reached
 from drivers.ethercat.line import LOCK_STEP_PATIENCE, PATIENCE, Line
 from drivers.ethercat.monitor import LinePicture
 from drivers.ethercat.process_data import EthercatProcessData
@@ -18,17 +17,19 @@ from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.ethercat.rules import RULES
 from drivers.ethercat.scan import scan_line
 from drivers.ethercat.slaves import Slaves
-from drivers.remote_dictionary import NoAnswer, RemoteDictionary
+from drivers.remote_dictionary import NoAnswer
 from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives, places_of
 from drivers.sync_clock import LockStep
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator
 
     from drivers.dictionary.found_nodes import Scan
     from drivers.drives_file import DrivesFile
+    from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.wire import Wire
     from drivers.fieldbus import PacingName
+    from drivers.remote_dictionary import RemoteDictionary
     from drivers.session.connection import Place
     from drivers.sync_clock import SyncClock
 
@@ -60,23 +61,18 @@ class EthercatBus(Fieldbus):
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> EthercatConnection:
         """Build all that is needed to talk to drives (see `Fieldbus`)."""
-        line = self._line()
-        slaves = Slaves(line)
-        reached, servers = _reached(line, slaves, places_of(drives.axes), drives.sdo_timeout)
         clock = self._clock(period)
-        return EthercatConnection(
-            line, slaves, reached, servers, clock, drives, feed_forward=feed_forward
-        )
+        return EthercatConnection(self._line(), clock, drives, feed_forward=feed_forward)
 
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
         """Reach drives by their mailboxes alone."""
         line = self._line()
         places = places_of(drives.axes)
-        reached, servers = _reached(line, Slaves(line), places, drives.sdo_timeout)
-        self._asked += reached
+        asked, servers = reached(line, Slaves(line), places, drives.sdo_timeout)
+        self._asked += asked
         found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
         clock = self._clock(drives.sync_period)
-        data = EthercatProcessData(line, drives.axes, reached, clock)
+        data = EthercatProcessData(line, drives.axes, asked, clock)
         return UnpoweredDrives(servers, found, data)
 
     def servers(
@@ -84,8 +80,8 @@ class EthercatBus(Fieldbus):
     ) -> tuple[RemoteDictionary, ...]:
         """Reach drives by position or alias, which may take `timeout` to answer [s]."""
         line = self._line()
-        reached, servers = _reached(line, Slaves(line), tuple(places), timeout)
-        self._asked += reached
+        asked, servers = reached(line, Slaves(line), tuple(places), timeout)
+        self._asked += asked
         return servers
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
@@ -128,18 +124,6 @@ class EthercatBus(Fieldbus):
 
     def _clock(self, period: float) -> SyncClock:
         return LockStep(period, synchronous=False) if self.lock_step else ReferenceClock(period)
-
-
-def _reached(
-    line: Line, slaves: Slaves, places: Sequence[Place], timeout: float
-) -> tuple[tuple[EthercatDrive, ...], tuple[RemoteDictionary, ...]]:
-    """Return drives and their objects, which are looked for on the line when first needed."""
-    drives = tuple(
-        EthercatDrive(partial(slaves.at, node, alias), line, f"{name} (node {node})", timeout)
-        for node, name, alias in places
-    )
-    pairs = zip(drives, places, strict=True)
-    return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)
 
 
 class TimedEthercatBus(EthercatBus, TimedFieldbus):

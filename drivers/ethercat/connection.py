@@ -11,21 +11,19 @@ from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import ERROR, MASK, AlState
 from drivers.ethercat.clocks import Clocks
 from drivers.ethercat.communication import EthercatCommunication, offers_sync0, synchronise
-from drivers.ethercat.drive import heard
+from drivers.ethercat.drive import heard, reached
 from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
 from drivers.ethercat.reference_clock import AHEAD, ReferenceClock
+from drivers.ethercat.slaves import Slaves
 from drivers.ethercat.watchdog import OutputsSent
 from drivers.remote_dictionary import NoAnswer
-from drivers.session.connection import Connection
+from drivers.session.connection import Connection, places_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.drives_file import DrivesFile
-    from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
-    from drivers.ethercat.slaves import Slaves
-    from drivers.remote_dictionary import RemoteDictionary
     from drivers.sync_clock import SyncClock
 
 START_TIME = 3.0
@@ -41,12 +39,6 @@ class EthercatConnection(Connection):
     ----------
     line : Line
         That they are on.
-    slaves : Slaves
-        All on it.
-    drives : sequence of EthercatDrive
-        In joint order.
-    servers : tuple of RemoteDictionary
-        Their objects.
     clock : SyncClock
         Where the time of a cycle comes from.
     file : DrivesFile
@@ -64,15 +56,15 @@ class EthercatConnection(Connection):
     def __init__(
         self,
         line: Line,
-        slaves: Slaves,
-        drives: Sequence[EthercatDrive],
-        servers: tuple[RemoteDictionary, ...],
         clock: SyncClock,
         file: DrivesFile,
         *,
         feed_forward: bool,
     ) -> None:
-        self._line, self._slaves, self._drives = line, slaves, drives
+        self._line, self._slaves = line, Slaves(line)
+        places = places_of(file.axes)
+        drives, servers = reached(line, self._slaves, places, file.sdo_timeout)
+        self._drives = drives
         self._timeout = file.heartbeat_timeout
         self._clock: ReferenceClock | None = None
         if isinstance(clock, ReferenceClock) and file.distributed_clock:

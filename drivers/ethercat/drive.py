@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 import time
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused, NodeSilent
@@ -21,13 +22,15 @@ from drivers.ethercat.coe import SdoClient, emergency_of
 from drivers.ethercat.eeprom import Area, Layout, read_layout
 from drivers.ethercat.mailbox import Mailbox
 from drivers.ethercat.process_layout import Mapped
-from drivers.remote_dictionary import AccessRefused, NoAnswer
+from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from drivers.ethercat.line import Line
+    from drivers.ethercat.slaves import Slaves
     from drivers.ethercat.station import Station
+    from drivers.session.connection import Place
 
 DIVIDER = 2498
 """Of the watchdog, which then counts in 0.1 ms: what controllers begin with."""
@@ -283,3 +286,15 @@ def heard(label: str) -> Iterator[None]:
         yield
     except NoAnswer as error:
         raise NodeSilent(f"{label}: does not answer ({error}); check {error.where}") from error
+
+
+def reached(
+    line: Line, slaves: Slaves, places: Sequence[Place], timeout: float
+) -> tuple[tuple[EthercatDrive, ...], tuple[RemoteDictionary, ...]]:
+    """Return drives and their objects, which are looked for on the line when first needed."""
+    drives = tuple(
+        EthercatDrive(partial(slaves.at, node, alias), line, f"{name} (node {node})", timeout)
+        for node, name, alias in places
+    )
+    pairs = zip(drives, places, strict=True)
+    return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)
