@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.cia402.supervision import Supervision
 from drivers.drive_bus import DriveError, NodeSilent
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import ERROR, MASK, AlState
@@ -71,7 +70,6 @@ class EthercatConnection(Connection):
             self._clock = clock
         self._clocks: Clocks | None = None
         self._data = data = EthercatProcessData(line, file.axes, drives, clock)
-        supervision = Supervision(servers)
         life_sign = OutputsSent(
             data,
             [drive.label for drive in drives],
@@ -83,9 +81,9 @@ class EthercatConnection(Connection):
         found = tuple(
             EthercatCommunication.wanted(axis, feed_forward=feed_forward) for axis in file.axes
         )
-        super().__init__(servers, found, supervision, data, life_sign)
+        super().__init__(servers, found, data, life_sign)
         for drive, server in zip(drives, servers, strict=True):
-            drive.emergencies = partial(supervision.take_emergency, server.node)
+            drive.emergencies = partial(self.supervision.take_emergency, server.node)
         line.idle = life_sign.beat
 
     def start(self) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402.power import Power
+from drivers.cia402.supervision import Supervision
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from typing import Self
 
     from drivers.cia402.picture import Picture
-    from drivers.cia402.supervision import Supervision
     from drivers.commissioning.communication import Communication
     from drivers.cycle_data import ProcessData
     from drivers.dictionary.bus_rules import BusRules
@@ -35,8 +35,6 @@ class Connection(ABC):
         The drives' object dictionaries.
     communications : tuple of Communication
         How each drive communicates; what is found is put in.
-    supervision : Supervision
-        Judges statuswords and emergencies.
     process_data : ProcessData
         Of all axes.
     life_sign : LifeSign
@@ -46,6 +44,8 @@ class Connection(ABC):
     ----------
     silence, wiring : str
         What stays away for so many SYNCs, in words, and what to check of the bus then.
+    supervision : Supervision
+        Judges statuswords and emergencies.
     power : Power
         Switches drives on and off.
     written : list of RemoteDictionary
@@ -59,13 +59,13 @@ class Connection(ABC):
         self,
         servers: tuple[RemoteDictionary, ...],
         communications: tuple[Communication, ...],
-        supervision: Supervision,
         process_data: ProcessData,
         life_sign: LifeSign,
     ) -> None:
         self.servers, self.communications = servers, communications
-        self.supervision, self.process_data, self.life_sign = supervision, process_data, life_sign
-        self.power = Power(process_data, servers, supervision)
+        self.process_data, self.life_sign = process_data, life_sign
+        self.supervision = Supervision(servers)
+        self.power = Power(process_data, servers, self.supervision)
         self.written: list[RemoteDictionary] = []
 
     def remarks(self) -> Sequence[str]:
