@@ -30,7 +30,7 @@ from figures import Figure, keep
 from rich.console import Console
 from rich.table import Table
 
-from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
 from drivers.canopen.process_data import SyncProcessData
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
@@ -82,7 +82,7 @@ def in_step() -> Iterator[ServoAxes]:
 
 
 @contextmanager
-def in_thread() -> Iterator[CanopenDriveBus]:
+def in_thread() -> Iterator[ServoAxes]:
     """The plant in a thread behind python-can's ``virtual`` bus."""
     stop = threading.Event()
     with (
@@ -93,7 +93,7 @@ def in_thread() -> Iterator[CanopenDriveBus]:
         server = threading.Thread(target=serve, args=arguments)
         server.start()
         try:
-            yield CanopenDriveBus(our_side, drives, pacing="lock-step")
+            yield ServoAxes(CanopenBus(our_side, "lock-step"), drives)
         finally:
             stop.set()
             server.join()

@@ -26,7 +26,7 @@ import numpy as np
 from figures import Figure, keep
 from plant_wire import PlantWire
 
-from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
 from drivers.canopen.process_data import SyncProcessData
 from drivers.drives_file import load_drives
 from drivers.ethercat.bus import EthercatBus
@@ -114,7 +114,9 @@ def over_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
         mock.patch("drivers.canopen.connection.SyncProcessData", LateProcessData),
     ):
         assert bus._plant is not None  # the plant behind it
-        return measured(plan, folder, CanopenDriveBus(bus, drives), bus._plant._network, waiting)
+        return measured(
+            plan, folder, ServoAxes(CanopenBus(bus), drives), bus._plant._network, waiting
+        )
 
 
 def over_ethercat(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:

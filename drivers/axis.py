@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import Objects
+    from drivers.remote_dictionary import RemoteDictionary
 
 FINEST = 2.0**-24
 """Share of a number by which it is rounded in 32 bits (IEEE 754)."""
@@ -158,7 +158,7 @@ class Axis:
         What the drives file states of it.
     drive : AxisDrive
         The same with the limits that hold.
-    server : Objects
+    server : RemoteDictionary
         Its drive's object dictionary.
     own : mapping of str to str
         Which of these limits are the drive's own: field, and the object that sets it.
@@ -176,7 +176,7 @@ class Axis:
     index: int
     stated: AxisDrive
     drive: AxisDrive
-    server: Objects
+    server: RemoteDictionary
     own: Mapping[str, str] = field(default_factory=dict)
     stop_deceleration: float | None = None
     identity: str = ""
@@ -184,7 +184,9 @@ class Axis:
     wrap: Wrap | None = None
 
     @classmethod
-    def all(cls, drives: Sequence[AxisDrive], servers: Sequence[Objects]) -> tuple[Axis, ...]:
+    def all(
+        cls, drives: Sequence[AxisDrive], servers: Sequence[RemoteDictionary]
+    ) -> tuple[Axis, ...]:
         """Return axes with the limits of the drives file."""
         pairs = enumerate(zip(drives, servers, strict=True))
         return tuple(cls(index, drive, drive, server) for index, (drive, server) in pairs)

@@ -1,9 +1,10 @@
-"""What process data of any bus have in common: values of all axes, taken cycle by cycle."""
+"""Process data of all axes on whichever bus, as those see them who move and watch the axes."""
 
 from __future__ import annotations
 
 import math
 import struct
+from abc import ABC, abstractmethod
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
@@ -20,8 +21,10 @@ CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
 """Types of what is read, as `struct` has them; bytes of other types are skipped."""
 
 
-class CycleData:
-    """The part of `drivers.fieldbus.ProcessData` that no bus does in its own way.
+class ProcessData(ABC):
+    """Process data of all axes, latched at SYNC, and the time that SYNC makes.
+
+    Positions are in increments, currents in the drive's unit; axes are in joint order.
 
     Parameters
     ----------
@@ -31,9 +34,21 @@ class CycleData:
 
     Attributes
     ----------
-    words, positions, currents, flags, irregular, time
-        See `ProcessData`.
+    words, positions, currents : sequence of int (currents of float), length n_axes
+        Statusword, position and current; where an axis's telegram is missing, those of the SYNC
+        before.
+    flags : tuple of int, length n_axes
+        `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE and SKIPPED.
+    irregular : bool
+        Some flag is set.
+    time : float
+        The last SYNC's instant [s].
+    on_arrival : tuple of int
+        Axes on which set-points of a stream act when they arrive, and then those of all do; where
+        there are none they act at the next SYNC.
     """
+
+    on_arrival: tuple[int, ...] = ()
 
     def __init__(self, n_axes: int, clock: SyncClock) -> None:
         self._clock = clock
@@ -46,13 +61,49 @@ class CycleData:
         self.time = 0.0
         self._before = self._anchor = (-math.inf, self._regular)
 
+    @abstractmethod
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send target position [increments] and controlword to one axis, at once.
+
+        Each word counts, also where several are sent between two SYNCs: a fault reset sends two.
+        """
+
+    @abstractmethod
+    def lead(self, axis: int, target: int) -> None:
+        """Send a set-point of a stream to one axis that follows it [increments]."""
+
+    @abstractmethod
+    def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
+        """Send offsets of velocity [the drive's unit] and torque [per mille of rated] to one axis.
+
+        They count until the next ones; only for drives that were set up to take them.
+        """
+
+    @abstractmethod
+    def withdraw(self, axis: int) -> None:
+        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
+
+    @abstractmethod
+    def sync(self) -> float:
+        """Send the next SYNC when it is due and collect its answers; return its instant [s].
+
+        Raises
+        ------
+        drivers.drive_bus.BusUnavailable
+            The bus does not take or give telegrams any more.
+        """
+
+    @abstractmethod
+    def tick(self) -> None:
+        """Let one period pass while the drives send no process data yet."""
+
     def now(self) -> float:
-        """Time since the bus was entered [s]."""
+        """Time of the same clock as `time` [s]."""
         return self._clock.now()
 
     @property
     def skipped(self) -> int:
-        """Cycles that were left out because we came too late for them."""
+        """SYNCs that were left out because we came too late for them; may be set."""
         return self._clock.skipped
 
     @skipped.setter
@@ -60,7 +111,7 @@ class CycleData:
         self._clock.skipped = number
 
     def miss(self) -> None:
-        """Let a period pass in which the bus took no frame."""
+        """Let one period pass in which the bus took no SYNC."""
         self._clock.miss()
 
     def hurry(self, hurried: bool) -> None:

@@ -277,10 +277,8 @@ class AxisDrive(FileModel):
     def _tpdos_whole(self) -> Self:
         if self.tpdos is None:
             return self
-        current = self.current
-        word = current.index << 16 | current.subindex << 8 | int(current.type[1:])
         carried = {word for words in self.tpdos for word in words}
-        for needed in (STATUS_WORD, POSITION_WORD, word):
+        for needed in (STATUS_WORD, POSITION_WORD, self.current.entry.word):
             if needed not in carried:
                 raise ValueError(
                     f"tpdos: 0x{needed:08X} is missing; state what 1A00 and 1A01 of the drive hold"

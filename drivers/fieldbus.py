@@ -3,8 +3,9 @@
 A drive of this profile is an object dictionary and process data: statusword, position and current
 come with each SYNC, target and controlword go out. CANopen carries both (`drivers.canopen`);
 another fieldbus that carries the profile (CANopen over EtherCAT) is a folder beside it that offers
-the same protocols. `drivers.cia402` and `drivers.safety` see nothing else of a bus; what sessions
-and tools need beside that is `drivers.session.connection.Fieldbus`.
+the same. `drivers.cia402` and `drivers.safety` see objects (`drivers.remote_dictionary`), process
+data (`drivers.cycle_data`) and a sign of life; what sessions and tools need beside that is
+`drivers.session.connection.Fieldbus`.
 """
 
 from __future__ import annotations
@@ -14,8 +15,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from drivers.drive_bus import DriveError
 
 PacingName = Literal["auto", "lock-step", "wall-clock"]
@@ -51,14 +50,44 @@ class Entry:
         return f"{value:08X}h" if hexadecimal else f"{value}"
 
     @property
+    def key(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return self.index, self.subindex
+
+    @property
+    def place(self) -> str:
+        """Index and sub-index as they are written everywhere."""
+        return f"{self.index:04X}:{self.subindex:02X}"
+
+    @property
+    def bits(self) -> int:
+        """Length [bits]."""
+        return int(self.type[1:])
+
+    @property
     def size(self) -> int:
         """Length [bytes]."""
         return int(self.type[1:]) // 8
 
     @property
+    def word(self) -> int:
+        """How a mapping names it: index, sub-index and length in bits."""
+        return self.index << 16 | self.subindex << 8 | self.bits
+
+    @property
     def signed(self) -> bool:
         """Whether negative numbers exist."""
         return self.type.startswith("i")
+
+    @property
+    def bounds(self) -> tuple[int, int]:
+        """The lowest number that it holds, and the highest."""
+        half = 1 << self.bits - 1
+        return (-half, half - 1) if self.signed else (0, 2 * half - 1)
+
+    def data(self, value: int) -> bytes:
+        """Return the bytes of a number, little endian."""
+        return value.to_bytes(self.size, "little", signed=self.signed)
 
     def number(self, data: bytes) -> float:
         """Return the number that its bytes are, little endian; an integer but of f32."""
@@ -67,133 +96,7 @@ class Entry:
         return int.from_bytes(data, "little", signed=self.signed)
 
     def __str__(self) -> str:
-        return f"{self.index:04X}:{self.subindex:02X} ({self.name})"
-
-
-class Objects(Protocol):
-    """The object dictionary of one drive, which serves it (hence `server` wherever one is meant).
-
-    Whatever cannot be read or written raises a `drivers.drive_bus.DriveError`: `NodeSilent` where
-    no answer comes, `DriveRefused` where the drive refuses.
-
-    Attributes
-    ----------
-    node : int
-        Its number on the fieldbus.
-    label : str
-        How messages name the drive.
-    missing : set of Entry
-        Optional objects that the drive lacks, or keeps as they are.
-    """
-
-    node: int
-    label: str
-    missing: set[Entry]
-
-    def get(self, entry: Entry) -> int:
-        """Read a number."""
-
-    def find(self, entry: Entry) -> int | None:
-        """Read a number that not every drive has; None where it is missing."""
-
-    def put(self, entry: Entry, value: int) -> None:
-        """Write a number."""
-
-    def order(self, entry: Entry, value: int) -> None:
-        """Write a number at once and await no answer: what becomes of it must show elsewhere."""
-
-    def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
-        """Write a number and read it back; where it is missing, note what follows from that."""
-
-
-class ProcessData(Protocol):
-    """Process data of all axes, latched at SYNC, and the time that SYNC makes.
-
-    Positions are in increments, currents in the drive's unit; axes are in joint order.
-
-    Attributes
-    ----------
-    words, positions, currents : sequence of int (currents of float), length n_axes
-        Statusword, position and current; where an axis's telegram is missing, those of the SYNC
-        before.
-    flags : sequence of int, length n_axes
-        `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE and SKIPPED.
-    irregular : bool
-        Some flag is set.
-    time : float
-        The last SYNC's instant [s].
-    skipped : int
-        SYNCs that were left out because we came too late for them; may be set.
-    """
-
-    skipped: int
-
-    @property
-    def words(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
-
-    @property
-    def positions(self) -> tuple[int, ...]: ...  # noqa: D102 - an attribute
-
-    @property
-    def currents(self) -> Sequence[float]: ...  # noqa: D102 - an attribute
-
-    @property
-    def flags(self) -> Sequence[int]: ...  # noqa: D102 - an attribute
-
-    @property
-    def irregular(self) -> bool: ...  # noqa: D102 - an attribute
-
-    @property
-    def time(self) -> float: ...  # noqa: D102 - an attribute
-
-    def now(self) -> float:
-        """Time of the same clock as `time` [s]."""
-
-    def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis, at once.
-
-        Each word counts, also where several are sent between two SYNCs: a fault reset sends two.
-        """
-
-    @property
-    def on_arrival(self) -> tuple[int, ...]:
-        """Axes on which set-points of a stream act when they arrive, and then those of all do.
-
-        Where there are none they act at the next SYNC.
-        """
-
-    def lead(self, axis: int, target: int) -> None:
-        """Send a set-point of a stream to one axis that follows it [increments]."""
-
-    def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [the drive's unit] and torque [per mille of rated] to one axis.
-
-        They count until the next ones; only for drives that were set up to take them.
-        """
-
-    def speeds(self) -> Sequence[float]:
-        """Return how fast each axis went just now [increments/s], inf where it is not seen."""
-
-    def withdraw(self, axis: int) -> None:
-        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
-
-    def sync(self) -> float:
-        """Send the next SYNC when it is due and collect its answers; return its instant [s].
-
-        Raises
-        ------
-        drivers.drive_bus.BusUnavailable
-            The bus does not take or give telegrams any more.
-        """
-
-    def tick(self) -> None:
-        """Let one period pass while the drives send no process data yet."""
-
-    def miss(self) -> None:
-        """Let one period pass in which the bus took no SYNC."""
-
-    def hurry(self, hurried: bool) -> None:
-        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        return f"{self.place} ({self.name})"
 
 
 class LifeSign(Protocol):

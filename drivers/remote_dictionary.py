@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from drivers.drive_bus import DriveRefused, NodeSilent
 
@@ -27,6 +27,11 @@ _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
 RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
 FIXED_CODES = RANGE_CODES | {READ_ONLY}
 """A drive keeps its value: the object is read-only, or ours is outside its range."""
+
+
+Judge: TypeAlias = "Callable[[Entry, int, int], tuple[bool, str]]"
+"""Judges what a drive keeps of an object after a value was written (entry, written, kept): whether
+it will do, and " (... instead of ...)" in SI; empty where the numbers say it all."""
 
 
 class AccessRefused(Exception):
@@ -86,28 +91,6 @@ class Note:
         return f"{self.place}: {self.text}"
 
 
-class Judge(Protocol):
-    """Judges what a drive keeps instead of the value that was written."""
-
-    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
-        """Whether it will do."""
-
-    def compared(self, entry: Entry, written: int, kept: int) -> str:
-        """Return " (... instead of ...)" in SI; empty where the numbers say it all."""
-
-
-class _Exact:
-    """Accepts nothing but the value written."""
-
-    def accepts(self, entry: Entry, written: int, kept: int) -> bool:
-        del entry
-        return kept == written
-
-    def compared(self, entry: Entry, written: int, kept: int) -> str:
-        del entry, written, kept
-        return ""
-
-
 class Access(Protocol):
     """How a bus reaches the objects of one drive; raises `AccessRefused` and `NoAnswer`."""
 
@@ -128,7 +111,7 @@ class Access(Protocol):
 
 
 class RemoteDictionary:
-    """The object dictionary of one drive.
+    """The object dictionary of one drive, which serves it (hence `server` wherever one is meant).
 
     Parameters
     ----------
@@ -163,7 +146,7 @@ class RemoteDictionary:
         self.missing: set[Entry] = set()
         self.notes: list[Note] = []
         self.kept: dict[Entry, int] = {}
-        self.judge: Judge = _Exact()
+        self.judge: Judge = lambda _, written, kept: (kept == written, "")
         self.saved: set[tuple[int, int]] = set()
         self.first_write: Callable[[Entry], None] | None = None
         self.access = access
@@ -218,17 +201,16 @@ class RemoteDictionary:
 
     def put(self, entry: Entry, value: int) -> None:
         """Write a number (errors as in `get`)."""
-        low, high = _range(entry)
+        low, high = entry.bounds
         if not low <= value <= high:
             raise DriveRefused(
                 f"{self.label}: {value} does not fit {entry}, an {entry.type} of "
                 f"[{low}, {high}]; check limits, gear ratio and units in the drives file"
             )
-        if self.first_write is not None and (entry.index, entry.subindex) not in self.saved:
+        if self.first_write is not None and entry.key not in self.saved:
             self.first_write(entry)
-        data = value.to_bytes(entry.size, "little", signed=entry.signed)
         try:
-            self.access.write(entry.index, entry.subindex, data)
+            self.access.write(entry.index, entry.subindex, entry.data(value))
         except (AccessRefused, NoAnswer) as error:
             raise self._explained(error, entry, f"write {value} to") from error
 
@@ -240,8 +222,7 @@ class RemoteDictionary:
         BusUnavailable
             The bus does not take it.
         """
-        data = value.to_bytes(entry.size, "little", signed=entry.signed)
-        self.access.order(entry.index, entry.subindex, data)
+        self.access.order(entry.index, entry.subindex, entry.data(value))
 
     def set(self, entry: Entry, value: int) -> None:
         """Write a number and read it back; note another value that is accepted.
@@ -314,8 +295,8 @@ class RemoteDictionary:
         """Note that a drive keeps another value, or refuse it."""
         if kept == value:
             return
-        compared = self.judge.compared(entry, value, kept)
-        if not self.judge.accepts(entry, value, kept):
+        accepted, compared = self.judge(entry, value, kept)
+        if not accepted:
             raise DriveRefused(
                 f"{self.label}: object {entry} reads back {kept} after {value} was written"
                 f"{compared}; the drive limits or ignores it: choose a value that it takes, or "
@@ -338,11 +319,6 @@ class RemoteDictionary:
             f"{self.label}: no answer when trying to {what} object {entry} ({error}); check that "
             f"the drive has power, {error.where}"
         )
-
-
-def _range(entry: Entry) -> tuple[int, int]:
-    bits = 8 * entry.size
-    return (-(1 << bits - 1), (1 << bits - 1) - 1) if entry.signed else (0, (1 << bits) - 1)
 
 
 def _remedy(code: int) -> str:

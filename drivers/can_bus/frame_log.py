@@ -27,7 +27,7 @@ import can
 
 from checked_files.yaml_file import FileError
 from drivers.can_bus.capabilities import Capabilities, capabilities_of
-from drivers.can_bus.replay_log import is_heartbeat
+from drivers.can_bus.replay_log import SYNC, is_heartbeat
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-SYNC = 0x80
 PAUSE = 0.05
 """How often the thread looks for frames to write [s]."""
 WAITING_MAX = 100_000

@@ -19,13 +19,12 @@ from typing import TYPE_CHECKING, NoReturn
 
 import can
 
-from drivers.can_bus.replay_log import ReplayLog, is_heartbeat
+from drivers.can_bus.replay_log import SYNC, ReplayLog, is_heartbeat
 from drivers.drive_bus import BusUnavailable
 
 if TYPE_CHECKING:
     from can.typechecking import CanFilters, Channel
 
-SYNC = 0x80
 TICK = 1e-6
 """Even asking without waiting takes some time, so that every wait ends [s]."""
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 HEAD = 5000
 """Frames at the beginning by which a log is judged: setting up the drives alone takes hundreds."""
 
+SYNC = 0x80
 _MASTERS = frozenset({0x200, 0x300, 0x400, 0x500, 0x600})
 _HEARTBEAT = 0x700
 

@@ -17,11 +17,10 @@ from drivers.canopen.scan import NODES, scan_bus
 from drivers.canopen.sdo import SDO_TIMEOUT, server_of
 from drivers.canopen.sync_clock import choose_sync_clock
 from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
-from drivers.session.connection import UnpoweredDrives
+from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
-    from typing import Self
 
     import can
 
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
     from drivers.session.connection import Place
 
 
-class CanopenBus:
-    """An open bus, and a context manager that closes it.
+class CanopenBus(Fieldbus):
+    """An open python-can bus.
 
     Parameters
     ----------
@@ -48,27 +47,9 @@ class CanopenBus:
     def __init__(self, bus: can.BusABC, pacing: PacingName = "auto") -> None:
         self._bus = bus
         self._pacing: PacingName = pacing
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.shutdown()
-
-    @property
-    def lock_step(self) -> bool:
-        """Whether all answers are queued before a frame has been sent."""
-        return capabilities_of(self._bus).lock_step
-
-    @property
-    def keeps_time(self) -> bool:
-        """Whether the kernel sends SYNC."""
-        return capabilities_of(self._bus).kernel_sync
-
-    @property
-    def recorded(self) -> bool:
-        """Whether no drives are behind it."""
-        return capabilities_of(self._bus).recorded
+        able = capabilities_of(bus)
+        self.lock_step, self.keeps_time = able.lock_step, able.kernel_sync
+        self.recorded = able.recorded
 
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
@@ -85,7 +66,7 @@ class CanopenBus:
         servers = tuple(
             server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
         )
-        found = tuple(CanopenCommunication.predefined(axis, axis.label) for axis in drives.axes)
+        found = tuple(CanopenCommunication.predefined(axis) for axis in drives.axes)
         return UnpoweredDrives(servers, found, SyncProcessData(network, drives.axes, clock, found))
 
     def servers(
@@ -125,7 +106,7 @@ class CanopenBus:
         self._bus.shutdown()
 
 
-class TimedCanopenBus(CanopenBus):
+class TimedCanopenBus(CanopenBus, TimedFieldbus):
     """A bus that notes how long the answers to each SYNC take.
 
     Parameters
@@ -142,14 +123,13 @@ class TimedCanopenBus(CanopenBus):
         super().__init__(stopwatch, pacing)
         self._stopwatch, self._drives = stopwatch, drives
         self._found: tuple[CanopenCommunication, ...] = ()
-        self._period = 0.0
 
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> CanopenConnection:
         """Build all that is needed, and remember what the drives are set up to send."""
         connection = super().connect(drives, period, feed_forward=feed_forward)
-        self._found, self._period = connection.communications, period
+        self._found = connection.communications
         return connection
 
     def achievable_rate(self) -> tuple[float, float]:
@@ -158,6 +138,6 @@ class TimedCanopenBus(CanopenBus):
         sent = [drive.transmitted for drive in self._found]
         return achievable_rate(self._drives, slowest, sent), slowest
 
-    def jitter(self) -> float:
+    def jitter(self, period: float) -> float:
         """Return how far SYNC was off its period where it acts [s], 0 in lock-step."""
-        return 0.0 if self.lock_step else self._stopwatch.jitter(self._period)
+        return 0.0 if self.lock_step else self._stopwatch.jitter(period)

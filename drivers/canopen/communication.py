@@ -9,7 +9,7 @@ set-points included, and both are refused.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import EXTENDED, IDENTIFIER, NMT, SYNC
 from drivers.canopen.pdo_mapping import (
@@ -24,8 +24,9 @@ from drivers.canopen.pdo_mapping import (
 )
 from drivers.canopen.pdo_set_up import set_up_pdos
 from drivers.canopen.requirements import REQUIREMENTS
-from drivers.canopen.set_up import find_emergency, note_process_data, set_up_sync
+from drivers.canopen.set_up import find_emergency, note_arrival, note_others, set_up_sync
 from drivers.canopen.watch_set_up import set_up_watch
+from drivers.commissioning.communication import Communication
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class CanopenCommunication:
+class CanopenCommunication(Communication):
     """What one drive sends and listens to (see `drivers.commissioning.communication`).
 
     Attributes
@@ -75,14 +76,14 @@ class CanopenCommunication:
         return self.inputs.offsets is not None
 
     @classmethod
-    def predefined(cls, axis: AxisDrive, label: str, *, feed_forward: bool = False) -> Self:
+    def predefined(cls, axis: AxisDrive, *, feed_forward: bool = False) -> Self:
         """Return what a drive does whose communication is as we write it."""
         node, offsets = axis.node, fed_forward(axis) if feed_forward else None
         inputs = Inputs(received(axis), led(axis), offsets)
-        return cls(label, node, transmitted(axis), inputs, 0x80 + node)
+        return cls(axis.label, node, transmitted(axis), inputs, 0x80 + node)
 
-    requirements: ClassVar = REQUIREMENTS
-    later: ClassVar = LATER
+    requirements = REQUIREMENTS
+    later = LATER
 
     def refusable(self, axis: AxisDrive) -> Refusable | None:
         """Return what drives refuse whose TPDO 1 takes two objects, if there is another way."""
@@ -103,7 +104,8 @@ class CanopenCommunication:
         """
         set_up_sync(server, period)
         self.set_up_process_data(server, axis)
-        note_process_data(server, self.inputs, self.others, drives.bitrate, period)
+        note_arrival(server, self.inputs)
+        note_others(server, self.others, drives.bitrate, period)
         self.emergency = find_emergency(server)
         self.guarded = set_up_watch(server, axis, drives)
 

@@ -20,7 +20,6 @@ from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.requirements import WATCHDOGS
 from drivers.canopen.sdo import server_of
 from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
-from drivers.cia402.supervision import Supervision
 from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.session.connection import Connection
 
@@ -78,10 +77,8 @@ class CanopenConnection(Connection):
             server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
         )
         communications = tuple(
-            CanopenCommunication.predefined(axis, axis.label, feed_forward=feed_forward)
-            for axis in drives.axes
+            CanopenCommunication.predefined(axis, feed_forward=feed_forward) for axis in drives.axes
         )
-        supervision = Supervision(servers)
         heartbeats = Heartbeats(
             network,
             drives.master_node,
@@ -91,10 +88,10 @@ class CanopenConnection(Connection):
             clock.now,
         )
         data = SyncProcessData(network, drives.axes, clock, communications)
-        super().__init__(servers, communications, supervision, data, heartbeats)
+        super().__init__(servers, communications, data, heartbeats)
         network.idle = heartbeats.beat
         nodes = [server.node for server in servers]
-        self._emergencies = Emergencies(network, nodes, supervision.take_emergency)
+        self._emergencies = Emergencies(network, nodes, self.supervision.take_emergency)
 
     @classmethod
     def on(

@@ -11,14 +11,14 @@ up at the first of them, and takes its types from the file alone.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from checked_files.yaml_file import FileError
 from drivers.canopen.eds_numbers import NoNumber, declared_type, number, within
 from drivers.canopen.eds_objects import expand_compact, supply_listed
 from drivers.canopen.eds_sections import Section, sections_of
-from drivers.dictionary.dictionary import Declared, Dictionary, Key, mapped_objects
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
 
 _OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?", re.I)
 _ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}
@@ -154,9 +154,6 @@ class _Reading:
     def dictionary(self) -> Dictionary:
         """Return what was read."""
         device = self.sections.get("deviceinfo") or Section("DeviceInfo", 0)
-        proved = mapped_objects(self.entries)
-        for key in proved & self.entries.keys():
-            self.entries[key] = replace(self.entries[key], mappable=True)
         u32 = range(1, 1 << 32)
         rate = self.whole("devicecomissioning", "baudrate", range(10, 1_000_001))
         identity = [
@@ -166,7 +163,7 @@ class _Reading:
         return Dictionary(
             self.source,
             live=False,
-            entries=self.entries,
+            entries=with_proof(self.entries),
             damaged=self.damaged,
             node=self.node,
             bitrate=None if rate is None else rate if rate >= 10_000 else 1000 * rate,

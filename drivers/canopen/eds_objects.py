@@ -21,14 +21,12 @@ if TYPE_CHECKING:
 
 _LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 _STANDARD = {
-    (entry.index, entry.subindex): entry
+    entry.key: entry
     for standard in (cia301, objects)
     for entry in vars(standard).values()
     if isinstance(entry, Entry)
 }
 _NOTHING = Section("", 0)
-_STANDARD[0x6077, 0] = Entry(0x6077, 0, "i16", "torque actual value")
-_STANDARD[0x6078, 0] = Entry(0x6078, 0, "i16", "current actual value")
 
 
 def expand_compact(
@@ -70,8 +68,7 @@ def supply_listed(
     for index in sorted(set(_listed(sections)) - set(described)):
         members = [entry for key, entry in _STANDARD.items() if key[0] == index]
         for entry in members:
-            key = (entry.index, entry.subindex)
-            entries[key] = Declared(*key, name=entry.name, type=entry.type)
+            entries[entry.key] = Declared(*entry.key, name=entry.name, type=entry.type)
         if members:
             supplied.append(f"{index:04X}")
     if supplied:

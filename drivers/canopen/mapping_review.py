@@ -9,12 +9,12 @@ in any order, and then it is the fixed mapping that decides which current is use
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
-from drivers.dictionary.bus_rules import Obstacle, ProcessDataReview
-from drivers.dictionary.dictionary import carried
+from drivers.dictionary.bus_rules import ProcessDataReview
+from drivers.dictionary.missing_objects import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,10 +22,7 @@ if TYPE_CHECKING:
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Declared, Dictionary
 
-_STATE, _COMMAND = (
-    tuple((entry.index, entry.subindex, 8 * entry.size) for entry in entries)
-    for entries in (STATE, COMMAND)
-)
+_STATE, _COMMAND = (tuple(entry.word for entry in entries) for entries in (STATE, COMMAND))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +45,8 @@ class PdoOffer:
         How many objects it can carry, where its count (sub-index 0) says so.
     declared : int or None
         How many sub-indices a data sheet declares for them.
-    carries : tuple of (index, sub-index, bits)
-        Its mapping as it stands.
+    carries : tuple of int
+        Its mapping as it stands, each object as `drivers.fieldbus.Entry.word` names it.
     """
 
     name: str
@@ -59,49 +56,39 @@ class PdoOffer:
     transmission: int | None
     room: int | None
     declared: int | None
-    carries: tuple[tuple[int, int, int], ...]
+    carries: tuple[int, ...]
 
 
-class _Offers(NamedTuple):
-    """The PDOs that we would use; None where the drive does not have one."""
-
-    tpdo1: PdoOffer | None
-    tpdo2: PdoOffer | None
-    rpdo1: PdoOffer | None
+_Tpdos = tuple[PdoOffer | None, PdoOffer | None]
+"""Those that we would use; None where the drive does not have one."""
 
 
 def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -> ProcessDataReview:
     """Find out what the PDOs can carry (see `drivers.dictionary.bus_rules.ProcessDataReview`)."""
-    offers = _Offers(
-        _offer(dictionary, "TPDO 1", 0x1800),
-        _offer(dictionary, "TPDO 2", 0x1801),
-        _offer(dictionary, "RPDO 1", 0x1400),
-    )
-    receiving = tuple(_obstacles(offers.rpdo1, "RPDO 1", _COMMAND))
-    attempts = [(current, tuple(_sending(offers, current))) for current in usable]
+    tpdos = _offer(dictionary, "TPDO 1", 0x1800), _offer(dictionary, "TPDO 2", 0x1801)
+    receiving = tuple(_obstacles(_offer(dictionary, "RPDO 1", 0x1400), "RPDO 1", _COMMAND))
+    attempts = [(current, tuple(_sending(tpdos, current))) for current in usable]
     if not attempts:
         return ProcessDataReview(None, None, receiving)
-    fitting = (each for each in attempts if not any(fatal for *_, fatal in each[1]))
+    fitting = (attempt for attempt in attempts if not any(each.fatal for each in attempt[1]))
     current, obstacles = next(fitting, attempts[0])
-    return ProcessDataReview(current, _other_tpdos(offers, current), (*receiving, *obstacles))
+    return ProcessDataReview(current, _other_tpdos(tpdos, current), (*receiving, *obstacles))
 
 
-def _other_tpdos(offers: _Offers, current: CurrentCandidate) -> tuple[tuple[int, ...], ...] | None:
+def _other_tpdos(tpdos: _Tpdos, current: CurrentCandidate) -> tuple[tuple[int, ...], ...] | None:
     """Return the words that TPDO 1 and 2 carry, None where that is what we would have."""
-    measured = _place(current)
+    measured = _word(current)
     together, apart = ((*_STATE, measured),), (_STATE, (measured,))
     usual = together if current.declared.bits == 16 else apart
     fits = usual is together and not any(
-        fatal for *_, fatal in _obstacles(offers.tpdo1, "TPDO 1", together[0])
+        each.fatal for each in _obstacles(tpdos[0], "TPDO 1", together[0])
     )
     wanted = together if fits else apart
     found = tuple(
         offer.carries if offer is not None and offer.writable is False else objects
-        for offer, objects in zip(offers[:2], wanted, strict=False)
+        for offer, objects in zip(tpdos, wanted, strict=False)
     )
-    if found == usual:
-        return None
-    return tuple(tuple(i << 16 | sub << 8 | bits for i, sub, bits in words) for words in found)
+    return None if found == usual else found
 
 
 def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | None:
@@ -133,88 +120,88 @@ def _fixed_type(dictionary: Dictionary, communication: int) -> int | None:
     return kind.default if kind.value is None else kind.value
 
 
-def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[tuple[int, int, int]]:
+def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[int]:
     number = count.default if count.value is None else count.value
     for slot in slots[: len(slots) if number is None or count.subindex else number]:
         word = slot.default if slot.value is None else slot.value
         if word:
-            yield carried(word)
+            yield word
 
 
-def _sending(offers: _Offers, current: CurrentCandidate) -> Iterator[Obstacle]:
-    declared, carried_current = current.declared, _place(current)
-    first, second = offers.tpdo1, offers.tpdo2
-    together = list(_obstacles(first, "TPDO 1", (*_STATE, carried_current)))
-    if declared.bits == 16 and not any(fatal for *_, fatal in together):
+def _sending(tpdos: _Tpdos, current: CurrentCandidate) -> Iterator[Finding]:
+    declared, carried = current.declared, _word(current)
+    first, second = tpdos
+    together = list(_obstacles(first, "TPDO 1", (*_STATE, carried)))
+    if declared.bits == 16 and not any(each.fatal for each in together):
         yield from _types(first)
         yield from together
         yield from _goes_on(second)
         return
     fixed = first is not None and first.writable is False
-    if declared.bits == 16 and (first is None or (fixed and not _has(second, carried_current))):
+    if declared.bits == 16 and (first is None or (fixed and not _has(second, carried))):
         yield from together
         return
     if declared.bits == 16 and not fixed:
         so = "the current goes into TPDO 2, which takes more of the bus"
-        yield "TPDO 1", "has no room for 3 objects", so, False
+        yield Finding("TPDO 1", "has no room for 3 objects", so, fatal=False)
     yield from _types(first, second)
     yield from _obstacles(first, "TPDO 1", _STATE)
-    yield from _obstacles(second, "TPDO 2", (carried_current,))
+    yield from _obstacles(second, "TPDO 2", (carried,))
 
 
-def _place(current: CurrentCandidate) -> tuple[int, int, int]:
+def _word(current: CurrentCandidate) -> int:
     declared = current.declared
-    return declared.index, declared.subindex, declared.bits or 0
+    return declared.index << 16 | declared.subindex << 8 | (declared.bits or 0)
 
 
-def _has(offer: PdoOffer | None, wanted: tuple[int, int, int]) -> bool:
+def _shown(words: Sequence[int]) -> str:
+    return ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF:02X}" for word in words)
+
+
+def _has(offer: PdoOffer | None, wanted: int) -> bool:
     return offer is not None and wanted in offer.carries
 
 
-def _types(*offers: PdoOffer | None) -> Iterator[Obstacle]:
+def _types(*offers: PdoOffer | None) -> Iterator[Finding]:
     for offer in offers:
         if offer is not None and offer.transmission not in {None, ON_SYNC}:
             problem = f"has the fixed transmission type {offer.transmission}"
-            yield offer.name, problem, "its values are not those of a SYNC (type 1)", True
+            so = "its values are not those of a SYNC (type 1)"
+            yield Finding(offer.name, problem, so, fatal=True)
 
 
-def _goes_on(offer: PdoOffer | None) -> Iterator[Obstacle]:
+def _goes_on(offer: PdoOffer | None) -> Iterator[Finding]:
     """Note a TPDO that we do not use and that goes on to be sent."""
     if offer is not None and offer.switchable is False and offer.on:
         so = "it goes on to be sent, which does no harm under an identifier of its own"
-        yield offer.name, "cannot be switched off (its COB-ID is fixed)", so, False
+        yield Finding(offer.name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
 
 
-def _obstacles(
-    offer: PdoOffer | None, name: str, wanted: tuple[tuple[int, int, int], ...]
-) -> Iterator[Obstacle]:
-    what = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in wanted)
+def _obstacles(offer: PdoOffer | None, name: str, wanted: tuple[int, ...]) -> Iterator[Finding]:
+    what = _shown(wanted)
     if offer is None:
-        yield name, "is missing", f"{what} cannot be exchanged", True
+        yield Finding(name, "is missing", f"{what} cannot be exchanged", fatal=True)
         return
     if offer.writable is False and not _serves(offer, wanted):
-        has = ", ".join(f"{index:04X}:{sub:02X}" for index, sub, _ in offer.carries) or "nothing"
-        yield (
-            name,
-            f"is fixed and carries {has}",
-            f"{what} is needed; map it with the maker's tool or use another drive",
-            True,
-        )
+        has = _shown(offer.carries) or "nothing"
+        so = f"{what} is needed; map it with the maker's tool or use another drive"
+        yield Finding(name, f"is fixed and carries {has}", so, fatal=True)
     elif offer.writable is False:
         return
     elif offer.room is not None and offer.room < len(wanted):
-        yield name, f"takes {offer.room} objects at most", f"{what} does not fit", True
+        problem = f"takes {offer.room} objects at most"
+        yield Finding(name, problem, f"{what} does not fit", fatal=True)
     elif offer.declared is not None and offer.declared < len(wanted):
         so = f"{what} is needed; whether it fits shows when the drive is set up"
-        yield name, f"declares room for {offer.declared} objects", so, False
+        yield Finding(name, f"declares room for {offer.declared} objects", so, fatal=False)
     elif offer.switchable is False and offer.carries != wanted:
         so = "whether its mapping may be changed all the same shows when the drive is set up"
-        yield name, "cannot be switched off (its COB-ID is fixed)", so, False
+        yield Finding(name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
 
 
-def _serves(offer: PdoOffer, wanted: tuple[tuple[int, int, int], ...]) -> bool:
+def _serves(offer: PdoOffer, wanted: tuple[int, ...]) -> bool:
     """Whether a fixed mapping will do: an RPDO as it is, a TPDO in any order and with more."""
     if wanted == _COMMAND:
         return offer.carries == wanted
-    whole = all(bits % 8 == 0 for _, _, bits in offer.carries)
+    whole = all((word & 0xFF) % 8 == 0 for word in offer.carries)
     return whole and set(wanted) <= set(offer.carries)

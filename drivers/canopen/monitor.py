@@ -12,27 +12,22 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import can
 
-from drivers.axis import AxisScale
+from drivers.canopen.objects import NMT_STATES, SYNC
 from drivers.canopen.pdo_mapping import transmitted
 from drivers.cia402 import objects
 from drivers.cia402.error_codes import decode_emergency
-from drivers.cia402.picture import AxisPicture
-from drivers.cia402.states import decode_state
-from drivers.cia402.supervision import interlock
+from drivers.cia402.picture import AxisPicture, Picture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.drives_file import DrivesFile
-    from drivers.fieldbus import Entry
 
-NMT_STATES = {0x00: "booting", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
-_SYNC, _SDO_ANSWER, _SDO_REQUEST = 0x80, 0x580, 0x600
+_SDO_ANSWER, _SDO_REQUEST = 0x580, 0x600
 _UPLOAD = b"\x40" + objects.DIGITAL_INPUTS.index.to_bytes(2, "little") + b"\x00"
 _EXPEDITED = 0x43
 RATE_OVER = 50
@@ -41,8 +36,7 @@ STOPPED = 2.0
 """Without a SYNC for so long there is no rate any more [s]."""
 
 
-@dataclass
-class BusPicture:
+class BusPicture(Picture):
     """What was seen of all axes of a drives file.
 
     Parameters
@@ -53,38 +47,33 @@ class BusPicture:
         To be listened to.
     asked : sequence of can.Message
         Sent on it before it is.
-
-    Attributes
-    ----------
-    axes : list of AxisPicture
-        In joint order.
     """
 
-    drives: DrivesFile
-    bus: can.BusABC | None = None
-    asked: Sequence[can.Message] = ()
-    axes: list[AxisPicture] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.axes = [AxisPicture(axis.name, axis.node) for axis in self.drives.axes]
+    def __init__(
+        self,
+        drives: DrivesFile,
+        bus: can.BusABC | None = None,
+        asked: Sequence[can.Message] = (),
+    ) -> None:
+        super().__init__(drives)
+        self._bus, self._asked = bus, asked
         self._syncs: deque[float] = deque(maxlen=RATE_OVER)
         self._last_sync = -math.inf
         self._tpdos = {
             pdo.cob_id: (number, pdo.entries, pdo.size)
-            for number, axis in enumerate(self.drives.axes)
+            for number, axis in enumerate(drives.axes)
             for pdo in transmitted(axis)
         }
-        self._of_node = {axis.node: number for number, axis in enumerate(self.drives.axes)}
-        self._scales = [AxisScale.of(axis) for axis in self.drives.axes]
+        self._of_node = {axis.node: number for number, axis in enumerate(drives.axes)}
 
     def listen(self, duration: float) -> None:
         """Take what comes on the bus, for so long [s]."""
-        assert self.bus is not None  # noqa: S101 - by the caller
-        for question in self.asked:
-            self.bus.send(question)
+        assert self._bus is not None  # noqa: S101 - by the caller
+        for question in self._asked:
+            self._bus.send(question)
         ends = time.monotonic() + duration
         while (left := ends - time.monotonic()) > 0:
-            frame = self.bus.recv(left)
+            frame = self._bus.recv(left)
             if frame is not None:
                 self.take(frame, time.monotonic())
 
@@ -100,7 +89,7 @@ class BusPicture:
         if frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id:
             return
         number, data = frame.arbitration_id, bytes(frame.data)
-        if number == _SYNC:
+        if number == SYNC:
             self._syncs.append(frame.timestamp or now)
             self._last_sync = now
         elif number in self._tpdos:
@@ -124,16 +113,7 @@ class BusPicture:
             return
         for entry in entries:
             value, data = data[: entry.size], data[entry.size :]
-            self._show(slot, entry, entry.number(value))
-
-    def _show(self, slot: int, entry: Entry, value: float) -> None:
-        axis, scale = self.axes[slot], self._scales[slot]
-        if entry == objects.STATUSWORD:
-            axis.state = decode_state(int(value))
-        elif entry == objects.POSITION:
-            axis.q = scale.position_from_counts(float(value))
-        elif entry == self.drives.axes[slot].current.entry:
-            axis.tau = scale.torque_from_counts(float(value))
+            axis.show(entry, entry.number(value))
 
 
 def questions(drives: DrivesFile) -> tuple[can.Message, ...]:
@@ -149,7 +129,7 @@ def questions(drives: DrivesFile) -> tuple[can.Message, ...]:
 def _take_inputs(axis: AxisPicture, data: bytes) -> None:
     """Take the answer to an upload of 60FD in four bytes, whoever asked for it."""
     if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == _UPLOAD[1:]:
-        axis.interlock = interlock(int.from_bytes(data[4:], "little")) or ""
+        axis.show(objects.DIGITAL_INPUTS, int.from_bytes(data[4:], "little"))
 
 
 def _take_emergency(axis: AxisPicture, data: bytes) -> None:

@@ -53,7 +53,7 @@ class PumpedNetwork(Network):
         self.synchronous = synchronous
         self.attempts = SEND_ATTEMPTS
         self._clock = capabilities_of(bus).clock
-        self.idle: Callable[[], None] = _nothing
+        self.idle: Callable[[], None] = lambda: None
         """Called before every reception while waiting, to keep our heartbeat going."""
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
@@ -143,7 +143,3 @@ class PumpedNetwork(Network):
         if self.synchronous:
             return empty
         return left == 0.0 and (empty or self._clock() > ends + BABBLE)
-
-
-def _nothing() -> None:
-    pass

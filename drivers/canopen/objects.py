@@ -16,6 +16,8 @@ SYNC_COUNTER = Entry(0x1019, 0, "u8", "synchronous counter overflow value")
 
 SYNC, NMT = 0x80, 0x00
 """Identifiers of the predefined connection set."""
+NMT_STATES = {0x00: "boot-up", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
+"""What heartbeats show."""
 OFF, NO_REMOTE, EXTENDED = 1 << 31, 1 << 30, 1 << 29
 """Bits of a COB-ID: its service does not exist, allows no remote frame, has an extended frame."""
 IDENTIFIER = 0x7FF

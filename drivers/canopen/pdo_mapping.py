@@ -144,14 +144,9 @@ class Inputs(NamedTuple):
         return all(p.transmission in AT_SYNC for p in (self.target, self.offsets) if p is not None)
 
 
-def mapping_word(entry: Entry) -> int:
-    """Return how a mapping names an object: index, sub-index and length in bits."""
-    return entry.index << 16 | entry.subindex << 8 | int(entry.type[1:])
-
-
 def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
     """Return the objects that a mapping names; those that are not ours have no name."""
-    named = {mapping_word(entry): entry for entry in ours}
+    named = {entry.word: entry for entry in ours}
     return tuple(
         named.get(word) or Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "")
         for word in words

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from drivers.canopen import objects as cia301
 from drivers.canopen.objects import OFF
 from drivers.commissioning.held_values import MAPPINGS
-from drivers.found_settings.restoring import differs, restore
+from drivers.found_settings.restoring import holds, put_if_taken, restore, restore_mapping
 from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
@@ -42,10 +42,10 @@ def _free_sync_counter(server: RemoteDictionary, values: Mapping[Entry, int]) ->
     """Put back the counter in SYNC first, which can be changed without a period only (1006)."""
     counters = [v for e, v in values.items() if e.index == cia301.SYNC_COUNTER.index]
     for counter in counters:  # by index: a file may name its objects otherwise
-        if not differs(server, cia301.SYNC_COUNTER, counter):
+        if holds(server, {cia301.SYNC_COUNTER: counter}):
             return
-        _put(server, cia301.CYCLE_PERIOD, 0)
-        _put(server, cia301.SYNC_COUNTER, counter)
+        put_if_taken(server, cia301.CYCLE_PERIOD, 0)
+        put_if_taken(server, cia301.SYNC_COUNTER, counter)
 
 
 def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
@@ -58,17 +58,14 @@ def _pdos(values: Mapping[Entry, int]) -> Iterable[dict[Entry, int]]:
 
 def _restore_pdo(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
     """Off, identifier, count 0, entries, count, transmission type and the like, COB-ID."""
-    if not any(differs(server, entry, value) for entry, value in values.items()):
+    if holds(server, values):
         return {}
     mapping = {e: v for e, v in values.items() if any(e.index in mappings for mappings in MAPPINGS)}
     cob = {e: v for e, v in values.items() if e not in mapping and e.subindex == 1}
-    count = {e: v for e, v in mapping.items() if e.subindex == 0}
     rest = {e: v for e, v in values.items() if e not in mapping and e not in cob}
-    problems: dict[Entry, str] = {}
     for entry, value in cob.items():
         _switch_off(server, entry, value)
-    if any(differs(server, entry, value) for entry, value in mapping.items()):
-        problems |= _restore_mapping(server, mapping, count)
+    problems = {} if holds(server, mapping) else restore_mapping(server, mapping)
     return problems | restore(server, rest) | restore(server, cob)
 
 
@@ -78,21 +75,3 @@ def _switch_off(server: RemoteDictionary, cob: Entry, value: int) -> None:
         for word in (server.get(cob) | OFF, value | OFF):
             if server.get(cob) != word:
                 server.put(cob, word)
-
-
-def _restore_mapping(
-    server: RemoteDictionary, mapping: Mapping[Entry, int], count: Mapping[Entry, int]
-) -> dict[Entry, str]:
-    for entry in count:
-        _put(server, entry, 0)
-    active = max(count.values(), default=0)
-    entries = {e: v for e, v in mapping.items() if e.subindex}
-    # Beyond its count a mapping means nothing, and not every drive takes what stood there.
-    restore(server, {e: v for e, v in entries.items() if e.subindex > active})
-    problems = restore(server, {e: v for e, v in entries.items() if e.subindex <= active})
-    return problems | restore(server, count)
-
-
-def _put(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    with suppress(Aborted):
-        server.put(entry, value)

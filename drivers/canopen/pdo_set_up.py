@@ -24,16 +24,15 @@ from drivers.canopen.pdo_mapping import (
     fed_on_arrival,
     led,
     mapped,
-    mapping_word,
     received,
     transmitted,
 )
 from drivers.cia402.objects import SUPPORTED_MODES
 from drivers.cia402.states import Mode
-from drivers.commissioning.held_values import mapping_count, mapping_slot
+from drivers.commissioning.held_values import NO_ROOM, content, mapping_count, mapping_slot
 from drivers.drive_bus import DriveRefused
 from drivers.fieldbus import Entry
-from drivers.remote_dictionary import FIXED_CODES, RANGE_CODES, Aborted
+from drivers.remote_dictionary import FIXED_CODES, Aborted
 
 if TYPE_CHECKING:
     from drivers.canopen.pdo_mapping import Pdo
@@ -41,8 +40,6 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
 PDOS = 4
-NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}
-"""A mapping that can be written has no further sub-index, or takes no greater count or length."""
 
 
 class OtherTpdo(NamedTuple):
@@ -164,7 +161,7 @@ def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -
 
 
 def _shown(pdos: tuple[Pdo, ...]) -> str:
-    words = (", ".join(f"0x{mapping_word(e):08X}" for e in pdo.entries) for pdo in pdos)
+    words = (", ".join(f"0x{e.word:08X}" for e in pdo.entries) for pdo in pdos)
     return "[" + ", ".join(f"[{each}]" for each in words) + "]"
 
 
@@ -201,7 +198,7 @@ def _set_mapping(server: RemoteDictionary, pdo: Pdo, *, off: bool) -> tuple[Entr
         server.set(_count(pdo), 0)
         emptied = True
         for number, entry in enumerate(pdo.entries, start=1):
-            server.set(_slot(pdo, number), mapping_word(entry))
+            server.set(_slot(pdo, number), entry.word)
         server.set(_count(pdo), len(pdo.entries))
     except Aborted as error:
         if emptied and error.code in NO_ROOM:
@@ -222,14 +219,14 @@ def _taken(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
         fits = carried == pdo.entries
         pairs = zip(carried, (*pdo.entries, *carried), strict=False)
         strange = [n for n, (entry, wanted) in enumerate(pairs) if entry != wanted]
-    odd = [n for n, entry in enumerate(carried) if _bits(entry) % 8]
+    odd = [n for n, entry in enumerate(carried) if entry.bits % 8]
     for n in odd:
-        _refuse_fixed(server, _slot(pdo, n + 1), f"{mapping_word(carried[n]):X}h", "whole bytes")
+        _refuse_fixed(server, _slot(pdo, n + 1), f"{carried[n].word:X}h", "whole bytes")
     if not fits:
         missing = next((e for e in pdo.entries if e not in carried), pdo.entries[0])
         place = _slot(pdo, strange[0] + 1) if strange else _count(pdo)
-        present = f"{mapping_word(carried[strange[0]]):X}h" if strange else f"{len(carried)}"
-        _refuse_fixed(server, place, present, f"{mapping_word(missing):X}h")
+        present = f"{carried[strange[0]].word:X}h" if strange else f"{len(carried)}"
+        _refuse_fixed(server, place, present, f"{missing.word:X}h")
     return carried
 
 
@@ -239,8 +236,7 @@ def _carries(server: RemoteDictionary, pdo: Pdo) -> bool:
 
 
 def _content(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
-    words = [server.get(_slot(pdo, n)) for n in range(1, server.get(_count(pdo)) + 1)]
-    return mapped(words, pdo.entries)
+    return mapped(content(server, pdo.mapping), pdo.entries)
 
 
 def _switch_off(server: RemoteDictionary, number: int) -> OtherTpdo | None:
@@ -275,7 +271,3 @@ def _count(pdo: Pdo) -> Entry:
 
 def _slot(pdo: Pdo, number: int) -> Entry:
     return mapping_slot(pdo.mapping, number)
-
-
-def _bits(entry: Entry) -> int:
-    return int(entry.type[1:])

@@ -19,7 +19,7 @@ import can
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.cia402.set_point import ENABLED
-from drivers.cycle_data import CODES, CycleData, unpacking
+from drivers.cycle_data import CODES, ProcessData, unpacking
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ _OFFSETS = struct.Struct("<ih")
 Data = bytes | bytearray
 
 
-class SyncProcessData(CycleData):
-    """Process data of all axes, latched at SYNC.
+class SyncProcessData(ProcessData):
+    """Process data of all axes (`drivers.cycle_data.ProcessData`).
 
     Parameters
     ----------
@@ -57,21 +57,6 @@ class SyncProcessData(CycleData):
         Where SYNC's time comes from.
     communications : sequence of CanopenCommunication
         See `wire`.
-
-    Attributes
-    ----------
-    words, positions, currents : tuple of int, length n_axes
-        Statusword, position [increments] and current [the drive's unit]; where a TPDO is missing,
-        those of the SYNC before.
-    flags : tuple of int, length n_axes
-        MISSING, DOUBLED, LATE and SKIPPED of each axis.
-    irregular : bool
-        Some flag is set.
-    time : float
-        The last SYNC's instant [s].
-    on_arrival : tuple of int
-        Axes on which the set-points of a stream act when they arrive, and then those of all do;
-        where there are none they act at SYNC.
     """
 
     def __init__(

@@ -41,11 +41,6 @@ def watching_time(drives: DrivesFile) -> tuple[float, float]:
     return 2000 * drives.heartbeat_period, LONGER_WATCH * 1000 * drives.heartbeat_timeout
 
 
-def _beats(written: int, kept: int, drives: DrivesFile) -> bool:
-    del written
-    return 0 < kept <= 500 * drives.heartbeat_timeout
-
-
 def _watches(written: int, kept: int, drives: DrivesFile) -> bool:
     least, most = watching_time(drives)
     ours = kept >> NODE_SHIFT == written >> NODE_SHIFT
@@ -54,7 +49,10 @@ def _watches(written: int, kept: int, drives: DrivesFile) -> bool:
 
 _TIMES = f"from two of our heartbeats up to {LONGER_WATCH:g} times `heartbeat_timeout`"
 
-BEATS = Kept("any time above 0 up to half of `heartbeat_timeout`", _beats)
+BEATS = Kept(
+    "any time above 0 up to half of `heartbeat_timeout`",
+    lambda _, kept, drives: 0 < kept <= 500 * drives.heartbeat_timeout,
+)
 WATCHES = Kept(f"our node, and a time {_TIMES}", _watches)
 LIFE_TIME = Kept(f"their product in time, {_TIMES}", EXACT.accepts)
 """Of two factors each is read back as it is; their product is what counts."""

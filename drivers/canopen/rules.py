@@ -9,20 +9,34 @@ from drivers.canopen.mapping_review import review_mapping
 from drivers.canopen.pdo_restoring import restore_process_data
 from drivers.canopen.requirements import GUARDING, REQUIREMENTS, WATCHDOGS
 from drivers.commissioning.held_values import mapping_count
+from drivers.dictionary.bus_rules import BusRules
+from drivers.dictionary.missing_objects import Finding
 from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from drivers.dictionary.bus_rules import Obstacle
     from drivers.dictionary.dictionary import Dictionary
 
 
-class CanopenRules:
-    """How drives on CANopen are reviewed, drafted, and put back."""
+def _remarks(dictionary: Dictionary) -> Iterator[Finding]:
+    """Yield that a live drive expects a counter in SYNC; whether it can be changed is seen."""
+    declared = dictionary.entry(cia301.SYNC_COUNTER)
+    if declared is not None and declared.writable is None and declared.value:
+        so = "it expects a counter in SYNC, and ours has none: start-up sets it to 0"
+        yield Finding(str(cia301.SYNC_COUNTER), f"is {declared.value}", so, fatal=False)
 
-    requirements = REQUIREMENTS
-    asked = tuple(
+
+def _unwatched(dictionary: Dictionary) -> str | None:
+    """State that a drive can neither watch our heartbeat nor be guarded."""
+    watch = cia301.CONSUMER_HEARTBEAT
+    known = dictionary.entry(watch) is not None or watch.key in dictionary.unanswered
+    return None if known or all(map(dictionary.entry, GUARDING)) else "the drive has no 1016"
+
+
+RULES = BusRules(
+    requirements=REQUIREMENTS,
+    asked=tuple(
         entry
         for record in (0x1400, 0x1800, 0x1801)
         for entry in (
@@ -30,29 +44,13 @@ class CanopenRules:
             Entry(record, 2, "u8", "transmission type"),
             mapping_count(record + 0x200),
         )
-    )
-    mappings = (0x1600, 0x1A00, 0x1A01)
-    late = frozenset({cia301.SYNC_COB_ID.index})
-    """May make the drive produce SYNC, which it must not do with our period."""
-    watchdogs = WATCHDOGS
-    restore_process_data = staticmethod(restore_process_data)
-    review_process_data = staticmethod(review_mapping)
-
-    @staticmethod
-    def remarks(dictionary: Dictionary) -> Iterator[Obstacle]:
-        """Yield that a live drive expects a counter in SYNC; whether it can be changed is seen."""
-        declared = dictionary.entry(cia301.SYNC_COUNTER)
-        if declared is not None and declared.writable is None and declared.value:
-            so = "it expects a counter in SYNC, and ours has none: start-up sets it to 0"
-            yield str(cia301.SYNC_COUNTER), f"is {declared.value}", so, False
-
-    @staticmethod
-    def unwatched(dictionary: Dictionary) -> str | None:
-        """State that a drive can neither watch our heartbeat nor be guarded."""
-        watch = cia301.CONSUMER_HEARTBEAT
-        place = (watch.index, watch.subindex)
-        known = dictionary.entry(watch) is not None or place in dictionary.unanswered
-        return None if known or all(map(dictionary.entry, GUARDING)) else "the drive has no 1016"
-
-
-RULES = CanopenRules()
+    ),
+    mappings=(0x1600, 0x1A00, 0x1A01),
+    # It may make the drive produce SYNC, which it must not do with our period.
+    late=frozenset({cia301.SYNC_COB_ID.index}),
+    watchdogs=WATCHDOGS,
+    restore_process_data=restore_process_data,
+    review_process_data=review_mapping,
+    remarks=_remarks,
+    unwatched=_unwatched,
+)

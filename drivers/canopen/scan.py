@@ -9,10 +9,12 @@ reading SDO requests.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.canopen.network import PumpedNetwork
+from drivers.canopen.objects import NMT_STATES, SYNC
 from drivers.canopen.rules import RULES
 from drivers.canopen.sdo import SdoAccess
 from drivers.dictionary.found_nodes import Scan
@@ -20,7 +22,7 @@ from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import can
 
@@ -33,8 +35,6 @@ SDO_TIMEOUT = 0.25
 BATCH = 8
 """Requests in a row; socketcan queues ten."""
 REQUEST = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])
-SYNC = 0x80
-STATES = {0x00: "boot-up", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
 
 
 def scan_bus(
@@ -83,36 +83,26 @@ def scan_bus(
 
 
 def _listen_to_all(network: PumpedNetwork, scan: Scan) -> None:
-    for node in NODES:
-        network.subscribe(0x700 + node, _on_heartbeat(scan, node))
-        network.subscribe(0x580 + node, _on_answer(scan, node))
-        network.subscribe(0x080 + node, _on_emergency(scan, node))
+    for base, take in ((0x700, _on_heartbeat), (0x580, _on_answer), (0x080, _on_emergency)):
+        for node in NODES:
+            network.subscribe(base + node, partial(take, scan))
     network.subscribe(SYNC, lambda *_: _count_sync(scan))
 
 
-def _on_heartbeat(scan: Scan, node: int) -> Callable[[int, bytearray, float], None]:
-    def take(_: int, data: bytearray, __: float) -> None:
-        found = scan.heard(node)
-        found.state = STATES.get(data[0] & 0x7F, "unknown state") if data else "unknown state"
-        found.boots += found.state == "boot-up"
-
-    return take
+def _on_heartbeat(scan: Scan, can_id: int, data: bytearray, _: float) -> None:
+    found = scan.heard(can_id & 0x7F)
+    found.state = NMT_STATES.get(data[0] & 0x7F, "unknown state") if data else "unknown state"
+    found.boots += found.state == "boot-up"
 
 
-def _on_answer(scan: Scan, node: int) -> Callable[[int, bytearray, float], None]:
-    def take(_: int, data: bytearray, __: float) -> None:
-        if len(data) == 8 and data[1:4] == REQUEST[1:4]:
-            scan.heard(node).answers += 1
-
-    return take
+def _on_answer(scan: Scan, can_id: int, data: bytearray, _: float) -> None:
+    if len(data) == 8 and data[1:4] == REQUEST[1:4]:
+        scan.heard(can_id & 0x7F).answers += 1
 
 
-def _on_emergency(scan: Scan, node: int) -> Callable[[int, bytearray, float], None]:
-    def take(_: int, data: bytearray, __: float) -> None:
-        if len(data) == 8:
-            scan.heard(node).emergencies += 1
-
-    return take
+def _on_emergency(scan: Scan, can_id: int, data: bytearray, _: float) -> None:
+    if len(data) == 8:
+        scan.heard(can_id & 0x7F).emergencies += 1
 
 
 def _count_sync(scan: Scan) -> None:

@@ -66,19 +66,7 @@ def _stop_counting(server: RemoteDictionary) -> None:
         ) from error
 
 
-def note_process_data(
-    server: RemoteDictionary,
-    inputs: Inputs,
-    others: Sequence[OtherTpdo],
-    bitrate: int,
-    period: float,
-) -> None:
-    """Note where set-points act when they arrive, and which TPDOs go on that nobody reads."""
-    _note_arrival(server, inputs)
-    _note_others(server, others, bitrate, period)
-
-
-def _note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
+def note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
     """Note where set-points act when they arrive, because no RPDO takes them at SYNC."""
     kind, target = cia301.SET_POINT_TRANSMISSION, inputs.target
     if inputs.synchronous or target is None:
@@ -91,9 +79,10 @@ def _note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
         )
 
 
-def _note_others(
+def note_others(
     server: RemoteDictionary, others: Sequence[OtherTpdo], bitrate: int, period: float
 ) -> None:
+    """Note which TPDOs go on that nobody reads."""
     for other in others:
         kind = other.transmission
         if kind is not None and 0 < kind <= LAST_SYNCHRONOUS:

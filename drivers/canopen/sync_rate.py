@@ -16,6 +16,7 @@ import numpy as np
 
 from drivers.can_bus.capabilities import Capabilities, capabilities_of
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
+from drivers.canopen.objects import SYNC
 from drivers.canopen.pdo_mapping import answers
 from drivers.sync_clock import PAUSE, WINDOW
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from drivers.canopen.pdo_mapping import Pdo
     from drivers.drives_file import DrivesFile
 
-_SYNC = 0x80
 ANSWERED = 0.99
 """Share of the SYNCs that must be answered in the time that a rate is computed from."""
 
@@ -111,7 +111,7 @@ class StopwatchBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame."""
-        if msg.arbitration_id == _SYNC:
+        if msg.arbitration_id == SYNC:
             self._begin(self._clock())
         self._inner.send(msg, timeout)
 
@@ -127,7 +127,7 @@ class StopwatchBus(can.BusABC):
         frame = self._inner.recv(timeout)
         if frame is None:
             return None
-        if self._by_kernel and frame.arbitration_id == _SYNC and not frame.is_rx:
+        if self._by_kernel and frame.arbitration_id == SYNC and not frame.is_rx:
             self._begin(frame.timestamp)
         elif self.sent and frame.arbitration_id in self._expected:
             now = frame.timestamp if self._by_kernel else self._clock()

@@ -41,8 +41,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.axis import Axis
+    from drivers.cycle_data import ProcessData
     from drivers.drive_bus import Move
-    from drivers.fieldbus import Objects, ProcessData
+    from drivers.remote_dictionary import RemoteDictionary
     from drivers.safety.trips import Trips
 
 DELAY = 6
@@ -309,7 +310,7 @@ class CyclicPosition:
         self._change(Mode.CYCLIC_POSITION)
         self.cyclic = True
 
-    def _set_interpolation(self, server: Objects) -> None:
+    def _set_interpolation(self, server: RemoteDictionary) -> None:
         microseconds = round(1e6 * self._period)
         power = -6
         while microseconds % 10 == 0 or microseconds > 255:

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from drivers.axis import Axis
-    from drivers.fieldbus import Entry, Objects, ProcessData
+    from drivers.cycle_data import ProcessData
+    from drivers.fieldbus import Entry
+    from drivers.remote_dictionary import RemoteDictionary
 
     Array = NDArray[np.float64]
 
@@ -49,7 +51,7 @@ class FeedForward:
         self._process_data = process_data
         self._axes = axes
         self.wanted = False
-        self._found: list[tuple[Objects, Entry, int]] = []
+        self._found: list[tuple[RemoteDictionary, Entry, int]] = []
 
     def begin(self, *, feeding: bool) -> None:
         """Get ready for a path that is about to begin, while the axes rest.

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from drivers.axis import AxisScale
+from drivers.cia402 import objects
+from drivers.cia402.states import decode_state
+from drivers.cia402.supervision import interlock
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from drivers.cia402.error_codes import Emergency
     from drivers.cia402.states import State
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
 
 
 @dataclass(slots=True)
@@ -19,6 +25,8 @@ class AxisPicture:
 
     Attributes
     ----------
+    drive : AxisDrive
+        What the drives file states of it.
     name : str
     node : int
     heard : float
@@ -37,8 +45,10 @@ class AxisPicture:
         How many emergencies came, and how many TPDOs that are not mapped as ours.
     """
 
-    name: str
-    node: int
+    drive: AxisDrive
+    name: str = field(init=False)
+    node: int = field(init=False)
+    _scale: AxisScale = field(init=False)
     heard: float = -math.inf
     nmt: str = ""
     state: State | None = None
@@ -49,21 +59,43 @@ class AxisPicture:
     emergencies: int = 0
     foreign: int = 0
 
+    def __post_init__(self) -> None:
+        self.name, self.node = self.drive.name, self.drive.node
+        self._scale = AxisScale.of(self.drive)
 
-class Picture(Protocol):
-    """What was seen of all axes of a drives file, by a bus that is listened to.
+    def show(self, entry: Entry, value: float) -> None:
+        """Take what an object of the drive holds."""
+        if entry == objects.STATUSWORD:
+            self.state = decode_state(int(value))
+        elif entry == objects.POSITION:
+            self.q = self._scale.position_from_counts(float(value))
+        elif entry == self.drive.current.entry:
+            self.tau = self._scale.torque_from_counts(float(value))
+        elif entry == objects.DIGITAL_INPUTS:
+            self.interlock = interlock(int(value)) or ""
+
+
+class Picture(ABC):
+    """What was seen of all axes of a drives file, by a bus that is listened to, or asked.
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        The axes in joint order.
 
     Attributes
     ----------
-    axes : sequence of AxisPicture
+    axes : list of AxisPicture
         In joint order.
     """
 
-    @property
-    def axes(self) -> Sequence[AxisPicture]: ...  # noqa: D102 - an attribute
+    def __init__(self, drives: DrivesFile) -> None:
+        self.axes = [AxisPicture(axis) for axis in drives.axes]
 
+    @abstractmethod
     def listen(self, duration: float) -> None:
         """Take what comes, for so long [s]."""
 
+    @abstractmethod
     def sync_rate(self, now: float) -> float:
         """Rate of the last SYNCs [1/s], 0 if there are none any more at `now` [s]."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.deadline import Deadline
-from drivers.cia402.states import Command, State, decode_state, next_command
+from drivers.cia402.states import FAULTS, Command, State, decode_state, in_words, next_command
 from drivers.cia402.stop import NOT_ENERGISED
 from drivers.cia402.supervision import RESET, safe_torque_off
 from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
@@ -20,14 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.cia402.supervision import Supervision
-    from drivers.fieldbus import Objects, ProcessData
+    from drivers.cycle_data import ProcessData
+    from drivers.remote_dictionary import RemoteDictionary
 
 STEP_TIME = 3.0
 """How long a drive may take from one state to another [s]; brakes and DC links are slow."""
 
 OFF_ATTEMPTS = 2
-
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 class Power:
@@ -37,7 +36,7 @@ class Power:
     ----------
     process_data : ProcessData
         Of all axes.
-    servers : sequence of Objects
+    servers : sequence of RemoteDictionary
         The drives in joint order.
     supervision : Supervision
         Puts faults into words.
@@ -46,7 +45,7 @@ class Power:
     def __init__(
         self,
         process_data: ProcessData,
-        servers: Sequence[Objects],
+        servers: Sequence[RemoteDictionary],
         supervision: Supervision,
     ) -> None:
         self._process_data = process_data
@@ -62,7 +61,7 @@ class Power:
             self._process_data.tick()
         return True
 
-    def make_safe(self, server: Objects, *, reset_fault: bool) -> None:
+    def make_safe(self, server: RemoteDictionary, *, reset_fault: bool) -> None:
         """Bring a drive in whatever state to SWITCH ON DISABLED.
 
         Raises
@@ -97,7 +96,7 @@ class Power:
             for axis, (server, state) in enumerate(zip(self._servers, states, strict=True)):
                 self._step(axis, server, state, goal, late=late)
 
-    def switch_off(self, server: Objects) -> None:
+    def switch_off(self, server: RemoteDictionary) -> None:
         """Switch one drive off by SDO, and see that it shows it.
 
         Raises
@@ -113,17 +112,15 @@ class Power:
                 if attempt == OFF_ATTEMPTS - 1:
                     raise
         if not self.wait(lambda: self._state(server) in NOT_ENERGISED, STEP_TIME):
-            state = self._state(server)
             raise DriveRefused(
-                f"{server.label}: does not switch off, it shows "
-                f"{'an undefined state' if state is None else state.value}; "
+                f"{server.label}: does not switch off, it shows {in_words(self._state(server))}; "
                 "press the emergency stop"
             )
 
-    def _state(self, server: Objects) -> State | None:
+    def _state(self, server: RemoteDictionary) -> State | None:
         return decode_state(server.get(objects.STATUSWORD))
 
-    def _reset(self, server: Objects, *, permitted: bool) -> None:
+    def _reset(self, server: RemoteDictionary, *, permitted: bool) -> None:
         reason = self._supervision.reason(server)
         if not permitted:
             raise DriveFault(f"{server.label}: {State.FAULT.value}: {reason}; {RESET}")
@@ -135,9 +132,9 @@ class Power:
             )
 
     def _step(
-        self, axis: int, server: Objects, state: State | None, goal: State, *, late: bool
+        self, axis: int, server: RemoteDictionary, state: State | None, goal: State, *, late: bool
     ) -> None:
-        if state in _FAULTS:
+        if state in FAULTS:
             raise self._supervision.diagnose(server, self._process_data.words[axis])
         if late and state is not goal:
             locked = safe_torque_off(server)
@@ -146,10 +143,9 @@ class Power:
                     f"{server.label}: {locked}, so that {goal.value} cannot be reached; close "
                     "guards and emergency stops, and release it"
                 )
-            shown = "an undefined state" if state is None else state.value
             raise DriveRefused(
-                f"{server.label}: stays in {shown}, {goal.value} was commanded; check supply "
-                "voltage, enable input and safe torque off"
+                f"{server.label}: stays in {in_words(state)}, {goal.value} was commanded; check"
+                " supply voltage, enable input and safe torque off"
             )
         if self._process_data.flags[axis] & SampleFlag.MISSING or state is None:
             return

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from drivers.axis import Axis
+    from drivers.cycle_data import ProcessData
     from drivers.drive_bus import Move
-    from drivers.fieldbus import ProcessData
 
 ACKNOWLEDGE_CYCLES = 25
 """How many SYNCs the handshake may take at least: four statuswords must come and go."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.axis import Axis
-    from drivers.fieldbus import ProcessData
+    from drivers.cycle_data import ProcessData
 
 _LIMIT = Status.INTERNAL_LIMIT.value
 _new_tuple = tuple.__new__  # half the time of Sample(...), at every SYNC

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 from drivers.cia402 import objects
 from drivers.cia402.deadline import Deadline
 from drivers.cia402.set_point import Standstill
+from drivers.cia402.states import in_words
 from drivers.cia402.stop import AWAITED, AxisStop, StopPhase
 from drivers.drive_bus import DriveError, SampleFlag
 
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
 
     from drivers.axis import Axis
     from drivers.cia402.states import Command
-    from drivers.fieldbus import LifeSign, Objects, ProcessData
+    from drivers.cycle_data import ProcessData
+    from drivers.fieldbus import LifeSign
+    from drivers.remote_dictionary import RemoteDictionary
 
 SETTLING_TIME = 0.04
 """For how long an axis must keep still to count as resting [s], and for `SETTLED` samples."""
@@ -64,10 +67,6 @@ class _Stopped:
     def off(self) -> bool:
         return self.stop.phase is StopPhase.OFF
 
-    @property
-    def shown(self) -> str:
-        return "an undefined state" if self.stop.state is None else self.stop.state.value
-
 
 class Shutdown:
     """Stops axes and switches them off; no `Exception` leaves it.
@@ -97,7 +96,7 @@ class Shutdown:
         life_sign: LifeSign,
         axes: Sequence[Axis],
         period: float,
-        switch_off: Callable[[Objects], None],
+        switch_off: Callable[[RemoteDictionary], None],
     ) -> None:
         self.problems: list[str] = []
         self._switch_off_by_objects = switch_off
@@ -290,7 +289,7 @@ class Shutdown:
     def _left_on(self) -> Iterable[str]:
         for each in self._stopped:
             if not each.off:
-                shown = "nothing" if each.stop.state is None else each.shown
+                shown = "nothing" if each.stop.state is None else each.stop.state.value
                 why = each.reason or each.refused
                 yield (
                     f"{each.axis.label}: does not switch off, it shows {shown}"
@@ -327,8 +326,9 @@ def _overran(each: _Stopped) -> str:
     (way, lasted), bound, axis = each.stop.overrun, each.stop.bound, each.axis
     unit = axis.drive.unit
     return (
-        f"{axis.label}: {lasted:.2g} s after quick stop it shows {each.shown} and has"
-        f" gone on by {way * axis.per_count:.2g} {unit}, at most {bound.way * axis.per_count:.2g} "
-        f"{unit} and {bound.time:.2g} s may pass until it rests; its voltage was disabled."
-        " Check its quick stop (605A, 6085), brake and tuning, or state quick_stop_deceleration"
+        f"{axis.label}: {lasted:.2g} s after quick stop it shows {in_words(each.stop.state)} and"
+        f" has gone on by {way * axis.per_count:.2g} {unit}, at most"
+        f" {bound.way * axis.per_count:.2g} {unit} and {bound.time:.2g} s may pass until it"
+        " rests; its voltage was disabled. Check its quick stop (605A, 6085), brake and tuning, or"
+        " state quick_stop_deceleration"
     )

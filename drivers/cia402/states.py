@@ -130,6 +130,10 @@ PASSING_STATES = frozenset({State.NOT_READY, State.FAULT_REACTION_ACTIVE})
 """States that a drive leaves by itself."""
 
 
+FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+"""States that a drive enters by a fault."""
+
+
 class NoRoute(ValueError):
     """No permitted sequence of commands leads from a state to a goal."""
 
@@ -137,6 +141,11 @@ class NoRoute(ValueError):
 def decode_state(statusword: int) -> State | None:
     """Return the state that a statusword shows, None where the standard defines none."""
     return _STATE_OF[statusword & 0x7F]
+
+
+def in_words(state: State | None) -> str:
+    """Return a state as messages name it."""
+    return "an undefined state" if state is None else state.value
 
 
 def route(state: State, goal: State, *, reset_fault: bool = False) -> tuple[Command, ...]:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.error_codes import Emergency, decode_emergency, error_text
-from drivers.cia402.states import State, decode_state
+from drivers.cia402.states import FAULTS, State, decode_state
 from drivers.drive_bus import DriveError, DriveFault
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.fieldbus import Objects
+    from drivers.remote_dictionary import RemoteDictionary
 
 INTERLOCK = 1 << 3
 """Bit of the digital inputs (60FD). Some makers keep it for another input, so what is read is
@@ -28,7 +28,6 @@ CODE_SIZE = 2
 """What an EMCY must hold at least: its error code [bytes]."""
 RESET = "remove the cause, then reset the fault (hil drives reset-faults)"
 """What is to be done about a fault."""
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 class Supervision:
@@ -36,7 +35,7 @@ class Supervision:
 
     Parameters
     ----------
-    servers : sequence of Objects
+    servers : sequence of RemoteDictionary
         The drives in joint order.
 
     Attributes
@@ -45,7 +44,7 @@ class Supervision:
         An emergency has come of which it is not yet reported whether it was a warning.
     """
 
-    def __init__(self, servers: Sequence[Objects]) -> None:
+    def __init__(self, servers: Sequence[RemoteDictionary]) -> None:
         self.emergency = False
         self._servers = servers
         self._emergencies: dict[int, Emergency] = {}
@@ -83,10 +82,10 @@ class Supervision:
                 found.append(f"{labels[node]}: warning {emergency}; see the drive's manual")
         return found
 
-    def diagnose(self, server: Objects, statusword: int) -> DriveError:
+    def diagnose(self, server: RemoteDictionary, statusword: int) -> DriveError:
         """Put into words why a drive is not in OPERATION ENABLED."""
         state = decode_state(statusword)
-        if state in _FAULTS:
+        if state in FAULTS:
             reason = self.reason(server)
             return DriveFault(f"{server.label}: {state.value}: {reason}; {RESET}")
         shown = f"undefined statusword {statusword:04X}h" if state is None else state.value
@@ -97,7 +96,7 @@ class Supervision:
             "torque off and the drive's enable input"
         )
 
-    def reason(self, server: Objects) -> str:
+    def reason(self, server: RemoteDictionary) -> str:
         """Return a fault's reason: the last emergency, else what 603F or 1003 says."""
         emergency = self._emergencies.get(server.node)
         if emergency is not None:
@@ -123,7 +122,7 @@ class Supervision:
             self._emergencies.pop(node, None)
 
 
-def safe_torque_off(server: Objects) -> str | None:
+def safe_torque_off(server: RemoteDictionary) -> str | None:
     """Return that safe torque off is active and what says so; None where nothing does.
 
     Never raises a `DriveError`: it is asked when something else has failed already.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.axis import Axis
-    from drivers.fieldbus import ProcessData
+    from drivers.cycle_data import ProcessData
 
 
 def unwrapped(process_data: ProcessData, axes: Sequence[Axis]) -> ProcessData:

@@ -22,11 +22,6 @@ class VendorObject:
     entry: Entry
     per_count: float
 
-    @property
-    def place(self) -> str:
-        """Index and sub-index as they are written everywhere."""
-        return f"{self.entry.index:04X}:{self.entry.subindex:02X}"
-
     def value(self, counts: int) -> float:
         """Return so many counts in SI units."""
         return counts * self.per_count

@@ -156,7 +156,7 @@ class _Rehearsal:
 
     def changes(self, besides: Mapping[Address, bytes] | None = None) -> Iterator[Change]:
         """Yield what would be another value on the drive, but what is in `besides`."""
-        held = {(entry.index, entry.subindex): value for entry, value in self.found.items()}
+        held = {entry.key: value for entry, value in self.found.items()}
         for place, data in self.written.items():
             entry = self._entries[place]
             value = int.from_bytes(data, "little", signed=entry.signed)
@@ -166,7 +166,7 @@ class _Rehearsal:
     def _keep(self, entry: Entry) -> None:
         held = before(self.shown, entry)
         for each in (*held, entry):
-            self._entries.setdefault((each.index, each.subindex), each)
+            self._entries.setdefault(each.key, each)
         self.found.update(held)
         self.shown.saved.update(self._entries)
 
@@ -178,7 +178,7 @@ class _Layer:
         self.written: dict[Address, bytes] = {}
         self._drive = drive
         self._answers: dict[Address, bytes | AccessRefused] = {}
-        self._shown = {(by.index, by.subindex): what for what, by in _SHOWN_BY.items()}
+        self._shown = {by.key: what for what, by in _SHOWN_BY.items()}
         self._lacks: frozenset[Address] = frozenset()
 
     def refusing(self, place: Address, _: Access) -> _Layer:
@@ -190,7 +190,7 @@ class _Layer:
     def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
         """Read an object: what was written to it, else what the drive holds."""
         source = self._shown.get((index, subindex))
-        place = (source.index, source.subindex) if source else (index, subindex)
+        place = source.key if source else (index, subindex)
         if place in self.written:
             return self.written[place]
         return self._ask(index, subindex, size)

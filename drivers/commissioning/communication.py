@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,7 +29,7 @@ class Refusable(NamedTuple):
     condition: str
 
 
-class Communication(Protocol):
+class Communication(ABC):
     """How one drive exchanges process data and is watched; what set-up finds is put in.
 
     Attributes
@@ -41,18 +42,19 @@ class Communication(Protocol):
         Objects that may be written after start-up, or where set-up takes another course.
     """
 
-    @property
-    def requirements(self) -> Mapping[Entry, Requirement]: ...  # noqa: D102 - an attribute
+    requirements: ClassVar[Mapping[Entry, Requirement]]
+    later: ClassVar[tuple[Entry, ...]]
 
     @property
+    @abstractmethod
     def feed_forward(self) -> bool: ...  # noqa: D102 - an attribute
-
-    @property
-    def later(self) -> tuple[Entry, ...]: ...  # noqa: D102 - an attribute
 
     def refusable(self, axis: AxisDrive) -> Refusable | None:
         """Return the object that decides on another course, None where there is no other."""
+        del axis
+        return None
 
+    @abstractmethod
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
@@ -64,5 +66,6 @@ class Communication(Protocol):
             Why the drive cannot take part.
         """
 
+    @abstractmethod
     def set_up_process_data(self, server: RemoteDictionary, axis: AxisDrive) -> None:
         """Configure its process data alone."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from drivers.cia402 import objects
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.commissioning.consistency import compare_statements
-from drivers.commissioning.readback import Readback
+from drivers.commissioning.readback import readback
 from drivers.commissioning.requirements import DRIVE_PROFILE, OF_PROFILES
 from drivers.commissioning.values_set_up import write_values
 from drivers.drive_bus import DriveRefused
@@ -65,7 +65,7 @@ def commission(
     DriveRefused, NodeSilent
         Why the drive cannot serve.
     """
-    server.judge = Readback(axis, drives, communication.requirements)
+    server.judge = readback(axis, drives, communication.requirements)
     identity = check_identity(server, axis)
     mode = _take_mode(server, wait, wraps=limits.wrap is not None)
     compare_statements(server, axis)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.fieldbus import Entry
-from drivers.remote_dictionary import Aborted
+from drivers.remote_dictionary import RANGE_CODES, Aborted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -20,6 +20,8 @@ ASSIGNMENTS = range(0x1C12, 0x1C14)
 """Of mappings to sync managers (ETG.1000.6), which CANopen has not."""
 ENTRIES_MAX = 64
 """Most objects in a PDO (CiA 301)."""
+NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}
+"""A mapping that can be written has no further sub-index, or takes no greater count or length."""
 
 
 def mapping_count(index: int) -> Entry:
@@ -35,6 +37,14 @@ def mapping_slot(index: int, number: int) -> Entry:
 def assignment_slot(index: int, number: int) -> Entry:
     """Return the object of an assignment that names the n-th mapping, from 1."""
     return Entry(index, number, "u16", f"mapping {number} of {_name(index)}")
+
+
+def content(
+    server: RemoteDictionary, index: int, slot: Callable[[int, int], Entry] = mapping_slot
+) -> tuple[int, ...]:
+    """Read what a mapping, or an assignment, names (errors as in `RemoteDictionary.get`)."""
+    count = min(server.get(mapping_count(index)), ENTRIES_MAX)
+    return tuple(server.get(slot(index, number)) for number in range(1, count + 1))
 
 
 def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
@@ -55,7 +65,7 @@ def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
         entries = [*_mapped(server, entry.index, mapping_slot), entry]
     elif entry.index in ASSIGNMENTS:
         entries = [*_mapped(server, entry.index, assignment_slot), entry]
-    fresh = {(each.index, each.subindex): each for each in entries}
+    fresh = {each.key: each for each in entries}
     values = {e: read_if_held(server, e) for place, e in fresh.items() if place not in server.saved}
     return {each: value for each, value in values.items() if value is not None}
 

@@ -41,23 +41,16 @@ class Kept:
 
 def _share(words: str, less: float, more: float) -> Kept:
     """Accept what is less or more by such shares of the value written, and above zero."""
-
-    def accepts(written: int, kept: int, drives: DrivesFile) -> bool:
-        del drives
-        return kept > 0 and -less * written <= kept - written <= more * written
-
-    return Kept(words, accepts)
+    return Kept(
+        words,
+        lambda written, kept, _: kept > 0 and -less * written <= kept - written <= more * written,
+    )
 
 
 def _inwards(direction: int) -> Kept:
     """Accept what lies in a direction (+1, -1), and one increment in the other."""
-
-    def accepts(written: int, kept: int, drives: DrivesFile) -> bool:
-        del drives
-        return (kept - written) * direction >= -1
-
     words = "any value further inside, or one increment further outside; any range, if it is fixed"
-    return Kept(words, accepts)
+    return Kept(words, lambda written, kept, _: (kept - written) * direction >= -1)
 
 
 EXACT = Kept("the value written", lambda written, kept, _: kept == written)

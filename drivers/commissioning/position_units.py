@@ -108,8 +108,7 @@ class PositionFactors:
     def caveat(self) -> str:
         """Which divisors were assumed, as the end of a sentence; empty where none was."""
         return "".join(
-            f"; {entry.index:04X}:{entry.subindex:02X} is 0 or not stated, 1 is assumed"
-            for entry in self.assumed.values()
+            f"; {entry.place} is 0 or not stated, 1 is assumed" for entry in self.assumed.values()
         )
 
     @property

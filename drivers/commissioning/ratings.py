@@ -149,7 +149,7 @@ def _constant(quantity: VendorObject, counts: int, stated: float) -> Comparison:
     """Compare the torque constant, of which it is not said whether of rms or peak."""
     return compared(
         _within(quantity.value(counts) / stated, ALIKE),
-        f"{quantity.entry.name} ({quantity.place})",
+        f"{quantity.entry.name} ({quantity.entry.place})",
         f"{quantity.value(counts):g} N m/A",
         "torque_constant",
         f"{stated:g} N m/A",

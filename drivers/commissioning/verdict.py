@@ -131,6 +131,11 @@ def unknown(place: str, check: str, remedy: str) -> Verdict:
     return Verdict(Grade.WARNING, place, check, "the drive does not state it", remedy=remedy)
 
 
+def undecided(place: str, check: str, found: str, remedy: str, bound: str = "") -> Verdict:
+    """Return the warning that a check found no answer, and what would give one."""
+    return Verdict(Grade.WARNING, place, check, f"undecided: {found}", bound, remedy)
+
+
 def refused(place: str, check: str, error: DriveError) -> Verdict:
     """Return what an error says as a refusal."""
     return Verdict(Grade.REFUSED, place, check, str(error).removeprefix(f"{place}: "))

@@ -7,7 +7,7 @@ None, so that whoever judges a dictionary can distinguish "no" from "not said".
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
@@ -145,7 +145,7 @@ class Dictionary:
 
     def entry(self, entry: Entry) -> Declared | None:
         """Return what is declared for one of `drivers.cia402.objects` (see `find`)."""
-        return self.find(entry.index, entry.subindex)
+        return self.find(*entry.key)
 
     def value(self, entry: Entry) -> int | None:
         """Return the configured value, or the only one that there can be; never a mere default."""
@@ -160,17 +160,13 @@ class Dictionary:
             yield self.entries[key]
 
 
-def carried(word: int) -> tuple[int, int, int]:
-    """Return index, sub-index and bits of a mapping entry."""
-    return word >> 16, word >> 8 & 0xFF, word & 0xFF
-
-
-def mapped_objects(entries: Mapping[Key, Declared]) -> frozenset[Key]:
-    """Return what any TPDO or RPDO carries as it stands: proof that it can be mapped."""
-    return frozenset(
-        carried(word)[:2]
+def with_proof(entries: Mapping[Key, Declared]) -> dict[Key, Declared]:
+    """Return the same; what any TPDO or RPDO carries as it stands is shown to be mappable."""
+    proved = frozenset(
+        (word >> 16, word >> 8 & 0xFF)
         for (index, subindex), member in entries.items()
         if subindex and any(index in mappings for mappings in MAPPINGS)
         for word in (member.default, member.value)
         if word
     )
+    return {k: replace(e, mappable=True) if k in proved else e for k, e in entries.items()}

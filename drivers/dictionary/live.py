@@ -7,18 +7,18 @@ several objects unanswered is not asked on, so that a scan ends in bounded time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.held_values import mapping_slot
-from drivers.dictionary.dictionary import Declared, Dictionary, Key, mapped_objects
-from drivers.fieldbus import Entry
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
 from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer
 
 if TYPE_CHECKING:
     from drivers.dictionary.bus_rules import BusRules
+    from drivers.fieldbus import Entry
     from drivers.remote_dictionary import Access
 
 DEVICE_NAME = 0x1008
@@ -29,10 +29,7 @@ MAPPED = 8
 """Mapping entries that are looked at."""
 TEXT_LIMIT = 60
 
-_CURRENTS = (
-    objects.TORQUE,
-    Entry(0x6078, 0, "i16", "current actual value"),
-)
+_CURRENTS = (objects.TORQUE, objects.CURRENT)
 
 
 def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
@@ -59,14 +56,10 @@ def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
             reading.ask(mapping_slot(mapping, number))
     model = reading.text(DEVICE_NAME)
     identity = [reading.value(entry) for entry in objects.IDENTITY]
-    proved = mapped_objects(reading.entries)
     return Dictionary(
         f"node {node}",
         live=True,
-        entries={
-            key: replace(found, mappable=True) if key in proved else found
-            for key, found in reading.entries.items()
-        },
+        entries=with_proof(reading.entries),
         unanswered=reading.unanswered,
         node=node,
         vendor=identity[0],
@@ -88,7 +81,7 @@ class _Reading:
 
     def ask(self, entry: Entry) -> None:
         """Read one number, once."""
-        key = (entry.index, entry.subindex)
+        key = entry.key
         if key in self.entries or key in self.unanswered:
             return
         if self.silences >= PATIENCE:
@@ -105,7 +98,7 @@ class _Reading:
             self.entries[key] = _declared(entry, data)
 
     def _denied(self, entry: Entry, refusal: AccessRefused) -> None:
-        key, code = (entry.index, entry.subindex), refusal.code
+        key, code = entry.key, refusal.code
         if code == WRITE_ONLY:
             self.entries[key] = Declared(*key, entry.name, entry.type, access="wo")
         elif code == NO_DATA:  # it is there and empty, as a history (1003) without errors
@@ -115,7 +108,7 @@ class _Reading:
 
     def value(self, entry: Entry) -> int | None:
         """Return what was read, None where nothing was."""
-        found = self.entries.get((entry.index, entry.subindex))
+        found = self.entries.get(entry.key)
         return None if found is None else found.value
 
     def text(self, index: int) -> str:

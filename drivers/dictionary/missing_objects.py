@@ -63,7 +63,7 @@ def gaps(
     if row.lack is Lack.SILENT and Use.ASK in row.use:
         return
     about, declared = str(row.entry), dictionary.entry(row.entry)
-    refused = dictionary.unanswered.get((row.entry.index, row.entry.subindex))
+    refused = dictionary.unanswered.get(row.entry.key)
     if declared is not None:
         if not _is_spare(dictionary, row, table):
             yield from _flaws(dictionary, declared, row)

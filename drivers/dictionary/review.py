@@ -121,9 +121,9 @@ def review(dictionary: Dictionary, rules: BusRules, axis: AxisDrive | None = Non
         ),
         *_wrong_mode(modes),
         *_no_range(dictionary),
-        *(Finding(*each) for each in rules.remarks(dictionary)),
+        *rules.remarks(dictionary),
         *(() if axis else _no_current(dictionary, candidates, usable)),
-        *(Finding(*each) for each in carried.obstacles),
+        *carried.obstacles,
     ]
     findings.sort(key=lambda finding: not finding.fatal)
     return Review(
@@ -159,7 +159,7 @@ def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
 
 
 def _commandless(dictionary: Dictionary) -> bool:
-    keys = {(entry.index, entry.subindex) for entry in (objects.CONTROLWORD, objects.STATUSWORD)}
+    keys = {objects.CONTROLWORD.key, objects.STATUSWORD.key}
     known = {*dictionary.entries, *dictionary.unanswered, *dictionary.damaged}
     return not keys & known
 

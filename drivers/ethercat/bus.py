@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from contextlib import contextmanager, suppress
-from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent
-from drivers.ethercat.access import CoeAccess
 from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.connection import EthercatConnection
 from drivers.ethercat.cycle_time import MAX_LOAD, StopwatchWire, cycle_time
-from drivers.ethercat.drive import EthercatDrive
+from drivers.ethercat.drive import reached
 from drivers.ethercat.line import LOCK_STEP_PATIENCE, PATIENCE, Line
 from drivers.ethercat.monitor import LinePicture
 from drivers.ethercat.process_data import EthercatProcessData
@@ -19,18 +17,19 @@ from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.ethercat.rules import RULES
 from drivers.ethercat.scan import scan_line
 from drivers.ethercat.slaves import Slaves
-from drivers.remote_dictionary import NoAnswer, RemoteDictionary
-from drivers.session.connection import UnpoweredDrives
+from drivers.remote_dictionary import NoAnswer
+from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives, places_of
 from drivers.sync_clock import LockStep
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
-    from typing import Self
 
     from drivers.dictionary.found_nodes import Scan
-    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.drives_file import DrivesFile
+    from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.wire import Wire
     from drivers.fieldbus import PacingName
+    from drivers.remote_dictionary import RemoteDictionary
     from drivers.session.connection import Place
     from drivers.sync_clock import SyncClock
 
@@ -38,8 +37,8 @@ SDO_TIMEOUT = 1.0
 """How long a drive may take to answer [s], where no drives file says it."""
 
 
-class EthercatBus:
-    """An open interface, and a context manager that closes it.
+class EthercatBus(Fieldbus):
+    """An open interface.
 
     Parameters
     ----------
@@ -58,39 +57,22 @@ class EthercatBus:
         self._asked: list[EthercatDrive] = []
         self.lock_step = pacing == "lock-step"
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.shutdown()
-
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> EthercatConnection:
         """Build all that is needed to talk to drives (see `Fieldbus`)."""
-        line = self._line()
-        slaves = Slaves(line)
-        reached = _reached(line, slaves, drives)
-        servers = [_server(drive, axis.node, axis.name) for drive, axis in reached]
-        return EthercatConnection(
-            line,
-            slaves,
-            [drive for drive, _ in reached],
-            servers,
-            self._clock(period),
-            drives,
-            feed_forward=feed_forward,
-        )
+        clock = self._clock(period)
+        return EthercatConnection(self._line(), clock, drives, feed_forward=feed_forward)
 
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
         """Reach drives by their mailboxes alone."""
         line = self._line()
-        reached = _reached(line, Slaves(line), drives)
-        self._asked += (drive for drive, _ in reached)
-        servers = tuple(_server(drive, axis.node, axis.name) for drive, axis in reached)
+        places = places_of(drives.axes)
+        asked, servers = reached(line, Slaves(line), places, drives.sdo_timeout)
+        self._asked += asked
         found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
         clock = self._clock(drives.sync_period)
-        data = EthercatProcessData(line, drives.axes, [drive for drive, _ in reached], clock)
+        data = EthercatProcessData(line, drives.axes, asked, clock)
         return UnpoweredDrives(servers, found, data)
 
     def servers(
@@ -98,15 +80,9 @@ class EthercatBus:
     ) -> tuple[RemoteDictionary, ...]:
         """Reach drives by position or alias, which may take `timeout` to answer [s]."""
         line = self._line()
-        slaves = Slaves(line)
-
-        def drive(place: Place) -> EthercatDrive:
-            label = f"{place.name} (node {place.node})"
-            find = partial(slaves.at, place.node, place.alias)
-            self._asked.append(EthercatDrive(find, line, label, timeout))
-            return self._asked[-1]
-
-        return tuple(_server(drive(place), place.node, place.name) for place in places)
+        asked, servers = reached(line, Slaves(line), tuple(places), timeout)
+        self._asked += asked
+        return servers
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find slaves and what they offer (see `drivers.ethercat.scan.scan_line`)."""
@@ -150,21 +126,7 @@ class EthercatBus:
         return LockStep(period, synchronous=False) if self.lock_step else ReferenceClock(period)
 
 
-def _reached(
-    line: Line, slaves: Slaves, drives: DrivesFile
-) -> list[tuple[EthercatDrive, AxisDrive]]:
-    timeout = drives.sdo_timeout
-    return [
-        (EthercatDrive(partial(slaves.at, axis.node, axis.alias), line, axis.label, timeout), axis)
-        for axis in drives.axes
-    ]
-
-
-def _server(drive: EthercatDrive, node: int, name: str) -> RemoteDictionary:
-    return RemoteDictionary(CoeAccess(drive), node, name)
-
-
-class TimedEthercatBus(EthercatBus):
+class TimedEthercatBus(EthercatBus, TimedFieldbus):
     """A bus that notes how long frames with process data take to come back.
 
     Parameters
@@ -178,20 +140,12 @@ class TimedEthercatBus(EthercatBus):
     def __init__(self, stopwatch: StopwatchWire, *, lock_step: bool) -> None:
         super().__init__(stopwatch, "lock-step" if lock_step else "wall-clock")
         self._stopwatch = stopwatch
-        self._period = 0.0
-
-    def connect(
-        self, drives: DrivesFile, period: float, *, feed_forward: bool = False
-    ) -> EthercatConnection:
-        """Build all that is needed, and remember the period."""
-        self._period = period
-        return super().connect(drives, period, feed_forward=feed_forward)
 
     def achievable_rate(self) -> tuple[float, float]:
         """Return the highest rate of cycles [1/s], and the slowest answer [s], 0 in lock-step."""
         slowest = 0.0 if self.lock_step else self._stopwatch.slowest
         return self._stopwatch.achievable_rate(slowest), slowest
 
-    def jitter(self) -> float:
+    def jitter(self, period: float) -> float:
         """Return how far frames were off their period [s], 0 in lock-step."""
-        return 0.0 if self.lock_step else self._stopwatch.jitter(self._period)
+        return 0.0 if self.lock_step else self._stopwatch.jitter(period)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
+from drivers.commissioning.communication import Communication
 from drivers.commissioning.held_values import assignment_slot
 from drivers.ethercat.objects import (
     ASSIGNED_IN,
@@ -24,14 +25,13 @@ from drivers.remote_dictionary import FIXED_CODES, Aborted
 if TYPE_CHECKING:
     from typing import Self
 
-    from drivers.commissioning.communication import Refusable
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.remote_dictionary import RemoteDictionary
 
 
 @dataclass
-class EthercatCommunication:
+class EthercatCommunication(Communication):
     """What one drive sends and is sent (see `drivers.commissioning.communication`).
 
     Attributes
@@ -49,8 +49,8 @@ class EthercatCommunication:
     feed_forward: bool = False
     beside: tuple[tuple[Entry, int], ...] = ()
 
-    requirements: ClassVar = REQUIREMENTS
-    later: ClassVar[tuple[Entry, ...]] = (
+    requirements = REQUIREMENTS
+    later = (
         tuple(
             assignment_slot(index, number)
             for index in (ASSIGNED_OUT, ASSIGNED_IN)
@@ -65,11 +65,6 @@ class EthercatCommunication:
         """Return what a drive exchanges whose process data are as we write them."""
         outputs = ours(MAPPING_OUT, outputs_of(feed_forward=feed_forward))
         return cls(outputs, ours(MAPPING_IN, inputs_of(axis)), feed_forward)
-
-    def refusable(self, axis: AxisDrive) -> Refusable | None:
-        """Return None: a drive with fixed process data is taken with them."""
-        del axis
-        return None
 
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.cia402.supervision import Supervision
 from drivers.drive_bus import DriveError, NodeSilent
 from drivers.ethercat import registers as reg
-from drivers.ethercat.access import heard
 from drivers.ethercat.al_states import ERROR, MASK, AlState
 from drivers.ethercat.clocks import Clocks
 from drivers.ethercat.communication import EthercatCommunication, offers_sync0, synchronise
+from drivers.ethercat.drive import heard, reached
 from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
 from drivers.ethercat.reference_clock import AHEAD, ReferenceClock
+from drivers.ethercat.slaves import Slaves
 from drivers.ethercat.watchdog import OutputsSent
 from drivers.remote_dictionary import NoAnswer
-from drivers.session.connection import Connection
+from drivers.session.connection import Connection, places_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-    from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
-    from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
-    from drivers.ethercat.slaves import Slaves
-    from drivers.remote_dictionary import RemoteDictionary
     from drivers.sync_clock import SyncClock
 
 START_TIME = 3.0
@@ -41,12 +38,6 @@ class EthercatConnection(Connection):
     ----------
     line : Line
         That they are on.
-    slaves : Slaves
-        All on it.
-    drives : sequence of EthercatDrive
-        In joint order.
-    servers : sequence of RemoteDictionary
-        Their objects.
     clock : SyncClock
         Where the time of a cycle comes from.
     file : DrivesFile
@@ -64,22 +55,21 @@ class EthercatConnection(Connection):
     def __init__(
         self,
         line: Line,
-        slaves: Slaves,
-        drives: Sequence[EthercatDrive],
-        servers: Sequence[RemoteDictionary],
         clock: SyncClock,
         file: DrivesFile,
         *,
         feed_forward: bool,
     ) -> None:
-        self._line, self._slaves, self._drives = line, slaves, drives
+        self._line, self._slaves = line, Slaves(line)
+        places = places_of(file.axes)
+        drives, servers = reached(line, self._slaves, places, file.sdo_timeout)
+        self._drives = drives
         self._timeout = file.heartbeat_timeout
         self._clock: ReferenceClock | None = None
         if isinstance(clock, ReferenceClock) and file.distributed_clock:
             self._clock = clock
         self._clocks: Clocks | None = None
         self._data = data = EthercatProcessData(line, file.axes, drives, clock)
-        supervision = Supervision(servers)
         life_sign = OutputsSent(
             data,
             [drive.label for drive in drives],
@@ -91,14 +81,10 @@ class EthercatConnection(Connection):
         found = tuple(
             EthercatCommunication.wanted(axis, feed_forward=feed_forward) for axis in file.axes
         )
-        super().__init__(tuple(servers), found, supervision, data, life_sign)
+        super().__init__(servers, found, data, life_sign)
         for drive, server in zip(drives, servers, strict=True):
-            drive.emergencies = _delivering(supervision, server.node)
+            drive.emergencies = partial(self.supervision.take_emergency, server.node)
         line.idle = life_sign.beat
-
-    def conflicts(self) -> Sequence[DriveRefused]:
-        """Return none: each drive has its own place in a frame."""
-        return ()
 
     def start(self) -> None:
         """Bring all drives to SAFEOP as they have been set up, and ask for OP."""
@@ -168,7 +154,7 @@ class EthercatConnection(Connection):
 
     def close(self) -> None:
         """Put back watchdogs and AL states of drives that are shown to be in PREOP."""
-        self._line.idle = _nothing
+        self._line.idle = lambda: None
         for drive in self._drives:
             try:
                 drive.hand_back()
@@ -213,7 +199,7 @@ class EthercatConnection(Connection):
         """Have outputs that are mapped beside ours go on to be what the drives hold."""
         for drive, found in zip(self._drives, self.communications, strict=True):
             for entry, value in found.beside:
-                drive.carry(entry.index, entry.subindex, value.to_bytes(entry.size, "little"))
+                drive.carry(entry.index, entry.subindex, entry.data(value))
 
     def _refused(self) -> bool:
         """Whether a drive shows an error."""
@@ -236,11 +222,3 @@ class EthercatConnection(Connection):
             " reaction has stopped it; see the AL status code in the drive's manual, and check its"
             " supply and that no other master is on the line"
         )
-
-
-def _delivering(supervision: Supervision, node: int) -> Callable[[bytes], None]:
-    return lambda data: supervision.take_emergency(node, data)
-
-
-def _nothing() -> None:
-    """Do nothing."""

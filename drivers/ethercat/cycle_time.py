@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.ethercat.clocks import DIFFERENCE_SIZE, TIME_SIZE
 from drivers.ethercat.frames import HEAD, START, TAIL, Command
-from drivers.ethercat.process_layout import inputs_of, mapping_word, outputs_of
+from drivers.ethercat.process_layout import inputs_of, outputs_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,7 +36,7 @@ _COMMAND = 16
 def cycle_time(drives: DrivesFile, *, feed_forward: bool = False) -> float:
     """Return how long a frame with the process data of all axes takes [s]."""
     entries = [(*outputs_of(feed_forward=feed_forward), *inputs_of(axis)) for axis in drives.axes]
-    sizes = [sum(mapping_word(entry) & 0xFF for entry in own) // 8 + 1 for own in entries]
+    sizes = [sum(entry.word & 0xFF for entry in own) // 8 + 1 for own in entries]
     sizes += [2, TIME_SIZE, DIFFERENCE_SIZE]
     size = START + sum(HEAD + each + TAIL for each in sizes) + _ETHERNET
     return 8 * size / BITRATE + HOP * len(drives.axes)

@@ -11,21 +11,26 @@ from __future__ import annotations
 
 import struct
 import time
+from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import DriveRefused
+from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.coe import SdoClient, emergency_of
 from drivers.ethercat.eeprom import Area, Layout, read_layout
 from drivers.ethercat.mailbox import Mailbox
 from drivers.ethercat.process_layout import Mapped
+from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
 
     from drivers.ethercat.line import Line
+    from drivers.ethercat.slaves import Slaves
     from drivers.ethercat.station import Station
+    from drivers.session.connection import Place
 
 DIVIDER = 2498
 """Of the watchdog, which then counts in 0.1 ms: what controllers begin with."""
@@ -45,7 +50,7 @@ ORDER_TIME = 0.02
 
 
 class EthercatDrive:
-    """One drive.
+    """One drive, and the `Access` to its objects (`drivers.remote_dictionary`).
 
     Parameters
     ----------
@@ -72,8 +77,8 @@ class EthercatDrive:
 
     def __init__(self, find: Callable[[], Station], line: Line, label: str, timeout: float) -> None:
         self.label = label
-        self.emergencies: Callable[[bytes], None] = _ignored
-        self.carry: Callable[[int, int, bytes], bool] = _nowhere
+        self.emergencies: Callable[[bytes], None] = lambda _: None
+        self.carry: Callable[[int, int, bytes], bool] = lambda *_: False
         self.outputs = self.inputs = Mapped((), ())
         self._find, self._line, self._timeout = find, line, timeout
         self._station: Station | None = None
@@ -107,8 +112,8 @@ class EthercatDrive:
             It is not there, or does not get there.
         """
         if self._sdo is None:
-            self._bring_up()
-        assert self._sdo is not None  # noqa: S101 - `_bring_up` sets it
+            self.bring_up()
+        assert self._sdo is not None  # noqa: S101 - `bring_up` sets it
         return self._sdo
 
     def collect(self) -> None:
@@ -116,20 +121,38 @@ class EthercatDrive:
         if self._mailbox is not None:
             self._mailbox.collect()
 
+    def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
+        """Read an object (see `drivers.remote_dictionary.Access`)."""
+        return self.sdo.upload(index, subindex, size)
+
+    def write(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object; process data that carry it too carry this value from now on.
+
+        Some drives refuse what they get by process data anyway.
+        """
+        carried = self.carry(index, subindex, data)
+        try:
+            self.sdo.download(index, subindex, data)
+        except AccessRefused:
+            if not carried:
+                raise
+
     def order(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object and await no answer."""
         self.sdo.order(index, subindex, data, time.monotonic() + ORDER_TIME)
 
     def leave_operational(self) -> None:
         """Bring the drive to PREOP."""
-        if self._sdo is None:
-            self._bring_up()
-        elif self.station.state != AlState.PREOP:
-            self.station.go(AlState.PREOP)
+        with heard(self.label):
+            if self._sdo is None:
+                self.bring_up()
+            elif self.station.state != AlState.PREOP:
+                self.station.go(AlState.PREOP)
 
     def go_operational(self) -> None:
         """Ask for OP, where it gets once outputs come."""
-        self.station.ask_for(AlState.OP)
+        with heard(self.label):
+            self.station.ask_for(AlState.OP)
 
     def prepare(self, logical: int, timeout: float, sync0: tuple[int, int] | None = None) -> None:
         """Bring the drive to SAFEOP, its process data, its watchdog and SYNC0 set up.
@@ -226,7 +249,8 @@ class EthercatDrive:
             self._station.go(AlState.INIT)
             self._sdo = self._mailbox = None
 
-    def _bring_up(self) -> None:
+    def bring_up(self) -> None:
+        """Bring the drive to PREOP by way of INIT (errors as in `sdo`)."""
         station = self.station
         found = station.state
         station.go(AlState.INIT)
@@ -255,10 +279,22 @@ def _word(data: bytes) -> int:
     return int.from_bytes(data, "little")
 
 
-def _ignored(data: bytes) -> None:
-    del data
+@contextmanager
+def heard(label: str) -> Iterator[None]:
+    """Name the drive where it does not answer."""
+    try:
+        yield
+    except NoAnswer as error:
+        raise NodeSilent(f"{label}: does not answer ({error}); check {error.where}") from error
 
 
-def _nowhere(index: int, subindex: int, data: bytes) -> bool:
-    del index, subindex, data
-    return False
+def reached(
+    line: Line, slaves: Slaves, places: Sequence[Place], timeout: float
+) -> tuple[tuple[EthercatDrive, ...], tuple[RemoteDictionary, ...]]:
+    """Return drives and their objects, which are looked for on the line when first needed."""
+    drives = tuple(
+        EthercatDrive(partial(slaves.at, node, alias), line, f"{name} (node {node})", timeout)
+        for node, name, alias in places
+    )
+    pairs = zip(drives, places, strict=True)
+    return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)

@@ -7,13 +7,13 @@ without a dictionary says nothing that a draft could be made of: the drive itsel
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
-from drivers.dictionary.dictionary import Declared, Dictionary, mapped_objects
+from drivers.dictionary.dictionary import Declared, Dictionary, with_proof
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -64,13 +64,11 @@ def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
         )
     device = max(drives, key=lambda each: _number(_attribute(each, "RevisionNo")) or 0)
     reading = _Reading(device)
-    entries = reading.entries()
-    proved = mapped_objects(entries)
     notes = (f"{len(drives)} devices; the latest revision is read",) if len(drives) > 1 else ()
     return Dictionary(
         str(path),
         live=False,
-        entries={k: replace(e, mappable=True) if k in proved else e for k, e in entries.items()},
+        entries=with_proof(reading.entries()),
         node=node,
         vendor=_number(file.root.findtext("Vendor/Id")),
         product=_number(_attribute(device, "ProductCode")),

@@ -55,7 +55,7 @@ class Line:
     def __init__(self, wire: Wire, patience: float = PATIENCE) -> None:
         self.wire = wire
         self.patience = patience
-        self.idle: Callable[[], None] = _nothing
+        self.idle: Callable[[], None] = lambda: None
         self.lost = self.foreign = 0
         self._dead = False
         self._number = 0
@@ -132,7 +132,3 @@ class Line:
         """Let a slave's firmware work."""
         self.idle()
         time.sleep(PAUSE)
-
-
-def _nothing() -> None:
-    """Do nothing."""

@@ -8,15 +8,14 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from drivers.axis import AxisScale
 from drivers.cia402 import objects
-from drivers.cia402.picture import AxisPicture
-from drivers.cia402.states import decode_state
-from drivers.cia402.supervision import interlock
+from drivers.cia402.picture import Picture
 from drivers.drive_bus import DriveError
+from drivers.ethercat.process_layout import inputs_of
 
 if TYPE_CHECKING:
-    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.cia402.picture import AxisPicture
+    from drivers.drives_file import DrivesFile
     from drivers.remote_dictionary import RemoteDictionary
     from drivers.session.connection import UnpoweredDrives
 
@@ -24,7 +23,7 @@ PAUSE = 0.02
 """Between two rounds of questions [s]."""
 
 
-class LinePicture:
+class LinePicture(Picture):
     """What was seen of all axes of a drives file.
 
     Parameters
@@ -35,26 +34,19 @@ class LinePicture:
         Their objects.
     inputs : bool
         Digital inputs are asked for too.
-
-    Attributes
-    ----------
-    axes : list of AxisPicture
-        In joint order.
     """
 
     def __init__(self, drives: DrivesFile, reached: UnpoweredDrives, *, inputs: bool) -> None:
-        self.drives = drives
-        self.axes = [AxisPicture(axis.name, axis.node) for axis in drives.axes]
+        super().__init__(drives)
         self._reached, self._inputs = reached, inputs
-        self._scales = [AxisScale.of(axis) for axis in drives.axes]
 
     def listen(self, duration: float) -> None:
         """Ask all drives again and again, for so long [s]."""
         ends = time.monotonic() + duration
         while time.monotonic() < ends:
-            for axis, server in enumerate(self._reached.servers):
+            for axis, server in zip(self.axes, self._reached.servers, strict=True):
                 try:
-                    self._ask(axis, server, self.drives.axes[axis])
+                    self._ask(axis, server)
                 except DriveError:
                     continue  # it shows by when it was heard
             time.sleep(PAUSE)
@@ -64,12 +56,9 @@ class LinePicture:
         del now
         return 0.0
 
-    def _ask(self, number: int, server: RemoteDictionary, axis: AxisDrive) -> None:
-        shown, scale = self.axes[number], self._scales[number]
-        shown.state = decode_state(server.get(objects.STATUSWORD))
-        shown.q = scale.position_from_counts(float(server.get(objects.POSITION)))
-        shown.tau = scale.torque_from_counts(server.measure(axis.current.entry))
-        shown.heard = time.monotonic()
+    def _ask(self, axis: AxisPicture, server: RemoteDictionary) -> None:
+        for entry in inputs_of(axis.drive):
+            axis.show(entry, server.measure(entry))
+        axis.heard = time.monotonic()
         if self._inputs:
-            inputs = server.find(objects.DIGITAL_INPUTS)
-            shown.interlock = (inputs is not None and interlock(inputs)) or ""
+            axis.show(objects.DIGITAL_INPUTS, server.find(objects.DIGITAL_INPUTS) or 0)

@@ -11,15 +11,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.commissioning.held_values import (
+    NO_ROOM,
     assignment_slot,
+    content,
     mapping_count,
     mapping_slot,
 )
 from drivers.drive_bus import DriveRefused
 from drivers.ethercat.objects import ASSIGNED_IN, ASSIGNED_OUT
-from drivers.ethercat.process_layout import ROOM, Mapped, inputs_of, mapping_word, ours, outputs_of
+from drivers.ethercat.process_layout import ROOM, Mapped, inputs_of, ours, outputs_of
 from drivers.fieldbus import Entry
-from drivers.remote_dictionary import ABSENT, FIXED_CODES, RANGE_CODES, Aborted
+from drivers.remote_dictionary import ABSENT, FIXED_CODES, Aborted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -31,12 +33,8 @@ MAPPING_OUT, MAPPING_IN = 0x1600, 0x1A00
 """Those that we write where they can be written."""
 REFUSALS = FIXED_CODES | ABSENT | {0x06010000, 0x06010003, 0x06040041, 0x06040042, 0x06040043}
 """A drive does not let process data be what we want."""
-NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}
-"""A mapping that can be written takes no further object."""
 CANDIDATES = 8
 """Mappings that are looked at where they are fixed."""
-LONGEST = 64
-"""Most mappings, and objects in one, that are read."""
 
 
 def set_up_process_data(
@@ -130,7 +128,7 @@ def _chosen(
 
 def _covering(server: RemoteDictionary, mapping: int, entries: Sequence[Entry]) -> tuple[int, ...]:
     """Return mappings that carry as much as possible of what we need, each once."""
-    left, chosen = {mapping_word(entry) for entry in entries}, list[int]()
+    left, chosen = {entry.word for entry in entries}, list[int]()
     for index in range(mapping, mapping + CANDIDATES):
         if server.find(mapping_count(index)) is None:
             continue
@@ -152,25 +150,20 @@ def _assign(server: RemoteDictionary, assignment: int, mappings: tuple[int, ...]
 
 
 def _held(server: RemoteDictionary, assignment: int) -> tuple[int, ...]:
-    count = min(server.get(mapping_count(assignment)), LONGEST)
-    return tuple(server.get(assignment_slot(assignment, n)) for n in range(1, count + 1))
+    return content(server, assignment, assignment_slot)
 
 
 def _content(server: RemoteDictionary, mappings: tuple[int, ...]) -> Mapped:
     """Read what mappings carry."""
-    words: list[int] = []
-    for mapping in mappings:
-        if mapping:  # an assignment without mapping is a gap
-            count = min(server.get(mapping_count(mapping)), LONGEST)
-            words += (server.get(mapping_slot(mapping, n)) for n in range(1, count + 1))
+    # an assignment without mapping is a gap
+    words = [word for mapping in mappings if mapping for word in content(server, mapping)]
     return Mapped(mappings, tuple(words))
 
 
 def others(mapped: Mapped, entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """Return what else is carried, in whole bytes."""
-    named = {mapping_word(entry) for entry in entries}
-    return tuple(
-        Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "mapped beside")
-        for word in mapped.words
-        if word not in named and word >> 16 and mapped.place(word >> 16, word >> 8 & 0xFF)
-    )
+    named = {entry.word for entry in entries}
+    carried = [
+        Entry(*key, f"u{8 * size}", "mapped beside") for key, (_, size) in mapped.places.items()
+    ]
+    return tuple(entry for entry in carried if entry.word not in named)

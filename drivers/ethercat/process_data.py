@@ -26,13 +26,13 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Command as Order
-from drivers.cycle_data import CycleData, unpacking
+from drivers.cycle_data import ProcessData, unpacking
 from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.clocks import OUT_OF_STEP, is_together, size_of
 from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, at
-from drivers.ethercat.process_layout import picking, places
+from drivers.ethercat.process_layout import picking
 from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.remote_dictionary import NoAnswer
 
@@ -65,8 +65,8 @@ _WATCHDOGS = Datagram(Command.BRD, reg.WATCHDOG_STATUS << 16, bytes(2))
 """Read where no outputs are sent: what a plant in lock-step takes for a cycle that passes."""
 
 
-class EthercatProcessData(CycleData):
-    """Process data of all axes (`drivers.fieldbus.ProcessData`).
+class EthercatProcessData(ProcessData):
+    """Process data of all axes (`drivers.cycle_data.ProcessData`).
 
     Parameters
     ----------
@@ -81,8 +81,6 @@ class EthercatProcessData(CycleData):
 
     Attributes
     ----------
-    words, positions, currents, flags, irregular, time, on_arrival
-        See `ProcessData`.
     feeding : bool
         Outputs are sent; else inputs are read alone.
     unusual, fallen : bool
@@ -92,8 +90,6 @@ class EthercatProcessData(CycleData):
     farthest : float
         How far any clock was from the reference since they were set, at most [s].
     """
-
-    on_arrival: tuple[int, ...] = ()
 
     def __init__(
         self,
@@ -137,7 +133,8 @@ class EthercatProcessData(CycleData):
             address = LOGICAL + APART * axis
             written.append(Datagram(Command.LRW, address, bytes(size)))
             read.append(Datagram(Command.LRD, address, bytes(size)))
-            self._outputs[axis] = places(drive.outputs, place + HEAD)
+            found = drive.outputs.places.items()
+            self._outputs[axis] = {key: (place + HEAD + at, n) for key, (at, n) in found}
             picked, own = picking(drive.inputs, self._axes[axis])
             layout += f"{HEAD + drive.outputs.size}x{picked}BH"
             order += [_VALUES * axis + n for n in (*own, 3, 4)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
@@ -42,27 +43,21 @@ class Mapped:
         """Length [bytes]."""
         return (sum(word & 0xFF for word in self.words) + 7) // 8
 
-    def place(self, index: int, subindex: int) -> tuple[int, int] | None:
-        """Return place and length of an object [bytes]; None where it is not in whole bytes."""
+    @cached_property
+    def places(self) -> dict[Place, Place]:
+        """Where each object stands that is carried in whole bytes."""
+        found: dict[Place, Place] = {}
         bit = 0
         for word in self.words:
-            length = word & 0xFF
-            if word >> 8 == index << 8 | subindex:
-                return None if bit % 8 or length % 8 else (bit // 8, length // 8)
+            length, index = word & 0xFF, word >> 16
+            if index and not (bit % 8 or length % 8):  # an entry without index is a gap
+                found.setdefault((index, word >> 8 & 0xFF), (bit // 8, length // 8))
             bit += length
-        return None
+        return found
 
     def carries(self, entries: Iterable[Entry]) -> bool:
         """Whether all of these are in it, each in its own length."""
-        return all(
-            (found := self.place(e.index, e.subindex)) is not None and found[1] == e.size
-            for e in entries
-        )
-
-
-def mapping_word(entry: Entry) -> int:
-    """Return how a mapping names an object: index, sub-index and length in bits."""
-    return entry.index << 16 | entry.subindex << 8 | 8 * entry.size
+        return all(e.key in self.places and self.places[e.key][1] == e.size for e in entries)
 
 
 def outputs_of(*, feed_forward: bool) -> tuple[Entry, ...]:
@@ -77,25 +72,13 @@ def inputs_of(axis: AxisDrive) -> tuple[Entry, ...]:
 
 def ours(index: int, entries: Iterable[Entry]) -> Mapped:
     """Return the one mapping as we would have it."""
-    return Mapped((index,), tuple(mapping_word(entry) for entry in entries))
-
-
-def places(outputs: Mapped, start: int) -> dict[Place, Place]:
-    """Return where in a frame each object stands that the outputs carry in whole bytes."""
-    found = {}
-    for word in outputs.words:
-        index, subindex = word >> 16, word >> 8 & 0xFF
-        place = outputs.place(index, subindex)
-        if index and place is not None:
-            found[index, subindex] = (start + place[0], place[1])
-    return found
+    return Mapped((index,), tuple(entry.word for entry in entries))
 
 
 def picking(inputs: Mapped, axis: AxisDrive) -> tuple[str, list[int]]:
     """Return the layout of the inputs, and where in it statusword, position and current are."""
     entries = inputs_of(axis)
-    places = [inputs.place(entry.index, entry.subindex) for entry in entries]
-    starts = [place[0] if place else 0 for place in places]  # all are there, by `pdo_set_up`
+    starts = [inputs.places.get(entry.key, (0, 0))[0] for entry in entries]  # see `pdo_set_up`
     order = sorted(range(len(entries)), key=lambda n: starts[n])
     layout, end = "", 0
     for n in order:

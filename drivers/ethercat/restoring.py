@@ -6,15 +6,13 @@ mappings, each emptied first, and then what was assigned.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from drivers.commissioning.held_values import ASSIGNMENTS, MAPPINGS, mapping_count
-from drivers.found_settings.restoring import differs, restore
-from drivers.remote_dictionary import Aborted
+from drivers.commissioning.held_values import ASSIGNMENTS, MAPPINGS
+from drivers.found_settings.restoring import holds, put_if_taken, restore_mapping
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from drivers.fieldbus import Entry
     from drivers.remote_dictionary import RemoteDictionary
@@ -28,31 +26,13 @@ def restore_process_data(
     assignments = {e: v for e, v in values.items() if e.index in ASSIGNMENTS}
     others = {e: v for e, v in values.items() if e not in mappings and e not in assignments}
     ours = {**mappings, **assignments}
-    if not any(differs(server, entry, value) for entry, value in ours.items()):
+    if holds(server, ours):
         return others, {}
-    _empty(server, {e.index for e in assignments})
+    for entry in assignments:
+        if entry.subindex == 0:
+            put_if_taken(server, entry, 0)
     problems: dict[Entry, str] = {}
     for index in sorted({e.index for e in ours}):
-        problems |= _restore_one(server, {e: v for e, v in ours.items() if e.index == index})
+        own = {e: v for e, v in ours.items() if e.index == index}
+        problems |= {} if holds(server, own) else restore_mapping(server, own)
     return others, problems
-
-
-def _restore_one(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
-    """Put back one mapping or assignment: count 0, entries, count."""
-    if not any(differs(server, entry, value) for entry, value in values.items()):
-        return {}
-    _empty(server, {entry.index for entry in values})
-    count = {e: v for e, v in values.items() if e.subindex == 0}
-    active = max(count.values(), default=0)
-    entries = {e: v for e, v in values.items() if e.subindex > 0}
-    # Beyond its count a mapping means nothing, and not every drive takes what stood there.
-    restore(server, {e: v for e, v in entries.items() if e.subindex > active})
-    problems = restore(server, {e: v for e, v in entries.items() if e.subindex <= active})
-    return problems | restore(server, count)
-
-
-def _empty(server: RemoteDictionary, indices: Iterable[int]) -> None:
-    for index in indices:
-        with suppress(Aborted):  # what is fixed need not be empty
-            if server.get(mapping_count(index)):
-                server.put(mapping_count(index), 0)

@@ -12,7 +12,6 @@ from drivers.dictionary.found_nodes import Scan
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveRefused
-from drivers.ethercat.access import CoeAccess
 from drivers.ethercat.drive import EthercatDrive
 from drivers.ethercat.rules import RULES
 from drivers.ethercat.slaves import Slaves
@@ -54,8 +53,8 @@ def _look(station: Station, scan: Scan, timeout: float) -> None:
     found.state, found.shown_by = station.shown, "AL state"
     drive = EthercatDrive(lambda: station, station.line, f"slave {node}", timeout)
     try:
-        drive.leave_operational()
-        found.dictionary = read_dictionary(CoeAccess(drive), node, RULES)
+        drive.bring_up()
+        found.dictionary = read_dictionary(drive, node, RULES)
         found.review = review(found.dictionary, RULES)
         found.answers = 1
         drive.hand_back()

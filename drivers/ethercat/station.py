@@ -63,15 +63,10 @@ class Station:
         BusUnavailable
             No frame comes back.
         """
-        found = self.try_read(place, size)
-        if found is None:
-            raise NoAnswer("no working counter", WHERE)
-        return found
-
-    def try_read(self, place: int, size: int) -> bytes | None:
-        """Read memory; None where the slave does not take part, as of an empty mailbox."""
         answer = self.line.ask(Datagram(Command.FPRD, at(self.address, place), bytes(size)))[0]
-        return answer.data if answer.counter == 1 else None
+        if answer.counter != 1:
+            raise NoAnswer("no working counter", WHERE)
+        return answer.data
 
     def word(self, place: int) -> int:
         """Read a register of 16 bits (errors as in `read`)."""

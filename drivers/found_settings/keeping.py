@@ -11,13 +11,13 @@ stands.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.commissioning.held_values import before, read_if_held
 from drivers.drive_bus import DriveRefused
 from drivers.found_settings.restoring import restore_drive
 from drivers.found_settings.settings_file import (
-    WRITTEN_ONCE,
     FoundDrive,
     FoundObject,
     FoundSettings,
@@ -116,7 +116,7 @@ class SettingsKeeper:
         """Return what an object held before any of our writes; None where it is missing."""
         kept = self._drive(server.node)
         for each in kept.objects if kept else ():
-            if each.place == (entry.index, entry.subindex):
+            if each.key == entry.key:
                 present = None if each.written is None else server.find(entry)
                 return present if each.set_anew(present) else each.value
         return server.find(entry)
@@ -149,9 +149,11 @@ class SettingsKeeper:
             if earlier.doubt:
                 server.note(earlier.doubt)
             kept = _standing(server, earlier)
-        kept = _with_planned(_extended(kept, found), {**found, **planned})
+        # written already, for a session that is killed during start-up
+        values = {entry.key: value for entry, value in {**found, **planned}.items()}
+        kept = _extended(kept, found).holding(lambda each: values.get(each.key, each.written))
         self._settings = self.settings.with_drives([kept])
-        server.saved = {each.place for each in self.drive(server).objects}
+        server.saved = {each.key for each in kept.objects}
 
     def announced(self, servers: Iterable[RemoteDictionary]) -> None:
         """Put on the disk what was taken; from here on a further object is kept when it comes.
@@ -177,10 +179,8 @@ class SettingsKeeper:
             The file cannot be written.
         """
         for server in servers:
-            kept = self.drive(server)
-            objects = tuple(_with_written(server, each) for each in kept.objects)
-            changed = kept.model_copy(update={"objects": objects})
-            self._settings = self.settings.with_drives([changed])
+            held = self.drive(server).holding(partial(_present, server))
+            self._settings = self.settings.with_drives([held])
         self.save()
 
     def guard(self, server: RemoteDictionary) -> None:
@@ -267,7 +267,7 @@ class SettingsKeeper:
             self._settings = self.settings.with_drives([_extended(self.drive(server), found)])
             self.save()
             self.unannounced.append(f"{server.label}: {entry}")
-        server.saved.update((each.index, each.subindex) for each in (*found, entry))
+        server.saved.update(each.key for each in (*found, entry))
 
 
 def _standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
@@ -283,28 +283,13 @@ def _standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
     return earlier.model_copy(update={"objects": tuple(objects)})
 
 
-def _with_planned(drive: FoundDrive, planned: Mapping[Entry, int]) -> FoundDrive:
-    """Add what a drive will hold, for a session that is killed during start-up."""
-    values = {(entry.index, entry.subindex): value for entry, value in planned.items()}
-    objects = tuple(
-        each.model_copy(update={"written": values.get(each.place, each.written)})
-        if each.index in WRITTEN_ONCE
-        else each
-        for each in drive.objects
-    )
-    return drive.model_copy(update={"objects": objects})
-
-
-def _with_written(server: RemoteDictionary, each: FoundObject) -> FoundObject:
-    """Add what a drive holds once start-up has written to it, if that is to stay."""
-    if each.index not in WRITTEN_ONCE:
-        return each
-    return each.model_copy(update={"written": read_if_held(server, each.entry)})
+def _present(server: RemoteDictionary, each: FoundObject) -> int | None:
+    return read_if_held(server, each.entry)
 
 
 def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
     """Add values to those that are kept of a drive; what is kept already stays."""
-    places = {each.place for each in drive.objects}
+    places = {each.key for each in drive.objects}
     objects = tuple(
         FoundObject.model_validate(
             {
@@ -316,6 +301,6 @@ def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
             }
         )
         for entry, value in found.items()
-        if (entry.index, entry.subindex) not in places
+        if entry.key not in places
     )
     return drive.model_copy(update={"objects": (*drive.objects, *objects), "restored": False})

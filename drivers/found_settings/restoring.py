@@ -9,16 +9,19 @@ at power-on that cannot be written, and every master chooses its own.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import decode_state
 from drivers.cia402.stop import NOT_ENERGISED
+from drivers.commissioning.held_values import read_if_held
 from drivers.drive_bus import DriveRefused
 from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from drivers.fieldbus import Entry
     from drivers.found_settings.settings_file import FoundDrive
@@ -29,27 +32,26 @@ _ROUNDS = 2
 """Limits may depend on each other: what a drive refuses at first is tried again once."""
 
 
-class RestoringOrder(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class RestoringOrder:
     """How a bus's own objects are put back.
 
     Attributes
     ----------
+    restore_process_data : callable
+        Puts the process data of `server` back that stand in `values`; returns the values that are
+        left, and why not, by object.
     late : frozenset of int
         Index of those that wait for all others of the bus.
     watchdogs : frozenset of int
         Index of what watches us, which waits for everything.
     """
 
-    @property
-    def late(self) -> frozenset[int]: ...  # noqa: D102 - an attribute
-
-    @property
-    def watchdogs(self) -> frozenset[int]: ...  # noqa: D102 - an attribute
-
-    def restore_process_data(
-        self, server: RemoteDictionary, values: Mapping[Entry, int]
-    ) -> tuple[dict[Entry, int], dict[Entry, str]]:
-        """Put process data back; return the values that are left, and why not, by object."""
+    restore_process_data: Callable[
+        [RemoteDictionary, Mapping[Entry, int]], tuple[dict[Entry, int], dict[Entry, str]]
+    ]
+    late: frozenset[int] = frozenset()
+    watchdogs: frozenset[int] = frozenset()
 
 
 class NotTakenBack(DriveRefused):
@@ -63,7 +65,7 @@ class NotTakenBack(DriveRefused):
 
     def __init__(self, problems: Mapping[Entry, str]) -> None:
         super().__init__("\n".join(problems.values()))
-        self.places = frozenset((each.index, each.subindex) for each in problems)
+        self.places = frozenset(each.key for each in problems)
 
 
 def restore_drive(server: RemoteDictionary, found: FoundDrive, order: RestoringOrder) -> None:
@@ -127,7 +129,7 @@ def restore(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry
 
 
 def _put_back(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    if not differs(server, entry, value):
+    if holds(server, {entry: value}):
         return
     server.put(entry, value)
     kept = server.get(entry)
@@ -138,9 +140,25 @@ def _put_back(server: RemoteDictionary, entry: Entry, value: int) -> None:
         )
 
 
-def differs(server: RemoteDictionary, entry: Entry, value: int) -> bool:
-    """Whether a drive holds another value, or none that can be read."""
-    try:
-        return server.get(entry) != value
-    except Aborted:
-        return True
+def restore_mapping(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
+    """Put back a mapping or an assignment: count 0, entries, count; return why not, by object."""
+    count = {e: v for e, v in values.items() if e.subindex == 0}
+    for entry in count:
+        put_if_taken(server, entry, 0)
+    active = max(count.values(), default=0)
+    entries = {e: v for e, v in values.items() if e.subindex}
+    # Beyond its count a mapping means nothing, and not every drive takes what stood there.
+    restore(server, {e: v for e, v in entries.items() if e.subindex > active})
+    problems = restore(server, {e: v for e, v in entries.items() if e.subindex <= active})
+    return problems | restore(server, count)
+
+
+def put_if_taken(server: RemoteDictionary, entry: Entry, value: int) -> None:
+    """Write a number; a drive may refuse it."""
+    with suppress(Aborted):
+        server.put(entry, value)
+
+
+def holds(server: RemoteDictionary, values: Mapping[Entry, int]) -> bool:
+    """Whether a drive holds all of these values; what cannot be read it does not."""
+    return all(read_if_held(server, entry) == value for entry, value in values.items())

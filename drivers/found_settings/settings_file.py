@@ -26,7 +26,7 @@ from drivers.drives_file import U32
 from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
     from pathlib import Path
 
     from drivers.remote_dictionary import RemoteDictionary
@@ -58,10 +58,6 @@ WRITTEN_ONCE = frozenset(
     row.entry.index for row in _SET if Use.VARY not in row.use and row.entry.index > _PDOS.stop
 )
 """Those of the profile of which a session holds one value from the end of start-up to its own."""
-_RANGES = {
-    kind: (-(1 << bits - 1), (1 << bits - 1) - 1) if kind[0] == "i" else (0, (1 << bits) - 1)
-    for kind, bits in (("u8", 8), ("u16", 16), ("u32", 32), ("i8", 8), ("i16", 16), ("i32", 32))
-}
 
 
 def _printable(text: object) -> object:
@@ -106,7 +102,7 @@ class FoundObject(FileModel):
             raise ValueError(
                 f"index {self.index:04X}h is no setting that a run changes; remove this object"
             )
-        low, high = _RANGES[self.type]
+        low, high = self.entry.bounds
         for value in (self.value, self.value if self.written is None else self.written):
             if not low <= value <= high:
                 raise ValueError(
@@ -131,7 +127,7 @@ class FoundObject(FileModel):
         )
 
     @property
-    def place(self) -> tuple[int, int]:
+    def key(self) -> tuple[int, int]:
         """Index and sub-index."""
         return self.index, self.subindex
 
@@ -173,10 +169,18 @@ class FoundDrive(FileModel):
     def done(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
         """Return this drive as one that holds everything again but what it did not take back."""
         objects = tuple(
-            each.model_copy(update={"written": None, "refused": each.place in refused})
+            each.model_copy(update={"written": None, "refused": each.key in refused})
             for each in self.objects
         )
         return self.model_copy(update={"restored": True, "objects": objects})
+
+    def holding(self, held: Callable[[FoundObject], int | None]) -> FoundDrive:
+        """Return this drive with what it holds by now, or will, of what a session writes once."""
+        objects = tuple(
+            each.model_copy(update={"written": held(each)}) if each.index in WRITTEN_ONCE else each
+            for each in self.objects
+        )
+        return self.model_copy(update={"objects": objects})
 
     @property
     def doubt(self) -> str:
@@ -195,7 +199,7 @@ class FoundDrive(FileModel):
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
-        places = [each.place for each in self.objects]
+        places = [each.key for each in self.objects]
         for index, subindex in places:
             if places.count((index, subindex)) > 1:
                 raise ValueError(f"object {index:04X}:{subindex:02X} stands twice; remove one")

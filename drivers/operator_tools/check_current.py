@@ -22,7 +22,7 @@ import numpy as np
 
 from drivers.axis import motor_torque_per_count
 from drivers.cia402 import objects
-from drivers.commissioning.verdict import Grade, Verdict
+from drivers.commissioning.verdict import Grade, Verdict, undecided
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import Basis
 
@@ -48,6 +48,7 @@ FRICTION = (0.003, 0.6)
 """Shares of the rated torque that friction at slow speed may take."""
 POLLED = 0.05
 """Time between two readings [s]."""
+_REMEDY = "move farther, or an axis that carries a load; else take it from the drive's manual"
 
 
 class CurrentReadings:
@@ -123,7 +124,7 @@ def _by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
         if confused:
             remedy = "a factor of 1.41: rms and peak are confused"
         return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
-    return _cannot_tell(place, f"{found}, and {' or '.join(nearer)} is nearer")
+    return undecided(place, CHECK, f"{found}, and {' or '.join(nearer)} is nearer", _REMEDY)
 
 
 def _expected(drive: AxisDrive) -> dict[Basis, float]:
@@ -150,7 +151,7 @@ def _by_magnitude(seen: Moved) -> Verdict:
         return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
     if all(_apart(factors[basis], 1) < ALIKE for basis in possible) and not math.isnan(moved):
         return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)
-    return _cannot_tell(place, found)
+    return undecided(place, CHECK, found, _REMEDY)
 
 
 def _possible(rest: float, friction: float) -> bool:
@@ -161,8 +162,3 @@ def _possible(rest: float, friction: float) -> bool:
 def _apart(one: float, other: float) -> float:
     """Factor between two positive numbers, at least 1."""
     return math.inf if not one or not other else max(one / other, other / one)
-
-
-def _cannot_tell(place: str, found: str) -> Verdict:
-    remedy = "move farther, or an axis that carries a load; else take it from the drive's manual"
-    return Verdict(Grade.WARNING, place, CHECK, f"undecided: {found}", remedy=remedy)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from drivers.commissioning.verdict import Grade, Verdict
+from drivers.commissioning.verdict import Grade, Verdict, undecided
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,10 +51,11 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     """
     place, drive, strokes = seen.place, seen.drive, seen.strokes
     if gravity is None:
-        return _cannot_tell(place, "no model of the robot", "watch a jog, or give a run's model")
+        remedy = "watch a jog, or give a run's model"
+        return undecided(place, CHECK, "no model of the robot", remedy)
     measured, error = seen.gravity
     if not math.isfinite(error):
-        return _cannot_tell(place, "too few samples at constant speed", "move farther")
+        return undecided(place, CHECK, "too few samples at constant speed", "move farther")
     passed = np.linspace(strokes[0].q[0], strokes[0].move.target, 11)
     right = float(np.mean([_torque(gravity, seen, q) for q in passed]))
     wrong = -float(np.mean([_torque(gravity, seen, -q) for q in passed]))
@@ -64,21 +65,17 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     apart = abs(right - wrong)
     if apart < SIGNIFICANT * error + LEFT_OVER * abs(seen.friction[0]):
         remedy = "both are too near to each other here: bring the arm to where it is not upright"
-        return _cannot_tell(place, found, remedy, bound)
+        return undecided(place, CHECK, found, remedy, bound)
     if abs(measured - right) < CLOSE * apart:
         return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)
     if abs(measured - wrong) < CLOSE * apart:
         remedy = f"set sign: {-drive.sign} in the drives file, and zero anew"
         return Verdict(Grade.REFUSED, place, CHECK, f"contradicts, {found}", bound, remedy)
     remedy = "neither: compare gear_ratio, zero, the unit of the current, and the payload"
-    return _cannot_tell(place, found, remedy, bound)
+    return undecided(place, CHECK, found, remedy, bound)
 
 
 def _torque(gravity: Gravity, seen: Moved, q: float) -> float:
     at = seen.pose.copy()
     at[seen.number] = q
     return float(gravity(at)[seen.number])
-
-
-def _cannot_tell(place: str, found: str, remedy: str, bound: str = "") -> Verdict:
-    return Verdict(Grade.WARNING, place, CHECK, f"undecided: {found}", bound, remedy)

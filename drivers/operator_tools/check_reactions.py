@@ -73,7 +73,7 @@ def _brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
             delay.value(counts) <= axis.brake_delay * (1 + 1e-9),
             Grade.WARNING,
             server.label,
-            f"brake ({delay.place})",
+            f"brake ({delay.entry.place})",
             f"{delay.value(counts):g} s",
             f"file: {axis.brake_delay:g} s",
             "the voltage goes before the brake has closed: an axis that hangs sags; state it as "

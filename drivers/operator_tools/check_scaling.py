@@ -133,6 +133,6 @@ def _current(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     return Verdict(
         Grade.OK,
         server.label,
-        f"current object ({entry.index:04X}:{entry.subindex:02X})",
+        f"current object ({entry.place})",
         f"{shown} ({axis.current.basis.value})",
     )

@@ -25,7 +25,7 @@ from drivers.operator_tools.draft_hints import (
     velocity_unit,
 )
 from drivers.operator_tools.draft_limits import drafted_limits
-from drivers.operator_tools.draft_ratings import Ratings
+from drivers.operator_tools.draft_ratings import drafted_ratings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Dictionary
     from drivers.dictionary.review import Review
-    from drivers.operator_tools.draft_ratings import Drafted
+    from drivers.operator_tools.draft_hints import Drafted
 
 HIGHEST_NODE = 126
 WIDTH = 100
@@ -166,12 +166,9 @@ def _drive_train(dictionary: Dictionary, gear_ratio: Drafted) -> Iterator[str]:
     yield _drafted("gear_ratio", gear_ratio)
     yield _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it")
     yield _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]")
-    count, reason, hint = increments(dictionary)
-    yield _line("increments_per_revolution", count, reason, hint)
-    unit, hint = velocity_unit(dictionary)
-    yield _line("velocity_unit", unit, "60A9", hint)
-    unit, hint = acceleration_unit(dictionary)
-    yield _line("acceleration_unit", unit, "60AA", hint)
+    yield _drafted("increments_per_revolution", increments(dictionary))
+    yield _drafted("velocity_unit", velocity_unit(dictionary))
+    yield _drafted("acceleration_unit", acceleration_unit(dictionary))
 
 
 def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
@@ -199,14 +196,13 @@ def _chosen(chosen: CurrentCandidate) -> Iterator[str]:
 
 
 def _ratings(dictionary: Dictionary) -> Iterator[str]:
-    ratings = Ratings.of(dictionary)
-    current, torque = ratings.current, ratings.torque
-    yield _drafted("rated_current", current)
-    yield _drafted("rated_torque", torque)
-    if ratings.torque_unit.value != TorqueUnit.MILLI.value:
-        yield _drafted("rated_torque_unit", ratings.torque_unit)
+    ratings = drafted_ratings(dictionary)
+    yield _drafted("rated_current", ratings["rated_current"])
+    yield _drafted("rated_torque", ratings["rated_torque"])
+    if ratings["rated_torque_unit"].value != TorqueUnit.MILLI.value:
+        yield _drafted("rated_torque_unit", ratings["rated_torque_unit"])
     unless = "; remove this line if the basis is per mille of rated torque"
-    constant = ratings.constant
+    constant = ratings["torque_constant"]
     yield _line("torque_constant", constant.value, constant.reason, constant.hint + unless)
     hint = f"rms or peak: the current that the torque constant refers to{unless}"
     yield _line("torque_constant_amplitude", None, "", hint)
@@ -218,7 +214,7 @@ def _brake(dictionary: Dictionary) -> Iterator[str]:
     counts = dictionary.value(maker.brake_delay.entry) if maker else None
     if maker and counts:
         delay = maker.brake_delay
-        said = f"s, {delay.place} of the drive ({delay.entry.name})"
+        said = f"s, {delay.entry.place} of the drive ({delay.entry.name})"
         yield _line("brake_delay", f"{delay.value(counts):g}", said, "")
 
 

@@ -7,6 +7,7 @@ reading; what is a default, unknown or contradictory becomes part of the hint.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -34,13 +35,22 @@ _NAMES = {
 }
 
 
-def velocity_unit(dictionary: Dictionary) -> tuple[str | None, str]:
+@dataclass(frozen=True, slots=True)
+class Drafted:
+    """A value for the draft with its reason; None is to be stated, by the hint."""
+
+    value: str | None
+    reason: str
+    hint: str
+
+
+def velocity_unit(dictionary: Dictionary) -> Drafted:
     """Return the unit of velocities if it is certain, and what to state otherwise."""
     choice = f"unit of velocities in the drive (6081), such as 0.1 rpm: {', '.join(VELOCITIES)}"
     return _unit(dictionary, objects.VELOCITY_UNIT, unit_codes.velocity_of, choice)
 
 
-def acceleration_unit(dictionary: Dictionary) -> tuple[str | None, str]:
+def acceleration_unit(dictionary: Dictionary) -> Drafted:
     """Return the unit of accelerations if it is certain, and what to state otherwise."""
     names = ", ".join(ACCELERATIONS)
     choice = f"unit of accelerations in the drive (6083), such as 0.1 rpm/s: {names}"
@@ -52,21 +62,23 @@ def _unit(
     entry: Entry,
     decode: Callable[[int, int | None, Fraction | None], str | None],
     choice: str,
-) -> tuple[str | None, str]:
+) -> Drafted:
     word, default = dictionary.value(entry), _default(dictionary, entry)
     factors = PositionFactors.read(dictionary.value)
     gear, resolution = factors.gear, factors.stated.resolution
     said = decode(word, factors.unit, resolution) if word else None
+    place, hint = f"{entry.index:04X}", ""
     if said and gear not in {None, 1} and not said.endswith(("inc/s", "inc/s^2")):
-        place = f"{entry.index:04X} says {said}"
-        return None, f"{choice}; {place}, of the motor or of the output of gear 6091 = {gear}"
-    if word and said is None:
-        return None, f"{choice}; {entry.index:04X} is {word:08X}h, an unknown unit"
-    by_default = decode(default, None, None) if default else None
-    return said, f"{choice}; by default {by_default} ({entry.index:04X})" if by_default else choice
+        hint = f"{place} says {said}, of the motor or of the output of gear 6091 = {gear}"
+        said = None
+    elif word and said is None:
+        hint = f"{place} is {word:08X}h, an unknown unit"
+    elif default and (by_default := decode(default, None, None)):
+        hint = f"by default {by_default} ({place})"
+    return Drafted(said, place, f"{choice}; {hint}" if hint else choice)
 
 
-def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
+def increments(dictionary: Dictionary) -> Drafted:
     """Return the counts per motor revolution if certain, their reason, and what to state.
 
     What is left at a default may hold in the drive, so a reading must hold with it too.
@@ -77,15 +89,15 @@ def increments(dictionary: Dictionary) -> tuple[str | None, str, str]:
     by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
     counts = {reading.per_revolution for reading in (*readings, *by_default)}
     if readings and len(counts) == 1 and not factors.assumed:
-        return shown(readings[0].per_revolution), readings[0].reason, hint
+        return Drafted(shown(readings[0].per_revolution), readings[0].reason, hint)
     if readings:
         either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
-        return None, "", f"{hint}; the drive leaves it open: {either}{factors.caveat}"
+        return Drafted(None, "", f"{hint}; the drive leaves it open: {either}{factors.caveat}")
     if factors.unit and factors.unit_in_words != "inc":
         hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
     if by_default:
         hint += f"; by its defaults {' or '.join(map(str, by_default))}"
-    return None, "", hint + also_named(dictionary, "increments")
+    return Drafted(None, "", hint + also_named(dictionary, "increments"))
 
 
 def default_of(dictionary: Dictionary, entry: Entry) -> str:

@@ -14,8 +14,8 @@ from drivers.cia402 import objects
 from drivers.commissioning.consistency import gear_is_electronic
 from drivers.commissioning.position_units import PositionFactors
 from drivers.commissioning.requirements import is_set
-from drivers.operator_tools.draft_hints import increments
-from drivers.operator_tools.draft_ratings import Drafted, Ratings
+from drivers.operator_tools.draft_hints import Drafted, increments
+from drivers.operator_tools.draft_ratings import drafted_ratings
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -52,11 +52,11 @@ def drafted_limits(dictionary: Dictionary) -> dict[str, Drafted]:
     if speed := _held(dictionary, objects.MAX_MOTOR_SPEED):
         why = f"rad/s, 6080 = {speed} rpm of the motor"
         found["velocity"] = Drafted(f"{speed * _RPM / float(gear):.4g}", why, "")
-    share, rated = _held(dictionary, objects.MAX_TORQUE), Ratings.of(dictionary).torque.value
-    if share and rated:
+    rated = drafted_ratings(dictionary)["rated_torque"].value
+    if (share := _held(dictionary, objects.MAX_TORQUE)) and rated:
         why = f"N m, 6072 = {share} per mille of rated_torque"
         found["torque"] = Drafted(f"{share / 1000 * float(rated) * float(gear):.4g}", why, "")
-    counts, _, _ = increments(dictionary)
+    counts = increments(dictionary).value
     if counts is not None:
         found |= _positions(dictionary, 2 * math.pi / (_number(counts) * float(gear)))
     return found

@@ -8,14 +8,13 @@ left to be stated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.ratings import NEWTON_METRE, torque_unit
 from drivers.drives_file import TorqueUnit
-from drivers.operator_tools.draft_hints import also_named, default_of
+from drivers.operator_tools.draft_hints import Drafted, also_named, default_of
 
 if TYPE_CHECKING:
     from drivers.cia402.vendor_objects import VendorObject
@@ -25,39 +24,18 @@ CONSTANT_MAX = 20.0
 """Torque constants of robots' motors are far below [N m/A]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Drafted:
-    """A value for the draft with its reason; None is to be stated, by the hint."""
-
-    value: str | None
-    reason: str
-    hint: str
-
-
-@dataclass(frozen=True, slots=True)
-class Ratings:
-    """The lines of a draft on a motor's ratings.
-
-    Attributes
-    ----------
-    current, torque, constant : Drafted
-        rated_current [A], rated_torque [N m], torque_constant [N m/A].
-    torque_unit : Drafted
-        rated_torque_unit.
-    """
-
-    current: Drafted
-    torque: Drafted
-    torque_unit: Drafted
-    constant: Drafted
-
-    @classmethod
-    def of(cls, dictionary: Dictionary) -> Ratings:
-        """Derive them from a dictionary."""
-        maker = MAKERS.get(dictionary.vendor or 0)
-        current = _rated_current(dictionary, maker.rated_current if maker else None)
-        constant = _torque_constant(dictionary, maker.torque_constant if maker else None)
-        return cls(current, *_rated_torque(dictionary, current, constant), constant)
+def drafted_ratings(dictionary: Dictionary) -> dict[str, Drafted]:
+    """Return the lines of a draft on a motor's ratings, by key, each with its value or a hint."""
+    maker = MAKERS.get(dictionary.vendor or 0)
+    current = _rated_current(dictionary, maker.rated_current if maker else None)
+    constant = _torque_constant(dictionary, maker.torque_constant if maker else None)
+    torque, unit = _rated_torque(dictionary, current, constant)
+    return {
+        "rated_current": current,
+        "rated_torque": torque,
+        "rated_torque_unit": unit,
+        "torque_constant": constant,
+    }
 
 
 def _rated_current(dictionary: Dictionary, own: VendorObject | None) -> Drafted:
@@ -82,7 +60,7 @@ def _own(dictionary: Dictionary, own: VendorObject | None, unit: str) -> Drafted
     counts = dictionary.value(own.entry) if own else None
     if own is None or not counts:
         return None
-    return Drafted(f"{own.value(counts):.10g}", f"{unit}, {own.place}", "")
+    return Drafted(f"{own.value(counts):.10g}", f"{unit}, {own.entry.place}", "")
 
 
 def _rated_torque(

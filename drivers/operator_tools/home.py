@@ -18,7 +18,7 @@ from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.operator_tools.jog import SLOW, shown
-from drivers.operator_tools.operator import STOP_KEYS, StoppedByOperator, require_consent
+from drivers.operator_tools.operator import pressed, require_consent
 from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
@@ -177,8 +177,7 @@ class _Session:
         begin = self._axes.follow().time
         ends, due = begin + patience, begin + POLLED
         while (time := self._axes.follow().time) < ends:
-            if STOP_KEYS.intersection(self._operator.pressed()):
-                raise StoppedByOperator("stopped by the operator; the axis is stopped and off")
+            pressed(self._operator)
             if time >= due:
                 due = time + POLLED
                 if holds():

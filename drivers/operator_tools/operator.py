@@ -50,35 +50,31 @@ def require_consent(operator: Operator, intent: str) -> None:
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
 
 
-def supervised_sample(bus: DriveBus, operator: Operator) -> Sample:
-    """Return the next sample; whoever presses a stop key ends it all.
+def pressed(operator: Operator) -> str:
+    """Return the keys pressed since the last call; whoever presses a stop key ends it all.
 
     Raises
     ------
     StoppedByOperator
-        A stop key was pressed; leaving `bus` stops the axes.
-    DriveError
-        As `DriveBus.sample`.
+        A stop key was pressed; leaving the bus stops the axes.
     """
-    if STOP_KEYS.intersection(operator.pressed()):
-        raise StoppedByOperator("stopped by the operator; the axes are stopped and switched off")
+    keys = operator.pressed()
+    if STOP_KEYS.intersection(keys):
+        raise StoppedByOperator("stopped by the operator; the axes are stopped and off")
+    return keys
+
+
+def supervised_sample(bus: DriveBus, operator: Operator) -> Sample:
+    """Return the next sample (errors as in `pressed` and `DriveBus.sample`)."""
+    pressed(operator)
     return bus.sample()
 
 
 def answer(bus: DriveBus, operator: Operator, question: str, choices: str) -> str:
-    """Ask for one of `choices` (keys) while the axes go on being served.
-
-    Raises
-    ------
-    StoppedByOperator
-        A stop key was pressed instead.
-    """
+    """Ask for one of `choices` (keys) while the axes go on being served (see `pressed`)."""
     operator.show(question)
     while True:
-        keys = operator.pressed()
-        if STOP_KEYS.intersection(keys):
-            raise StoppedByOperator("stopped by the operator; the axes are stopped and off")
-        chosen = [key for key in keys.lower() if key in choices]
+        chosen = [key for key in pressed(operator).lower() if key in choices]
         if chosen:
             return chosen[0]
         bus.sample()

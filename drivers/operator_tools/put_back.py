@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent, joined
 from drivers.found_settings.restoring import NotTakenBack, refuse_energised, restore_drive
 from drivers.found_settings.settings_file import difference, read_identity
-from drivers.session.connection import Place
+from drivers.session.connection import places_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -71,8 +71,7 @@ def put_back(bus: Fieldbus, settings: FoundSettings) -> Iterator[Returned]:
         A drive is missing, another one, or energised, a line each; nothing was written.
     """
     left = settings.unrestored
-    places = [Place(drive.node, drive.name, drive.alias) for drive in left]
-    servers = bus.servers(places, settings.sdo_timeout)
+    servers = bus.servers(places_of(left), settings.sdo_timeout)
     pairs = list(zip(servers, left, strict=True))
     _refuse(pairs)
     for server, drive in pairs:

@@ -158,7 +158,7 @@ def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
         does not wait for it.
     """
     carried, slowest = timed.achievable_rate()
-    jitter = max(timed.jitter(), late)
+    jitter = max(timed.jitter(period), late)
     bounds = {
         "bus load and the drives' answers": 1 / carried,
         "the jitter of SYNC by this computer and its adapter": jitter / TOO_LATE,

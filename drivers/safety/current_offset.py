@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.axis import Axis
-    from drivers.fieldbus import ProcessData
+    from drivers.cycle_data import ProcessData
 
 SYNCS = 10
 """Samples that are averaged."""

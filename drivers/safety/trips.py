@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from drivers.axis import Axis
+    from drivers.cycle_data import ProcessData
     from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import ProcessData
 
 TORQUE_SHARE = 0.95
 """Share of its torque limit that an axis may not need for long, unless stated."""

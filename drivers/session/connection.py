@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402.power import Power
+from drivers.cia402.supervision import Supervision
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -14,13 +15,14 @@ if TYPE_CHECKING:
     from typing import Self
 
     from drivers.cia402.picture import Picture
-    from drivers.cia402.supervision import Supervision
     from drivers.commissioning.communication import Communication
+    from drivers.cycle_data import ProcessData
     from drivers.dictionary.bus_rules import BusRules
     from drivers.dictionary.found_nodes import Scan
     from drivers.drive_bus import DriveRefused
-    from drivers.drives_file import DrivesFile
-    from drivers.fieldbus import LifeSign, ProcessData
+    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import LifeSign
+    from drivers.found_settings.settings_file import FoundDrive
     from drivers.remote_dictionary import RemoteDictionary
 
 
@@ -33,8 +35,6 @@ class Connection(ABC):
         The drives' object dictionaries.
     communications : tuple of Communication
         How each drive communicates; what is found is put in.
-    supervision : Supervision
-        Judges statuswords and emergencies.
     process_data : ProcessData
         Of all axes.
     life_sign : LifeSign
@@ -44,6 +44,8 @@ class Connection(ABC):
     ----------
     silence, wiring : str
         What stays away for so many SYNCs, in words, and what to check of the bus then.
+    supervision : Supervision
+        Judges statuswords and emergencies.
     power : Power
         Switches drives on and off.
     written : list of RemoteDictionary
@@ -57,22 +59,22 @@ class Connection(ABC):
         self,
         servers: tuple[RemoteDictionary, ...],
         communications: tuple[Communication, ...],
-        supervision: Supervision,
         process_data: ProcessData,
         life_sign: LifeSign,
     ) -> None:
         self.servers, self.communications = servers, communications
-        self.supervision, self.process_data, self.life_sign = supervision, process_data, life_sign
-        self.power = Power(process_data, servers, supervision)
+        self.process_data, self.life_sign = process_data, life_sign
+        self.supervision = Supervision(servers)
+        self.power = Power(process_data, servers, self.supervision)
         self.written: list[RemoteDictionary] = []
 
     def remarks(self) -> Sequence[str]:
         """State what is to be known of the bus itself after a while, and stops nothing."""
         return ()
 
-    @abstractmethod
     def conflicts(self) -> Sequence[DriveRefused]:
         """Return which drives cannot share the bus, once all are configured."""
+        return ()
 
     @abstractmethod
     def start(self) -> None:
@@ -168,7 +170,12 @@ class Place(NamedTuple):
     alias: int | None = None
 
 
-class Fieldbus(Protocol):
+def places_of(drives: Iterable[AxisDrive | FoundDrive]) -> tuple[Place, ...]:
+    """Return where drives are that a file names."""
+    return tuple(Place(drive.node, drive.name, drive.alias) for drive in drives)
+
+
+class Fieldbus(ABC):
     """An open bus with drives on it, and a context manager that closes it.
 
     Attributes
@@ -183,24 +190,18 @@ class Fieldbus(Protocol):
         No drives are behind it that could be left switched on.
     """
 
-    @property
-    def rules(self) -> BusRules: ...  # noqa: D102 - an attribute
-
-    @property
-    def lock_step(self) -> bool: ...  # noqa: D102 - an attribute
-
-    @property
-    def keeps_time(self) -> bool: ...  # noqa: D102 - an attribute
-
-    @property
-    def recorded(self) -> bool: ...  # noqa: D102 - an attribute
+    rules: BusRules
+    lock_step: bool
+    keeps_time: bool
+    recorded: bool
 
     def __enter__(self) -> Self:
-        """Have it open."""
+        return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
+        self.shutdown()
 
+    @abstractmethod
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> Connection:
@@ -216,12 +217,15 @@ class Fieldbus(Protocol):
             The drives are to take offsets of velocity and torque.
         """
 
+    @abstractmethod
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
         """Reach drives as they are before or after a session."""
 
+    @abstractmethod
     def servers(self, places: Iterable[Place], timeout: float) -> tuple[RemoteDictionary, ...]:
         """Reach drives, which may take `timeout` to answer [s]."""
 
+    @abstractmethod
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find the nodes of some numbers (by default all) and what they offer, writing nothing.
 
@@ -231,30 +235,37 @@ class Fieldbus(Protocol):
             The bus takes no frames or has gone.
         """
 
+    @abstractmethod
     def wait(self, timeout: float) -> object:
         """Wait as for the next SYNC, for so long at most [s]; what is received is dropped."""
 
+    @abstractmethod
     def timed(self, drives: DrivesFile) -> AbstractContextManager[TimedFieldbus]:
         """Stand in for this bus and note how long drives take to answer."""
 
+    @abstractmethod
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> Picture:
         """Show what is seen by listening alone, and digital inputs (60FD) by asking for them."""
 
+    @abstractmethod
     def load(self, drives: DrivesFile) -> tuple[float, float]:
         """Return the time of a cycle on the bus [s], and the share of the period it may take."""
 
+    @abstractmethod
     def shutdown(self) -> None:
         """Close it."""
 
 
-class TimedFieldbus(Fieldbus, Protocol):
+class TimedFieldbus(Fieldbus):
     """An open bus that notes when SYNC was sent and how long drives take to answer."""
 
+    @abstractmethod
     def achievable_rate(self) -> tuple[float, float]:
         """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 if not timed."""
 
-    def jitter(self) -> float:
-        """Return how far SYNC was off its period where it acts, but for one in a hundred [s].
+    @abstractmethod
+    def jitter(self, period: float) -> float:
+        """Return how far SYNC was off its period [s] where it acts, but for one in a hundred [s].
 
         0 where it is not timed.
         """

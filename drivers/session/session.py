@@ -8,7 +8,6 @@ Trouble stops all axes before it is raised, and latches. How a session is left i
 
 from __future__ import annotations
 
-import enum
 import math
 from typing import TYPE_CHECKING, NoReturn
 
@@ -45,15 +44,6 @@ UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
 
-class SessionState(enum.Enum):
-    """How far a session has come."""
-
-    CHECKED = "every drive has passed, and none exchanges process data"
-    READY = "all drives exchange process data"
-    STOPPED = "all axes were stopped, for a reason that latches"
-    LEFT = "all that could be was stopped, switched off and put back"
-
-
 class Session:
     """Axes under power, and what moves and watches them.
 
@@ -78,6 +68,8 @@ class Session:
         As given.
     stopping : Stopping
         Stops all axes, and remembers why.
+    started : bool
+        All drives exchange process data.
     """
 
     def __init__(
@@ -90,7 +82,7 @@ class Session:
         anywhere: bool,
         feed_forward: bool = False,
     ) -> None:
-        self._state = SessionState.CHECKED
+        self.started = False
         self.connection = connection
         self.axes = axes
         self._period = period
@@ -116,16 +108,6 @@ class Session:
         )
         self.stopping = Stopping(connection, axes, period, profile, cyclic)
 
-    @property
-    def state(self) -> SessionState:
-        """How far it has come."""
-        stopped = self._state is SessionState.READY and self.stopping.trip is not None
-        return SessionState.STOPPED if stopped else self._state
-
-    def leave(self) -> None:
-        """Take note that nothing can be commanded any more."""
-        self._state = SessionState.LEFT
-
     def start(self) -> None:
         """Start process data and power all axes on.
 
@@ -135,7 +117,7 @@ class Session:
             Why not.
         """
         self.connection.start()
-        self._state = SessionState.READY
+        self.started = True
         self.connection.await_answers()
         self.power_on()
 
@@ -200,9 +182,7 @@ class Session:
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
-        if self.stopping.trip is not None:
-            self.stopping.supervise()
-            self.stopping.refuse()
+        self.stopping.stay()
         data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
         before = data.time
         try:
@@ -239,9 +219,7 @@ class Session:
         Statuswords, emergencies and heartbeats are watched as in `sample`; where the axes go is
         not, since only the drive knows.
         """
-        if self.stopping.trip is not None:
-            self.stopping.supervise()
-            self.stopping.refuse()
+        self.stopping.stay()
         try:
             time = self._process_data.sync()
             self._life_sign.service()

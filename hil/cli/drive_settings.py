@@ -61,6 +61,6 @@ def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], c
         table.add_column(heading, justify="right")
     for entry, present, value in changes:
         held = "-" if present is None else entry.shown(present)
-        place = f"{entry.index:04X}:{entry.subindex:02X}"
+        place = entry.place
         table.add_row(place, Text(entry.name), held, entry.shown(value))
     out.print(table, highlight=False)

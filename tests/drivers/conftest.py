@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import NODES, drives_file
-
-from drivers.canopen.drive_bus import CanopenDriveBus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -17,9 +17,9 @@ import drive_bus_conformance as conformance
 import local_drives
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import NODES, all_off, build, drives_file, never_energised, refused
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.process_data import DOUBT
 from drivers.cia402.states import State, decode_state
 from drivers.drive_bus import (

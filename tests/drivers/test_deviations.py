@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import build, drives_file, never_energised
 from personalities import drives_for, plant_file
 from pydantic import ValidationError
 
 from drivers.axis import AxisScale
 from drivers.canopen.bus_load import cycle_time
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.monitor import BusPicture
 from drivers.canopen.sync_rate import achievable_rate
 from drivers.cia402.states import State

@@ -11,10 +11,10 @@ import can
 import numpy as np
 import pytest
 import yaml
+from canopen_drive_bus import CanopenDriveBus
 from personalities import PLANT, drives_for, plant_file
 
 from drivers.axis import AxisScale
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.cia402.objects import TORQUE_OFFSET
 from drivers.drive_bus import DriveError, DriveRefused, LimitExceeded, Move
 from drivers.drives_file import load_drives

@@ -9,9 +9,9 @@ import can
 import numpy as np
 import pytest
 import stated_axis
+from canopen_drive_bus import CanopenDriveBus
 from foreign_drive import FRICTION, ForeignDrive
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveFault, Move, SampleFlag
 from drivers.drives_file import DrivesFile
 from hil.runs.recording import Recorder

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import local_drives
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from fake_fieldbus import axes_of
 from local_bench import NODES, drives_file
 
 from drivers.axis import AxisScale
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.cia402.stream_limits import check_path
-from drivers.commissioning.readback import Readback
+from drivers.commissioning.readback import readback
 from drivers.drive_bus import DriveError, LimitExceeded, Move
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def test_paths_are_refused_in_metres(path: list[float], words: str) -> None:
 
 
 def test_what_a_drive_keeps_instead_is_stated_in_metres() -> None:
-    readback = Readback(DRIVES.axes[0], DRIVES, REQUIREMENTS)
+    judge = readback(DRIVES.axes[0], DRIVES, REQUIREMENTS)
     counts = 2 * round(PER_METRE), round(PER_METRE)
     for entry, unit in (
         (objects.SOFTWARE_LIMIT_MAX, "m"),
@@ -169,7 +169,7 @@ def test_what_a_drive_keeps_instead_is_stated_in_metres() -> None:
         (objects.QUICK_STOP_DECELERATION, "m/s^2"),
         (objects.FOLLOWING_ERROR_WINDOW, "m"),
     ):
-        stated = readback.compared(entry, *counts)
+        stated = judge(entry, *counts)[1]
         assert re.fullmatch(rf" \(1(\.\d+)? {re.escape(unit)} instead of 2(\.\d+)? .*\)", stated)
         assert not OF_ROTATION.search(stated)
-    assert " N instead of " in readback.compared(objects.MAX_TORQUE, *counts)
+    assert " N instead of " in judge(objects.MAX_TORQUE, *counts)[1]

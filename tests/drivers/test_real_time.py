@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from two_processes import BUSES, open_bus, plant_process, slow_drives, wake
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.sdo import server_of
 from drivers.cia402 import objects

@@ -11,8 +11,8 @@ from itertools import pairwise
 import can
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import Move
 from drivers.drives_file import load_drives
 from hil.model.robot import ROBOTS

@@ -19,7 +19,7 @@ from drivers.opening import open_drive_bus
 from sim_plant.personality import load_personality
 
 if TYPE_CHECKING:
-    from drivers.canopen.drive_bus import CanopenDriveBus
+    from canopen_drive_bus import CanopenDriveBus
 
 
 OFF = [{"index": 0x607D, "subindex": subindex, "default": 0} for subindex in (1, 2)]

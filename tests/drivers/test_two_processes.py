@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from two_processes import BUSES, DRIVES, open_bus, plant_process, slow_drives, wake
 
 from drivers import sync_clock
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import Move, NodeSilent, SampleFlag
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
-from drivers.cia402.supervision import Supervision
 from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
 from drivers.session.connection import Connection
@@ -168,7 +167,6 @@ class DirectConnection(Connection):
         super().__init__(
             servers,
             tuple(DirectCommunication() for _ in servers),
-            Supervision(servers),
             DirectProcessData(network, drives.axes, period),
             DirectLife(),
         )

@@ -1,4 +1,4 @@
-"""A fieldbus that is no CAN: drives of CiA 402 in memory, which offer `Objects` and `ProcessData`.
+"""A fieldbus that is no CAN: drives of CiA 402 in memory, which offer objects and `ProcessData`.
 
 Each drive is a state machine, a position that goes to its target at constant velocity, and a
 dictionary. SYNC moves time on by one period; what was commanded counts from the next SYNC on.
@@ -38,7 +38,7 @@ _WORDS = {
 
 
 class FakeDrive:
-    """One drive, and its object dictionary as the profile sees it (`drivers.fieldbus.Objects`).
+    """One drive, and its object dictionary as far as the profile sees it (`RemoteDictionary`).
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class FakeDrive:
 
 
 class FakeFieldbus:
-    """Process data of all axes (`drivers.fieldbus.ProcessData`), and our sign of life.
+    """Process data of all axes (`drivers.cycle_data.ProcessData`), and our sign of life.
 
     Attributes
     ----------

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import local_drives
 import pytest
 import stated_axis
-
-from drivers.canopen.drive_bus import CanopenDriveBus
+from canopen_drive_bus import CanopenDriveBus
 
 if TYPE_CHECKING:
     from drivers.drive_bus import DriveError

@@ -18,12 +18,12 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import can
+from canopen_drive_bus import CanopenDriveBus
 from personalities import UNFIT, drives_for, plant_file
 from probing_bench import Scripted
 from sdo_transcript import transcript
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.scan import scan_bus
 from drivers.drive_bus import DriveRefused, Move
 from drivers.operator_tools.check import check

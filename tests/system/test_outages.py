@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import can
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from fault_table.logged_bus import LoggedBus
 from fault_table.stopping_way import allowed_ways, reaction_time
 from fault_table.trial import drives
@@ -22,7 +23,6 @@ from hypothesis import strategies as some
 from outage_sweep.draws import DIRECTIONS, LONGEST, SHORTEST, draw
 from outage_sweep.session import frames_sent, happen
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import Move
 from sim_plant.faults.fault_plan import Fault, FaultPlan, Span, What, When
 from sim_plant.faults.faulty_network import FaultyNetwork

@@ -15,9 +15,9 @@ import can
 import numpy as np
 import pytest
 import yaml
+from canopen_drive_bus import CanopenDriveBus
 from personalities import FIT, UNFIT, drives_for, plant_file
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused
 from hil.estimation.identify import estimate
 from hil.measuring.checks.axis_limits import limited

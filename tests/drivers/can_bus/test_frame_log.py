@@ -10,12 +10,12 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 
 from checked_files.yaml_file import FileError
 from drivers.can_bus.frame_log import FrameLog
 from drivers.can_bus.replay_bus import ReplayBus
 from drivers.can_bus.replay_log import ReplayLog
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import BusUnavailable
 from drivers.drives_file import DrivesFile, load_drives
 from drivers.opening import open_drive_bus

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from desk import Desk
 from ideal_machine import IdealMachine
 from local_bench import build, never_energised
 from personalities import drives_for, plant_file
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.process_data import SYNC
 from drivers.cia402.states import State, decode_state
 from drivers.drive_bus import DriveRefused, Move, NodeSilent

@@ -22,7 +22,8 @@ from drivers.drive_bus import DriveFault, Move
 from drivers.safety.trips import Trips
 
 if TYPE_CHECKING:
-    from drivers.fieldbus import LifeSign, Objects, ProcessData
+    from drivers.cycle_data import ProcessData
+    from drivers.fieldbus import LifeSign
 
 AXES = drives_file().axes
 SCALES = [AxisScale.of(axis) for axis in AXES]
@@ -35,8 +36,7 @@ def bus() -> FakeFieldbus:
 
 def power_of(bus: FakeFieldbus) -> Power:
     data: ProcessData = bus
-    servers: tuple[Objects, ...] = bus.drives
-    return Power(data, servers, Supervision(servers))
+    return Power(data, bus.drives, Supervision(bus.drives))
 
 
 def shutdown_of(bus: FakeFieldbus) -> Shutdown:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from drivers.canopen.drive_bus import CanopenDriveBus
+    from canopen_drive_bus import CanopenDriveBus
 
 PERIOD = 0.004
 

@@ -8,9 +8,9 @@ import can
 import drive_bus_conformance as conformance
 import pytest
 import yaml
+from canopen_drive_bus import CanopenDriveBus
 from personalities import drives_for, plant_file
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveFault, Move, MoveFailed
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import can
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import NODES, all_off, drives_file, never_energised
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import (
     BusUnavailable,
     DriveError,

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import can
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from personalities import drives_for, plant_file
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import MoveFailed, Tripped
 from sim_plant.slave_network import SlaveNetwork
 from sim_plant.switch_on import load_machine

@@ -26,10 +26,9 @@ from sim_plant.physics import state as st
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from canopen_drive_bus import CanopenDriveBus
     from desk import Desk
     from ideal_machine import IdealMachine
-
-    from drivers.canopen.drive_bus import CanopenDriveBus
 
 PERIOD = 0.004
 TRAJECTORY = Trajectory(

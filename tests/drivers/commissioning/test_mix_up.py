@@ -7,11 +7,11 @@ from typing import Any
 import local_drives
 import pytest
 import stated_axis
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import axis, never_energised
 from probing_bench import Scripted
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.drive_bus import DriveRefused
 from drivers.operator_tools.check import check

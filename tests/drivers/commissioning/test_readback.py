@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from local_bench import build, drives_file, never_energised
@@ -10,18 +10,21 @@ from local_bench import build, drives_file, never_energised
 from drivers.canopen import objects as cia301
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
-from drivers.commissioning.readback import Readback
+from drivers.commissioning.readback import readback
 from drivers.drive_bus import DriveRefused
+
+if TYPE_CHECKING:
+    from drivers.remote_dictionary import Judge
 
 TIMEOUT = 127 << 16 | 500
 """1016: our heartbeat is watched for 0.5 s, as the drives file has it."""
 
 
 @pytest.fixture
-def readback() -> Readback:
+def judge() -> Judge:
     """Of joint 1, whose heartbeat period is 0.1 s and time-out 0.5 s."""
     drives = drives_file()
-    return Readback(drives.axes[0], drives, REQUIREMENTS)
+    return readback(drives.axes[0], drives, REQUIREMENTS)
 
 
 @pytest.mark.parametrize(
@@ -46,9 +49,9 @@ def readback() -> Readback:
     ],
 )
 def test_what_is_rounded_or_lies_on_the_safe_side_is_accepted(
-    entry: Any, written: int, kept: int, readback: Readback
+    entry: Any, written: int, kept: int, judge: Judge
 ) -> None:
-    assert readback.accepts(entry, written, kept)
+    assert judge(entry, written, kept)[0]
 
 
 @pytest.mark.parametrize(
@@ -76,9 +79,9 @@ def test_what_is_rounded_or_lies_on_the_safe_side_is_accepted(
     ],
 )
 def test_what_lies_on_the_unsafe_side_is_not_accepted(
-    entry: Any, written: int, kept: int, readback: Readback
+    entry: Any, written: int, kept: int, judge: Judge
 ) -> None:
-    assert not readback.accepts(entry, written, kept)
+    assert not judge(entry, written, kept)[0]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import Any
 import local_drives
 import pytest
 import yaml
+from canopen_drive_bus import CanopenDriveBus
 from data_sheets import sheet
 from local_bench import axis, never_energised
 from unit_dictionaries import HABITS, Habit, as_sheet, words
@@ -16,7 +17,6 @@ from unit_dictionaries import HABITS, Habit, as_sheet, words
 from checked_files.yaml_file import UNSTATED
 from drivers.axis import AxisScale
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.eds_file import parse_eds
 from drivers.canopen.rules import RULES
 from drivers.commissioning.verdict import Grade, Verdict

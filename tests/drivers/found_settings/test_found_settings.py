@@ -10,6 +10,7 @@ import can
 import canopen
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from downloads import Place, downloads
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +20,6 @@ from probing_bench import Scripted
 
 from checked_files.yaml_file import FileError, parse_yaml
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.held_values import COMMANDS
 from drivers.drive_bus import DriveError, DriveRefused, Move
@@ -117,7 +117,7 @@ def test_after_a_session_every_drive_holds_what_it_held(
         assert {p: (v, after[p]) for p, v in before.items() if v != after[p]} == {}
         written = {place for place in downloads(frames()) if place in before}
     kept = load_found_settings(tmp_path / "found.yaml")
-    places = {(d.node, *each.place) for d in kept.drives for each in d.objects}
+    places = {(d.node, *each.key) for d in kept.drives for each in d.objects}
     assert len(changed) > 60
     assert changed <= written <= places
     assert keeper.unannounced == []
@@ -634,7 +634,7 @@ def settings_of_drives(draw: Any) -> FoundSettings:
                 vendor=draw(U32), product=draw(U32), revision=draw(U32), serial=draw(U32)
             ),
             restored=draw(st.booleans()),
-            objects=tuple(draw(st.lists(objects(), max_size=4, unique_by=lambda o: o.place))),
+            objects=tuple(draw(st.lists(objects(), max_size=4, unique_by=lambda o: o.key))),
         )
         for node in nodes
     ]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import can
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from probing_bench import drives_of
 from rich.console import Console
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.monitor import BusPicture
 from drivers.cia402.states import State
 from drivers.drive_bus import Move

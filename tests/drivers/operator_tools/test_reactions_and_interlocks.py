@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import can
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import axis, build, never_energised
 from probing_bench import Scripted, drives_of
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.canopen.monitor import BusPicture, questions
 from drivers.cia402.supervision import safe_torque_off
 from drivers.commissioning.verdict import Grade

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import all_off, build, drives_file, never_energised
 from probing_bench import Scripted
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import DriveFault, Move, MoveFailed
 from drivers.operator_tools.check import check

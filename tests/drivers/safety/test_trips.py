@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import local_drives
 import numpy as np
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from fake_fieldbus import axes_of
 from local_bench import NODES, all_off, axis, drives_file, refused
 
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused, Move, Tripped
 from drivers.drives_file import DrivesFile
 from drivers.safety.trips import Trips

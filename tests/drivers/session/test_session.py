@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from local_bench import NODES, all_off, drives_file, never_energised
 
 from drivers import opening
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.drive_bus import DriveRefused, Move
 from drivers.found_settings.keeping import SettingsKeeper
 

@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING
 import can
 
 from drivers.axis import AxisScale
-from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
 from drivers.drive_bus import DriveError, Move, SampleFlag
 from drivers.drives_file import load_drives
+from drivers.session.servo_axes import ServoAxes
 from hil.model.robot import ROBOTS
 from hostile.frames import NODES
 from hostile.harm import Harm
@@ -97,7 +98,7 @@ class DriverStorm:
         disturbed = figures.sessions % DISTURBED_SET_UP == 0
         bus.raging = disturbed
         try:
-            with CanopenDriveBus(bus, self._drives, reset_faults=True) as axes:
+            with ServoAxes(CanopenBus(bus), self._drives, reset_faults=True) as axes:
                 bus.raging = True
                 while bus.injected < n_frames:
                     self._sample(bus, axes)
@@ -109,14 +110,14 @@ class DriverStorm:
         finally:
             bus.raging = False
 
-    def _sample(self, bus: StormBus, axes: CanopenDriveBus) -> None:
+    def _sample(self, bus: StormBus, axes: ServoAxes) -> None:
         sample = axes.sample()
         self.figures.samples += 1
         self._judge(bus, sample)
         if sample.reached:
             self._move(bus, axes)
 
-    def _move(self, bus: StormBus, axes: CanopenDriveBus) -> None:
+    def _move(self, bus: StormBus, axes: ServoAxes) -> None:
         axis = self.figures.samples % len(self._drives.axes)
         target = 0.02 if self.figures.samples % 4 < 2 else -0.02
         self._asked = {axis + 1: self._scales[axis].position_to_counts(target)}

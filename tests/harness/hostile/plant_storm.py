@@ -12,9 +12,10 @@ from unittest import mock
 
 import can
 
-from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
 from drivers.drive_bus import Move
 from drivers.drives_file import load_drives
+from drivers.session.servo_axes import ServoAxes
 from hil.model.robot import ROBOTS
 from hostile.frames import Hostile
 from hostile.harm import Harm
@@ -70,7 +71,7 @@ def recorded_session() -> list[can.Message]:
             send(frame, timeout)
 
         bus.send = noted  # type: ignore[method-assign]
-        with CanopenDriveBus(bus, drives) as axes:
+        with ServoAxes(CanopenBus(bus), drives) as axes:
             axes.move({axis: Move(0.02, 0.5, 2.0) for axis in (0, 1)})
             while not axes.sample().reached:
                 pass

@@ -13,8 +13,9 @@ from fault_table.logged_bus import SYNC, LoggedBus
 from fault_table.stopping_way import allowed_ways, reaction_time
 from fault_table.trial import drives
 
-from drivers.canopen.drive_bus import CanopenDriveBus
+from drivers.canopen.bus import CanopenBus
 from drivers.drive_bus import DriveError, Move, MoveFailed
+from drivers.session.servo_axes import ServoAxes
 from sim_plant.physics import state as st
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def move_about(bus: LoggedBus) -> None:
     DriveError, KeyboardInterrupt
         What the driver makes of an outage, or of Ctrl-C.
     """
-    with CanopenDriveBus(bus, drives) as axes:
+    with ServoAxes(CanopenBus(bus), drives) as axes:
         try:
             for side, share in SHARES:
                 axes.move(moves(side, share))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import can
 import local_drives
 import pytest
+from canopen_drive_bus import CanopenDriveBus
 from downloads import downloads
 from local_bench import NODES, drives_file
 from probing_bench import DRIVES, spoilt_plant
@@ -18,7 +19,6 @@ from two_processes import open_bus, plant_process
 
 from checked_files.yaml_file import FileError
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.drive_bus import CanopenDriveBus
 from drivers.commissioning.announcement import announce
 from drivers.drives_file import load_drives
 from drivers.found_settings.settings_file import NAME, load_found_settings

@@ -116,7 +116,7 @@ class Timed:
 
     def __init__(self, rate: float, slowest: float, jitter: float) -> None:
         self.achievable_rate = lambda: (rate, slowest)
-        self.jitter = lambda: jitter
+        self.jitter = lambda _period: jitter
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Servo axes on an open python-can bus."""
+"""Servo axes on an open python-can bus, as most tests open them."""
 
 from __future__ import annotations
 
