@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from drivers.cia402.deadline import Deadline
+from drivers.session.session import SessionState
 
 if TYPE_CHECKING:
     from drivers.found_settings.keeping import SettingsKeeper
@@ -72,7 +73,7 @@ def leave(
         Of the bus.
     """
     outcome = Outcome()
-    if session is not None and session.started:
+    if session is not None and session.state is not SessionState.CHECKED:
         _switch_off_running(session, outcome)
     else:
         _switch_off_unpowered(connection, outcome)

@@ -18,7 +18,7 @@ from drivers.found_settings.keeping import SettingsKeeper
 from drivers.interrupts import interrupts_held
 from drivers.session.check_and_configure import check_and_configure
 from drivers.session.leaving import Outcome, leave
-from drivers.session.session import Session
+from drivers.session.session import Session, SessionState
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -199,7 +199,7 @@ class ServoAxes:
         self._opened().reset()
 
     def _opened(self) -> Session:
-        if self._session is None or not self._inside:
+        if self._session is None or self._session.state is SessionState.LEFT:
             raise DriveRefused(
                 "the drives are not powered: enter the bus first, in a with statement"
             )
@@ -267,6 +267,8 @@ class ServoAxes:
         """Shut down what is ours of the bus, and be outside; return what went wrong."""
         problems = []
         connection, self._connection, self._inside = self._connection, None, False
+        if self._session is not None:
+            self._session.state = SessionState.LEFT
         ours = [connection.close] if connection is not None else []
         if self._owns_bus:
             ours.append(self._bus.shutdown)

@@ -8,6 +8,7 @@ Trouble stops all axes before it is raised, and latches. How a session is left i
 
 from __future__ import annotations
 
+import enum
 import math
 from typing import TYPE_CHECKING, NoReturn
 
@@ -44,6 +45,14 @@ UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
 
+class SessionState(enum.Enum):
+    """How far a session has come."""
+
+    CHECKED = "every drive has passed, and none exchanges process data"
+    READY = "all drives exchange process data"
+    LEFT = "all that could be was stopped, switched off and put back"
+
+
 class Session:
     """Axes under power, and what moves and watches them.
 
@@ -68,8 +77,8 @@ class Session:
         As given.
     stopping : Stopping
         Stops all axes, and remembers why.
-    started : bool
-        All drives exchange process data.
+    state : SessionState
+        How far it has come; whoever leaves it says so.
     """
 
     def __init__(
@@ -82,7 +91,7 @@ class Session:
         anywhere: bool,
         feed_forward: bool = False,
     ) -> None:
-        self.started = False
+        self.state = SessionState.CHECKED
         self.connection = connection
         self.axes = axes
         self._period = period
@@ -117,7 +126,7 @@ class Session:
             Why not.
         """
         self.connection.start()
-        self.started = True
+        self.state = SessionState.READY
         self.connection.await_answers()
         self.power_on()
 
