@@ -268,7 +268,7 @@ class ServoAxes:
         problems = []
         connection, self._connection, self._inside = self._connection, None, False
         if self._session is not None:
-            self._session.state = SessionState.LEFT
+            self._session.leave()
         ours = [connection.close] if connection is not None else []
         if self._owns_bus:
             ours.append(self._bus.shutdown)

@@ -50,6 +50,7 @@ class SessionState(enum.Enum):
 
     CHECKED = "every drive has passed, and none exchanges process data"
     READY = "all drives exchange process data"
+    STOPPED = "all axes were stopped, for a reason that latches"
     LEFT = "all that could be was stopped, switched off and put back"
 
 
@@ -77,8 +78,6 @@ class Session:
         As given.
     stopping : Stopping
         Stops all axes, and remembers why.
-    state : SessionState
-        How far it has come; whoever leaves it says so.
     """
 
     def __init__(
@@ -91,7 +90,7 @@ class Session:
         anywhere: bool,
         feed_forward: bool = False,
     ) -> None:
-        self.state = SessionState.CHECKED
+        self._state = SessionState.CHECKED
         self.connection = connection
         self.axes = axes
         self._period = period
@@ -117,6 +116,16 @@ class Session:
         )
         self.stopping = Stopping(connection, axes, period, profile, cyclic)
 
+    @property
+    def state(self) -> SessionState:
+        """How far it has come."""
+        stopped = self._state is SessionState.READY and self.stopping.trip is not None
+        return SessionState.STOPPED if stopped else self._state
+
+    def leave(self) -> None:
+        """Take note that nothing can be commanded any more."""
+        self._state = SessionState.LEFT
+
     def start(self) -> None:
         """Start process data and power all axes on.
 
@@ -126,7 +135,7 @@ class Session:
             Why not.
         """
         self.connection.start()
-        self.state = SessionState.READY
+        self._state = SessionState.READY
         self.connection.await_answers()
         self.power_on()
 
@@ -191,7 +200,9 @@ class Session:
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
-        self.stopping.stay()
+        if self.stopping.trip is not None:
+            self.stopping.supervise()
+            self.stopping.refuse()
         data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
         before = data.time
         try:
@@ -228,7 +239,9 @@ class Session:
         Statuswords, emergencies and heartbeats are watched as in `sample`; where the axes go is
         not, since only the drive knows.
         """
-        self.stopping.stay()
+        if self.stopping.trip is not None:
+            self.stopping.supervise()
+            self.stopping.refuse()
         try:
             time = self._process_data.sync()
             self._life_sign.service()

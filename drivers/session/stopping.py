@@ -92,12 +92,6 @@ class Stopping(Shutdown):
                 f"all axes were stopped and stay so until a deliberate reset(): {self.trip}"
             ) from self.trip
 
-    def stay(self) -> None:
-        """After a trip let a SYNC see to it that all axes stay stopped, then do as `refuse`."""
-        if self.trip is not None:
-            self.supervise()
-            self.refuse()
-
     def end(self, note: Callable[[Iterable[str]], None]) -> None:
         """Switch all axes off and allow motion again, where all have shown that they are off.
 
