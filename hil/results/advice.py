@@ -51,7 +51,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.results.judgement import Rule
-    from hil.results.prediction import Prediction
     from hil.runs.recording_file import Measured
 
 UNLIKE = "friction that differs by direction"
@@ -135,8 +134,8 @@ class CampaignResult(NamedTuple):
     Attributes
     ----------
     estimate : Estimate
-    prediction : Prediction
-        Of the torques of a free motion, in which the uncertainty of weak parameters shows.
+    effect : ndarray, shape (n_joints, n_base)
+        Of the parameters' errors on the torques of a free motion (`effect_of_errors`).
     budget : sequence of ErrorTerm
     robot : Robot
     plan : Plan
@@ -145,7 +144,7 @@ class CampaignResult(NamedTuple):
     """
 
     estimate: Estimate
-    prediction: Prediction
+    effect: Array
     budget: Sequence[ErrorTerm]
     robot: Robot
     plan: Plan
@@ -243,13 +242,13 @@ def _groups(campaign: CampaignResult) -> Iterator[Reservation]:
 
 
 def _parameters(campaign: CampaignResult) -> Iterator[Reservation]:
-    base, estimate = base_parameters(campaign.robot), campaign.estimate
-    effect = np.nan_to_num(campaign.prediction.relative_effect)
+    base, effect = base_parameters(campaign.robot), campaign.effect
+    errors = campaign.estimate.standard_error
     for k, name in enumerate(base.titles):
         joint = int(np.argmax(effect[:, k]))
         if effect[joint, k] > NOTABLE:
             yield doubtful(
-                f"its standard error, {estimate.standard_error[k]:.2g} {unit(base.units[k])}, is"
+                f"its standard error, {errors[k]:.2g} {unit(base.units[k])}, is"
                 f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}",
                 _best_measurement(campaign.robot, campaign.plan, k),
                 name,

@@ -36,6 +36,7 @@ from hil.runs.pooling import recorded
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.estimation.options import Options
     from hil.friction.drift import Drift
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
     from hil.results.identification import Identified
     from hil.results.judgement import Reservation
     from hil.results.model import Model
-    from hil.results.prediction import Prediction
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
@@ -66,8 +66,9 @@ class Findings(NamedTuple):
     check : Model or None
         By the published method, of the improved one; None where it cannot be made, which needs
         measurements of elements of all groups.
-    prediction : Prediction or None
-        What the parameters mean in torques; None of motions that somebody else recorded alone.
+    effect : ndarray or None
+        What the parameters' errors mean in torques (`hil.results.prediction.effect_of_errors`);
+        None of motions that somebody else recorded alone.
     advice : tuple of Reservation
         None of recordings that were imported, which cannot be measured again.
     drifts : tuple of Drift
@@ -77,7 +78,7 @@ class Findings(NamedTuple):
     estimate: Estimate
     model: Model
     check: Model | None = None
-    prediction: Prediction | None = None
+    effect: Array | None = None
     advice: tuple[Reservation, ...] = ()
     drifts: tuple[Drift, ...] = ()
 
@@ -150,7 +151,7 @@ def follow_from(
     from hil.results.advice import CampaignResult, advice  # noqa: PLC0415
     from hil.results.friction import campaign_drifts  # noqa: PLC0415
     from hil.results.identification import model_of  # noqa: PLC0415
-    from hil.results.prediction import predict  # noqa: PLC0415
+    from hil.results.prediction import effect_of_errors  # noqa: PLC0415
 
     robot, estimate, model, check = run.robot, found.estimate, found.model, None
     if model.friction is not None or model.back_and_forth is not None:
@@ -158,12 +159,12 @@ def follow_from(
     if model.method == "improved":
         with suppress(NotIdentifiable, NotEnoughData):
             check = model_of(run, estimates(robot, recordings, ("published",))["published"])
-    prediction = predict(estimate, robot)
+    effect = effect_of_errors(estimate, robot)
     drifts = campaign_drifts(robot, estimate.local, history(robot, recordings))
     if run.imported:
-        return Findings(estimate, model, check, prediction, drifts=drifts)
-    of = CampaignResult(estimate, prediction, model.error_budget, robot, run.planned, campaign)
-    return Findings(estimate, model, check, prediction, advice(of), drifts)
+        return Findings(estimate, model, check, effect, drifts=drifts)
+    of = CampaignResult(estimate, effect, model.error_budget, robot, run.planned, campaign)
+    return Findings(estimate, model, check, effect, advice(of), drifts)
 
 
 def keep(run: Run, found: Findings, others: Sequence[Run] = ()) -> None:

@@ -110,53 +110,20 @@ class FreeTorques:
         return torques
 
     def relative(self, part: Array, p: Array) -> Array:
-        """Over the torques of base parameters, shape (n_joints,); 0 for a joint without torque."""
+        """Over the torques of base parameters, shape (..., n_joints); 0 where there is none."""
         torque = self.rms(p)
         share: Array = np.where(torque > 0, part / np.where(torque > 0, torque, 1.0), 0.0)
         return share
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prediction:
-    """Rigid-body torques on a free motion, as root mean squares over it.
+def effect_of_errors(estimate: Estimate, robot: Robot) -> Array:
+    """Torque that a standard error of each base parameter makes, over that of the rigid bodies.
 
-    Attributes
-    ----------
-    torque, standard_error : ndarray, shape (n_joints,)
-        [N m].
-    effect : ndarray, shape (n_joints, n_base)
-        Torque that one standard error of each parameter by itself amounts to [N m].
+    Shape (n_joints, n_base), as root mean squares on a free motion; 0 for an axis without torque.
     """
-
-    torque: Array
-    standard_error: Array
-    effect: Array
-
-    @property
-    def relative(self) -> Array:
-        """Standard error over torque, shape (n_joints,); NaN for a joint without torque."""
-        share: Array = self.standard_error / self._some_torque
-        return share
-
-    @property
-    def relative_effect(self) -> Array:
-        """`effect` over torque, shape (n_joints, n_base); NaN for a joint without torque."""
-        share: Array = self.effect / self._some_torque[:, np.newaxis]
-        return share
-
-    @property
-    def _some_torque(self) -> Array:
-        return np.where(self.torque > 0, self.torque, np.nan)
-
-
-def predict(estimate: Estimate, robot: Robot) -> Prediction:
-    """Predict the torques of a free motion with their uncertainty."""
-    torques = FreeTorques(robot)
-    return Prediction(
-        torque=torques.rms(estimate.p),
-        standard_error=torques.standard_error(estimate.covariance + estimate.drive_covariance),
-        effect=torques.of_each(estimate.standard_error),
-    )
+    free = FreeTorques(robot)
+    effect: Array = free.relative(free.of_each(estimate.standard_error).T, estimate.p).T
+    return np.nan_to_num(effect)
 
 
 def uncertainty(model: IdentifiedRobot, more: Array | float = 0.0) -> Array | None:

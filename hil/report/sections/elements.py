@@ -62,7 +62,7 @@ def _elements_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
 
 def torques(run: ReportedRun) -> Section | None:
     """Residuals of all measurements, over angles too."""
-    if run.found.prediction is None:
+    if run.found.effect is None:
         return None
     kinds = {value.kind for value in run.estimate.local}
     over_angles = (

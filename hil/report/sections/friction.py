@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def friction_over_campaign(run: ReportedRun) -> Section | None:
     """The law, levels by measurement, time constants and symmetry where they are identifiable."""
-    if run.found.prediction is None:
+    if run.found.effect is None:
         return None
     local = run.estimate.local
     return Section(

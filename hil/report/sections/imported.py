@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def identified(run: ReportedRun) -> Section | None:
     """All that `hil identify` shows of the model, and plots of what it was found from."""
-    if run.found.prediction is not None:
+    if run.found.effect is not None:
         return None
     shown = run.model.summary()
     values = {

@@ -17,19 +17,19 @@ from hil.results.model_file import NAME
 from hil.results.tables import parameters as tables
 
 if TYPE_CHECKING:
+    from hil.arrays import Array
     from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
-    from hil.results.prediction import Prediction
     from hil.runs.run import Run
 
 
 def parameters(run: ReportedRun) -> Section | None:
     """Base parameters by group, and what their intervals mean in torques."""
-    if run.found.prediction is None:
+    if run.found.effect is None:
         return None
     plot = Plot(
         "intervals",
-        partial(intervals, run.model, run.found.check, run.found.prediction),
+        partial(intervals, run.model, run.found.check, run.found.effect),
         "Intervals of 95 % of all base parameters, as shares of the torque of a free motion.",
         "95 % intervals of the base parameters as torques on a free motion, in % of the torque of"
         " the axis where that is largest.",
@@ -74,7 +74,7 @@ def methods(run: ReportedRun) -> Section | None:
     return Section("Improved and published method", "methods.html", values)
 
 
-def intervals(model: Model, check: Model | None, prediction: Prediction) -> Chart:
+def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
     """Draw 95 % intervals of all parameters, and where the published method has them.
 
     A kg m² matters more on a wrist than on a shoulder: what a parameter is off by is shown as the
@@ -82,13 +82,13 @@ def intervals(model: Model, check: Model | None, prediction: Prediction) -> Char
     """
     base = base_parameters(model.robot)
     order = [k for members in base.groups.values() for k in members]
-    effect = 100 * np.nan_to_num(prediction.relative_effect).max(axis=0)
+    most = 100 * effect.max(axis=0)
     interval = model.interval(0.95)
-    half = (interval[:, 1] - interval[:, 0]) / 2 / model.standard_errors * effect
+    half = (interval[:, 1] - interval[:, 0]) / 2 / model.standard_errors * most
     rows = np.arange(len(order), 0, -1.0)
     checked: tuple[Points, ...] = ()
     if check is not None:
-        off = (check.values - model.values) / model.standard_errors * effect
+        off = (check.values - model.values) / model.standard_errors * most
         checked = (Points(off[order], rows, "ring", MODEL, "by the published method", size=3.4),)
     items: tuple[Item, ...] = (
         Rule(0.0, upright=True),

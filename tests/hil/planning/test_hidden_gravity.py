@@ -25,7 +25,7 @@ from hil.planning.dry_run import dry_run
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import predict
 from hil.results.advice import CampaignResult, advice, error_budget
-from hil.results.prediction import predict as free_motion
+from hil.results.prediction import effect_of_errors
 
 if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
@@ -166,8 +166,8 @@ def test_advice_for_a_hidden_mass_is_more_acceleration(
 ) -> None:
     found = estimates(robot, recorded, ("improved",))["improved"]
     uncertain = replace(found, covariance=np.diag([0.0, 0.0, 2.0**2]))
-    prediction, budget = free_motion(uncertain, robot), error_budget(uncertain, robot)
-    judged = CampaignResult(uncertain, prediction, budget, robot, plan, [])
+    effect, budget = effect_of_errors(uncertain, robot), error_budget(uncertain, robot)
+    judged = CampaignResult(uncertain, effect, budget, robot, plan, [])
     advised = {item.subject: item.remedy for item in advice(judged)}
     (hidden,) = (remedy for subject, remedy in advised.items() if "(p3)" in subject)
     assert "more inertia measurements of axis 3" in hidden

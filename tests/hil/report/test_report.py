@@ -27,7 +27,7 @@ from hil.report.page import report
 from hil.results.advice import CampaignResult, advice
 from hil.results.findings import kept
 from hil.results.identification import identify
-from hil.results.prediction import predict
+from hil.results.prediction import FreeTorques, effect_of_errors
 from hil.results.rounding import decimals, percent, rounded, significant
 from hil.results.tables.html import symbols
 from hil.runs.pooling import recorded
@@ -249,10 +249,10 @@ class TestOtherRuns:
 
 class TestAdvice:
     def advised(self, folder, estimate, campaign=None, budget=()):
-        prediction = predict(estimate, folder.robot)
+        effect = effect_of_errors(estimate, folder.robot)
         campaign = list(folder) if campaign is None else campaign
         found = advice(
-            CampaignResult(estimate, prediction, budget, folder.robot, folder.plan, campaign)
+            CampaignResult(estimate, effect, budget, folder.robot, folder.plan, campaign)
         )
         return {item.subject: item for item in found}
 
@@ -358,18 +358,19 @@ class TestPointsOfStep1:
 
 class TestPrediction:
     def test_errors_of_parameters_become_errors_of_torques(self, folder, found):
-        best = found["improved"]
-        prediction = predict(best, folder.robot)
-        wider = predict(replace(best, covariance=4 * best.covariance), folder.robot)
-        assert wider.standard_error == pytest.approx(2 * prediction.standard_error)
-        assert np.all(prediction.relative < 0.05)
+        best, free = found["improved"], FreeTorques(folder.robot)
+        error = free.standard_error(best.covariance)
+        assert free.standard_error(4 * best.covariance) == pytest.approx(2 * error)
+        assert np.all(free.relative(error, best.p) < 0.05)
 
     def test_one_parameter_alone_has_its_own_effect(self, folder, found):
         alone = np.zeros((14, 14))
         alone[13, 13] = 0.01**2
-        prediction = predict(replace(found["improved"], covariance=alone), folder.robot)
-        assert prediction.standard_error == pytest.approx(prediction.effect[:, 13])
-        assert prediction.effect[:, :13].max() == 0.0
+        only, free = replace(found["improved"], covariance=alone), FreeTorques(folder.robot)
+        error = free.standard_error(only.covariance + only.drive_covariance)
+        effect = effect_of_errors(only, folder.robot)
+        assert free.relative(error, only.p) == pytest.approx(effect[:, 13])
+        assert effect[:, :13].max() == 0.0
 
 
 class TestRounding:
