@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.results.identification import Identified
+    from hil.results.identification import ModelFit
     from hil.results.judgement import Reservation
     from hil.results.model import Model
     from hil.runs.recording import Recording
@@ -141,7 +141,7 @@ def identify_and_keep(
 
 def follow_from(
     run: Run,
-    found: Identified,
+    found: ModelFit,
     campaign: Sequence[Measured],
     recordings: Sequence[tuple[RecordedMotion, Recording]],
 ) -> Findings:

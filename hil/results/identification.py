@@ -5,9 +5,10 @@ Nothing is written.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.metadata import version
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from hil.errors import HilError, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
@@ -18,11 +19,13 @@ from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for
+from hil.least_squares.regression import ByName
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.model import Model
 from hil.results.outcome import outcome
 from hil.results.provenance import Provenance, digests, named
+from hil.results.recorded_torque import torque_parts
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled, pooled
 from hil.runs.run import opened
@@ -31,29 +34,82 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.estimation.excluded.result import Excluded
     from hil.estimation.noise_levels import Levels
     from hil.estimation.options import Options
     from hil.estimation.prior import Prior
     from hil.planning.measurement import RecordedMotion
+    from hil.results.tables.terminal import Summary
     from hil.runs.recording import Recording
     from hil.runs.run import Run
 
     Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
 
-class Identified(NamedTuple):
-    """A model, and what it was made of.
+@dataclass(frozen=True, eq=False)
+class ModelFit(ByName):
+    """What was found, by name.
+
+    Base parameters are named as the robot's, in kg m^2, kg m or kg; what belongs to an axis begins
+    with it: ``axis 2 Coulomb`` [N m or N], ``axis 2 lag`` [s], ``axis 2 compliance`` [rad/(N m)].
 
     Attributes
     ----------
     estimate : Estimate
+        Base parameters with their errors, and what they were found from.
     model : Model
+        Made of it, with its word.
     """
 
     estimate: Estimate
     model: Model
+
+    @cached_property
+    def _found(self) -> dict[str, tuple[float, float]]:
+        """Value and standard error by name."""
+        estimate, model = self.estimate, self.model
+        rows = zip(model.names, estimate.p, estimate.standard_error, strict=True)
+        found = {name: (float(value), float(error)) for name, value, error in rows}
+        for axis, law in enumerate(model.friction_law.axes if model.friction_law else (), start=1):
+            for term, each in (law.terms if law else {}).items():
+                found[f"axis {axis} {term}"] = each.value, each.standard_error
+        if (train := estimate.drive_train) is not None:
+            for axis in range(len(train.lag)):
+                found[f"axis {axis + 1} lag"] = float(train.lag[axis]), float(train.lag_error[axis])
+                if train.soft[axis]:
+                    pair = train.compliance[axis], train.compliance_error[axis]
+                    found[f"axis {axis + 1} compliance"] = float(pair[0]), float(pair[1])
+        if estimate.free is not None:
+            for axis, lag in enumerate(estimate.free.lag, start=1):
+                found[f"axis {axis} lag"] = lag.value, lag.standard_error
+            for axis, soft in estimate.free.compliance.items():
+                found[f"axis {axis} compliance"] = soft.value, soft.standard_error
+        for gain in (*estimate.gains, *(estimate.free.gains if estimate.free else ())):
+            found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
+        return found
+
+    def _half_widths(self, level: float) -> dict[str, float]:
+        return dict(zip(self.model.names, self.estimate.half_width(level).tolist(), strict=True))
+
+    def summary(self) -> Summary:
+        """Tables of what was found, for a terminal or a notebook."""
+        return self.model.summary()
+
+    def torque_parts(self, recording: Recording) -> dict[str, Array]:
+        """Torque of a recording by its parts, each of shape (n, n_joints) [N m or N].
+
+        ``time`` has shape (n,) [s]. Parts of the model are ``gravity``, ``inertia``, ``velocity``
+        (Coriolis and centrifugal), ``rotors`` and ``friction``; ``measured`` less their sum is
+        ``left``. All pass the low-pass that the model was found with.
+
+        Raises
+        ------
+        NotEnoughData
+            A recording shorter than the low-pass reaches.
+        """
+        return torque_parts(self.model, recording)
 
 
 def identify(
@@ -91,7 +147,7 @@ def identified(
     others: Sequence[Run] = (),
     recorded: Recorded | None = None,
     options: Options = DEFAULTS,
-) -> Identified:
+) -> ModelFit:
     """Identify the base parameters from a run.
 
     Parameters
@@ -133,7 +189,7 @@ def identified(
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
     proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
     model = model_of(run, found, others, proof, options.prior)
-    return Identified(replace(found, joint=None), model)  # all samples: nothing else is asked
+    return ModelFit(replace(found, joint=None), model)  # all samples: nothing else is asked
 
 
 def _with_cause(error: HilError, proof: Excluded | None) -> HilError:

@@ -17,28 +17,21 @@ Runs may be of any kind, measured here or imported, in any mixture; which recipe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, overload
 
 from hil.errors import Mismatch, NotEnoughData, UnknownName
 from hil.estimation.options import DEFAULTS, Options
 from hil.friction.terms import LAWS
-from hil.least_squares.regression import ByName
-from hil.results.identification import Identified, identified, method_for
+from hil.results.identification import identified, method_for
 from hil.results.load import BareRun, LoadProblem
-from hil.results.recorded_torque import torque_parts
 from hil.runs.pooling import refuse_mixed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array
-    from hil.estimation.estimate import Estimate
     from hil.estimation.prior import Prior
     from hil.least_squares.regression import Covariance
-    from hil.results.model import Model
-    from hil.results.tables.terminal import Summary
-    from hil.runs.recording import Recording
+    from hil.results.identification import ModelFit
     from hil.runs.run import Run
 
 
@@ -72,7 +65,7 @@ class RegressionProblem:
             Recordings that do not suffice.
         """
         first, *others = self.runs
-        return ModelFit(identified(first, self.method, others, options=self.options))
+        return identified(first, self.method, others, options=self.options)
 
 
 @overload
@@ -157,73 +150,3 @@ def regression(
     if loaded:
         return LoadProblem(BareRun(*runs, options=options), tuple(loaded), mass, gains)
     return RegressionProblem(runs, options, method)
-
-
-@dataclass(frozen=True, eq=False)
-class ModelFit(ByName):
-    """What was found, by name.
-
-    Base parameters are named as the robot's, in kg m^2, kg m or kg; what belongs to an axis begins
-    with it: ``axis 2 Coulomb`` [N m or N], ``axis 2 lag`` [s], ``axis 2 compliance`` [rad/(N m)].
-
-    Attributes
-    ----------
-    identified : Identified
-    """
-
-    identified: Identified
-
-    @property
-    def estimate(self) -> Estimate:
-        """Base parameters with their errors, and what they were found from."""
-        return self.identified.estimate
-
-    @property
-    def model(self) -> Model:
-        """Model made of it, with its word."""
-        return self.identified.model
-
-    @cached_property
-    def _found(self) -> dict[str, tuple[float, float]]:
-        """Value and standard error by name."""
-        estimate, model = self.estimate, self.model
-        rows = zip(model.names, estimate.p, estimate.standard_error, strict=True)
-        found = {name: (float(value), float(error)) for name, value, error in rows}
-        for axis, law in enumerate(model.friction_law.axes if model.friction_law else (), start=1):
-            for term, each in (law.terms if law else {}).items():
-                found[f"axis {axis} {term}"] = each.value, each.standard_error
-        if (train := estimate.drive_train) is not None:
-            for axis in range(len(train.lag)):
-                found[f"axis {axis + 1} lag"] = float(train.lag[axis]), float(train.lag_error[axis])
-                if train.soft[axis]:
-                    pair = train.compliance[axis], train.compliance_error[axis]
-                    found[f"axis {axis + 1} compliance"] = float(pair[0]), float(pair[1])
-        if estimate.free is not None:
-            for axis, lag in enumerate(estimate.free.lag, start=1):
-                found[f"axis {axis} lag"] = lag.value, lag.standard_error
-            for axis, soft in estimate.free.compliance.items():
-                found[f"axis {axis} compliance"] = soft.value, soft.standard_error
-        for gain in (*estimate.gains, *(estimate.free.gains if estimate.free else ())):
-            found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
-        return found
-
-    def _half_widths(self, level: float) -> dict[str, float]:
-        return dict(zip(self.model.names, self.estimate.half_width(level).tolist(), strict=True))
-
-    def summary(self) -> Summary:
-        """Tables of what was found, for a terminal or a notebook."""
-        return self.model.summary()
-
-    def torque_parts(self, recording: Recording) -> dict[str, Array]:
-        """Torque of a recording by its parts, each of shape (n, n_joints) [N m or N].
-
-        ``time`` has shape (n,) [s]. Parts of the model are ``gravity``, ``inertia``, ``velocity``
-        (Coriolis and centrifugal), ``rotors`` and ``friction``; ``measured`` less their sum is
-        ``left``. All pass the low-pass that the model was found with.
-
-        Raises
-        ------
-        NotEnoughData
-            A recording shorter than the low-pass reaches.
-        """
-        return torque_parts(self.model, recording)

@@ -253,7 +253,7 @@ def _information(model: Model, A: Array, qd: Array) -> Array:
 
 
 def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
-    """Torque of a recording by its parts; see `hil.results.problem.ModelFit.torque_parts`."""
+    """Torque of a recording by its parts; see `ModelFit.torque_parts`."""
     robot, p = model.robot, model.values
     motion = along(model, recording)
     q, qd, qdd, still = motion.q, motion.qd, motion.qdd, np.zeros_like(motion.q)

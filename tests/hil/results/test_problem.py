@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from hil.least_squares.regression import Covariance
     from hil.model.robot import Robot
-    from hil.results.problem import ModelFit
+    from hil.results.identification import ModelFit
 
 
 @pytest.fixture(scope="module")
