@@ -38,12 +38,14 @@ if TYPE_CHECKING:
         plot_torque,
     )
     from hil.report.page import report
+    from hil.results.acceptance import accept, draft_limits
+    from hil.results.friction import fit_friction
     from hil.results.identification import identify
     from hil.results.model import Model
     from hil.results.problem import regression
     from hil.runs.run import Run
     from hil.tasks.exporting import export
-    from hil.tasks.judging import accept, compare, draft_limits, fit_friction, validate
+    from hil.tasks.judging import compare, validate
     from hil.tasks.measuring import dry_run, measure
     from hil.tasks.plans import plan
 
@@ -82,14 +84,14 @@ _LATER = {
     "Model": "hil.results.model",
     "Robot": "hil.model.robot",
     "Run": "hil.imports.arrays",
-    "accept": "hil.tasks.judging",
+    "accept": "hil.results.acceptance",
     "available_robots": "hil.model.robot",
     "base_parameters": "hil.model.base_parameters",
     "compare": "hil.tasks.judging",
-    "draft_limits": "hil.tasks.judging",
+    "draft_limits": "hil.results.acceptance",
     "dry_run": "hil.tasks.measuring",
     "export": "hil.tasks.exporting",
-    "fit_friction": "hil.tasks.judging",
+    "fit_friction": "hil.results.friction",
     "gravity_torque": "hil.model.dynamics",
     "identify": "hil.results.identification",
     "import_recordings": "hil.imports.importing",

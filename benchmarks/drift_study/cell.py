@@ -26,7 +26,7 @@ from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import estimates
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
-from hil.results.friction import evaluate
+from hil.results.friction import fit_friction
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -223,10 +223,7 @@ def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
     folder = Run.open(run)
     if folder.missing:  # what is judged stays, so it must not rest on a part of them
         raise FileError(f"{run}: {folder.shortfall}")
-    fits = {
-        each.axis: each.models[each.chosen]
-        for each in evaluate(folder, list(recorded(folder))).axes
-    }
+    fits = {each.axis: each.models[each.chosen] for each in fit_friction(folder).axes}
     missing = [str(axis + 1) for axis in range(robot.n_joints) if axis not in fits]
     if missing:
         raise FileError(f"{run}: no friction model of axis {', '.join(missing)}")

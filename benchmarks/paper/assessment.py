@@ -22,7 +22,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.diagnosis import diagnose
-from hil.results.friction import evaluate
+from hil.results.friction import fit_friction
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]
 
 def of_friction(run: Run, model: Path) -> Figures:
     """Points of a friction run (axis, minutes, speed, both torques) and errors of its models."""
-    found = evaluate(run, list(recorded(run)), model)
+    found = fit_friction(run, model)
     return {
         "points": [
             [p.axis + 1, p.time / 60, p.velocity, p.forward, p.backward] for p in found.points

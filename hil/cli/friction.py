@@ -36,11 +36,11 @@ def friction(
     """
     with working("reading the run") as now:
         from hil.estimation.friction.symmetry import BOUND
+        from hil.results.friction import fit_friction
         from hil.results.friction_file import NAME, write_friction
         from hil.results.tables import friction as tables
         from hil.results.tables.terminal import show_remark
         from hil.runs.run import Run
-        from hil.tasks.judging import fit_friction
 
         refuse_unwritable(folder / NAME)
         run = Run.open(folder)

@@ -215,8 +215,7 @@ def accept(
 
 
 def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.results.acceptance import write_limits
-    from hil.tasks.judging import draft_limits
+    from hil.results.acceptance import draft_limits, write_limits
 
     refuse_existing(output)
     refuse_no_folder(output)
@@ -233,10 +232,10 @@ def _accept(
     from checked_files.yaml_file import load_yaml
     from hil.report.further_pages import write_acceptance_page
     from hil.results.acceptance import Limits, checked, write_junit
+    from hil.results.acceptance import accept as judged
     from hil.results.model import Model
     from hil.runs.atomic_file import file_errors
     from hil.runs.run import Run
-    from hil.tasks.judging import accept as judged
 
     bounds = load_yaml(limits, Limits)
     with file_errors(output, "made"):

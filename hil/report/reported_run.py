@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import FileError, HilError, Mismatch
@@ -177,12 +176,12 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
         return None
     # of runs that measure friction: other reports need none of this
     from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
-    from hil.results.friction import evaluate  # noqa: PLC0415
+    from hil.results.friction import fit_friction  # noqa: PLC0415
     from hil.results.friction_file import load_friction  # noqa: PLC0415
 
     try:
         kept = load_friction(run)
-        model = Path(kept.model_folder) if kept.model_folder else None
-        return evaluate(run, recordings, model, BOUND if kept.bound is None else kept.bound)
+        bound = BOUND if kept.bound is None else kept.bound
+        return fit_friction(run, kept.model_folder, bound, recordings)
     except (FileError, Mismatch):  # nothing was fitted, or its model is gone
-        return evaluate(run, recordings)
+        return fit_friction(run, recordings=recordings)

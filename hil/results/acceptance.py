@@ -8,6 +8,7 @@ a YAML file; checks are written as JUnit XML, which CI systems read.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self, cast
 from xml.etree import ElementTree as ET
 
@@ -16,20 +17,20 @@ import yaml
 from pydantic import Field, model_validator
 from scipy import stats
 
-from checked_files.yaml_file import FileModel
+from checked_files.yaml_file import FileModel, load_yaml
 from hil.errors import Mismatch
 from hil.model.base_parameters import base_parameters
 from hil.results.judgement import WORDS, Judgement, Reservation, Word, failed, good
+from hil.results.model import Model
 from hil.results.quantities import Quantity, quantities, reading
 from hil.results.rounding import signed, unit
 from hil.results.tables.table import Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
+from hil.runs.run import opened
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
-    from hil.results.model import Model
     from hil.results.quantities import Kind
     from hil.runs.run import Run
 
@@ -110,16 +111,31 @@ class Acceptance(Judgement):
     checks: tuple[Check, ...]
 
 
-def judge(run: Run, model: Model, limits: Limits) -> Acceptance:
-    """Judge a run and its model by limits.
+def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
+    """Judge an identified run by limits; nothing is written.
+
+    Parameters
+    ----------
+    run : Run or path
+        With its model.
+    limits : Limits or path
+        A file of limits, or what `draft_limits` returns.
+
+    Returns
+    -------
+    Acceptance
+        Its `word` is good or failed; `checks` states each value with its limits.
 
     Raises
     ------
     FileError
-        A damaged recording.
+        No model, or a damaged file.
     Mismatch
         Limits of another robot, or a model of another state of the run.
     """
+    run = opened(run)
+    model = Model.load(run.path)
+    limits = limits if isinstance(limits, Limits) else load_yaml(Path(limits), Limits)
     _refuse_foreign(run, model, limits)
     checks = tuple(_checks(run, model, limits))
     lost = sum(check.word == "failed" for check in checks)
@@ -127,16 +143,18 @@ def judge(run: Run, model: Model, limits: Limits) -> Acceptance:
     return Acceptance.of(found, lambda: good(f"{len(checks)} checks"), checks=checks)
 
 
-def draft(run: Run, model: Model, factor: float) -> Limits:
-    """Limits around what a good run found: its intervals of 95 %, widened by a factor.
+def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:
+    """Draft limits around what a good run found: its intervals of 95 %, widened by a factor.
 
     Raises
     ------
     FileError
-        A damaged recording.
+        No model, or a damaged recording.
     Mismatch
         A model of another state of the run.
     """
+    run = opened(run)
+    model = Model.load(run.path)
     limits = Limits(robot=model.robot.name, drafted_from=run.path.name, factor=factor)
     _refuse_foreign(run, model, limits)
     left = dict(enumerate(model.residual.tolist(), start=1))

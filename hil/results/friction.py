@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,10 +17,11 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import Friction, recorded_as
 from hil.results.friction_file import FrictionResult
 from hil.results.model import Model
+from hil.runs.pooling import recorded
+from hil.runs.run import opened
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from pathlib import Path
 
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_values import LocalValue
@@ -32,24 +34,25 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
-def evaluate(
-    run: Run,
-    recordings: Sequence[tuple[RecordedMotion, Recording]],
-    model_folder: Path | None = None,
-    bound: float = symmetry.BOUND,
+def fit_friction(
+    run: Run | Path | str,
+    model: Path | str | None = None,
+    asymmetry: float = symmetry.BOUND,
+    recordings: Sequence[tuple[RecordedMotion, Recording]] | None = None,
 ) -> FrictionResult:
-    """Evaluate the friction measurements of a run.
+    """Fit laws of friction to a run and test their symmetry; nothing is written.
 
     Parameters
     ----------
-    run : Run
-    recordings : sequence of (RecordedMotion, Recording)
-        All of the run, as `hil.runs.pooling.recorded` gives them.
-    model_folder : path, optional
-        Folder of an identified run whose model compensates gravity; without it half-differences of
-        both directions do.
-    bound : float
-        Greatest asymmetry that is accepted, as share of the friction level.
+    run : Run or path
+        With measurements of friction.
+    model : path, optional
+        Identified run whose model compensates gravity; without it half-differences of both
+        directions do.
+    asymmetry : float
+        Greatest asymmetry that is accepted, as a share of the friction level.
+    recordings : sequence of (RecordedMotion, Recording), optional
+        All of the run, where they were read already (`hil.runs.pooling.recorded`).
 
     Raises
     ------
@@ -60,7 +63,9 @@ def evaluate(
     Mismatch
         A model of another robot.
     """
-    robot = run.robot
+    run = opened(run)
+    robot, model_folder = run.robot, None if model is None else Path(model)
+    recordings = list(recorded(run)) if recordings is None else recordings
     chosen = recorded_as(Friction, recordings)
     if not chosen:
         raise NotEnoughData(
@@ -78,7 +83,7 @@ def evaluate(
         planned={m.id: m for m, _ in chosen},
         points=tuple(found),
         axes=tuple(fit for fit in fits if fit),
-        symmetry=symmetry.of_points(found, bound),
+        symmetry=symmetry.of_points(found, asymmetry),
         drifts=tuple(each for each in drifts if each),
         left_out=tuple(left_out),
         model_folder=str(model_folder) if model_folder else None,

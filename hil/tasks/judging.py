@@ -1,4 +1,4 @@
-"""A model against other data: held-out recordings, limits, another model, the truth of a plant."""
+"""A model against other data: held-out recordings, another model, the truth of a plant."""
 
 from __future__ import annotations
 
@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from checked_files.yaml_file import load_yaml
-from hil.estimation.friction.symmetry import BOUND
 from hil.ground_truth.true_parameters import true_parameters
-from hil.results.acceptance import Limits, draft
-from hil.results.acceptance import judge as judge_limits
-from hil.results.friction import evaluate
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
 from hil.results.prediction import FreeTorques
@@ -23,14 +18,12 @@ from hil.results.tables.table import figures, table
 from hil.results.tables.terminal import Summary
 from hil.results.validation import Validation, of_own_recordings
 from hil.results.validation import validate as judge
-from hil.runs.pooling import pooled, recorded
+from hil.runs.pooling import pooled
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.robot import Robot
-    from hil.results.acceptance import Acceptance
-    from hil.results.friction_file import FrictionResult
     from hil.runs.run import Run
 
 
@@ -59,74 +52,6 @@ def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
     model, run = _loaded(model), opened(run)
     model.refuse_other_robot(run.robot, str(run.path))
     return of_own_recordings(model, run) or judge(model, predicted_torques(model, pooled([run])))
-
-
-def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
-    """Judge an identified run by limits; nothing is written.
-
-    Parameters
-    ----------
-    run : Run or path
-        With its model.
-    limits : Limits or path
-        A file of limits, or what `draft_limits` returns.
-
-    Returns
-    -------
-    Acceptance
-        Its `word` is good or failed; `checks` states each value with its limits.
-
-    Raises
-    ------
-    FileError
-        No model, or a damaged file.
-    Mismatch
-        Limits of another robot, or a model of another state of the run.
-    """
-    run = opened(run)
-    bounds = limits if isinstance(limits, Limits) else load_yaml(Path(limits), Limits)
-    return judge_limits(run, Model.load(run.path), bounds)
-
-
-def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:
-    """Draft limits around what a good run found: its intervals of 95 %, widened by a factor.
-
-    Raises
-    ------
-    FileError
-        No model, or a damaged recording.
-    Mismatch
-        A model of another state of the run.
-    """
-    run = opened(run)
-    return draft(run, Model.load(run.path), factor)
-
-
-def fit_friction(
-    run: Run | Path | str, model: Path | str | None = None, asymmetry: float = BOUND
-) -> FrictionResult:
-    """Fit laws of friction to a run and test their symmetry; nothing is written.
-
-    Parameters
-    ----------
-    run : Run or path
-        With measurements of friction.
-    model : path, optional
-        Identified run whose model compensates gravity.
-    asymmetry : float
-        Greatest asymmetry, as a share of the friction level.
-
-    Raises
-    ------
-    NotEnoughData
-        No measurement of friction.
-    FileError
-        No model, or a damaged file.
-    Mismatch
-        A model of another robot.
-    """
-    run = opened(run)
-    return evaluate(run, list(recorded(run)), None if model is None else Path(model), asymmetry)
 
 
 @dataclass(frozen=True, eq=False)

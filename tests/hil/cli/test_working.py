@@ -53,7 +53,7 @@ LONG = [
      "testing what the robot file of manutec-r15 leaves out"),
     ("validate RUN --truth manutec-r15", "ground_truth.comparison.compare",
      "comparing the estimate of manutec-r15 with the truth"),
-    ("friction RUN", "tasks.judging.fit_friction", "fitting models of friction"),
+    ("friction RUN", "results.friction.fit_friction", "fitting models of friction"),
     ("payload RUN RUN", "results.load.LoadProblem.fit", "estimating both runs and the load"),
     ("payload measure --model RUN -o NEW", "results.load.estimated",
      "reading what the run without the load knows"),

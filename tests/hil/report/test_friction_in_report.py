@@ -7,7 +7,7 @@ from synthetic import TABLE_3_A, Friction, record
 
 from hil.planning.design.friction import sweep
 from hil.report.reported_run import friction_of_run
-from hil.results.friction import evaluate
+from hil.results.friction import fit_friction
 from hil.results.friction_file import write_friction
 from hil.runs.pooling import recorded
 from hil.runs.recording_file import Measured
@@ -38,7 +38,7 @@ def run(manutec, tmp_path):
 
 
 def test_gravity_is_compensated_by_the_model_of_the_fit_and_its_bound_is_kept(run, model_folder):
-    write_friction(run, evaluate(run, list(recorded(run)), model_folder, BOUND))
+    write_friction(run, fit_friction(run, model_folder, BOUND))
     found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder == str(model_folder)
     assert {axis: test.bound for axis, test in found.symmetry.items()} == {LOADED: BOUND}
@@ -51,7 +51,7 @@ def test_without_a_fit_half_differences_compensate_gravity(run):
 
 
 def test_where_the_model_is_gone_half_differences_do(run, model_folder, tmp_path):
-    result = evaluate(run, list(recorded(run)), model_folder, BOUND)
+    result = fit_friction(run, model_folder, BOUND)
     write_friction(run, result)
     kept = (run.path / "friction.yaml").read_text()
     (run.path / "friction.yaml").write_text(kept.replace(str(model_folder), str(tmp_path / "no")))
