@@ -49,12 +49,12 @@ if TYPE_CHECKING:
     from hil.results.load_file import LoadFile
     from hil.results.model import Model
     from hil.results.quantities import Kind
+    from hil.results.recorded_torque import PredictedTorque
     from hil.results.validation import Validation
     from hil.results.watch import Alarm, Watched
     from hil.runs.recording import Recording
     from hil.runs.run import Run
     from hil.view.along_motion import Shown
-    from hil.view.stretches import Stretch
     from hil.watching.trace import Trace
 
 NOT_KNOWN = "not stated"
@@ -82,7 +82,7 @@ class Torques(NamedTuple):
     @classmethod
     def of(cls, model: Model, runs: Sequence[Run], words: str = "") -> Torques:
         """Predict runs; empty where nothing of them can be predicted."""
-        found: dict[tuple[str, int], Stretch] = {}
+        found: dict[tuple[str, int], PredictedTorque] = {}
         pairs: dict[str, tuple[RecordedMotion, Recording]] = {}
         for run in runs:
             own = {motion.id: (motion, recording) for motion, recording in recorded(run)}
@@ -92,7 +92,7 @@ class Torques(NamedTuple):
         if not found:
             return cls()
         chosen = most_demanding(found)
-        played = dict.fromkeys(each.recording for each in chosen)
+        played = dict.fromkeys(each.measurement for each in chosen)
         plot = Plot(
             "torque",
             lambda: torques_over_time(chosen, model.robot),

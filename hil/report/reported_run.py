@@ -15,7 +15,7 @@ from hil.results.model_file import NAME, read_model_file
 from hil.results.provenance import same_parameters
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.view.stretches import Stretch, stretches
+from hil.view.stretches import stretches
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
     from hil.results.findings import Findings
     from hil.results.friction_file import FrictionResult
+    from hil.results.recorded_torque import PredictedTorque
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
 
@@ -43,7 +44,7 @@ class ShownTorques(NamedTuple):
         Whether the model was made from them, a sentence.
     """
 
-    stretches: dict[tuple[str, int], Stretch]
+    stretches: dict[tuple[str, int], PredictedTorque]
     recordings: Recordings
     words: str
 

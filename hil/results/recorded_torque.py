@@ -20,6 +20,7 @@ from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.least_squares.solving import orthonormal, projected_out
+from hil.least_squares.uncertainty import TWICE
 from hil.least_squares.window import APART
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
@@ -34,6 +35,10 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
+
+
+OF_SAMPLES = ("qd", "measured", "predicted", "standard_error", "parameter_error", "stated")
+"""What a `PredictedTorque` has of each sample, whether friction was fitted or not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,15 +100,25 @@ class PredictedTorque:
 
     def of_axis(self, axis: int) -> PredictedTorque:
         """Return what all axes have of one of them, where nothing was fitted."""
-        names = ("qd", "measured", "predicted", "standard_error", "parameter_error", "stated")
-        own = {name: getattr(self, name)[:, axis] for name in names}
+        own = {name: getattr(self, name)[:, axis] for name in OF_SAMPLES}
         shown = None if self.information is None else self.information[axis]
         return replace(self, axes=(axis,), information=shown, **own)
+
+    def part(self, begin: float, end: float, most: int) -> PredictedTorque:
+        """Samples from `begin` to `end` [s], `most` at most, where nothing was fitted."""
+        kept = np.flatnonzero((begin <= self.time) & (self.time <= end))
+        kept = kept[:: max(1, -(-len(kept) // most))]
+        return replace(self, **{name: getattr(self, name)[kept] for name in ("time", *OF_SAMPLES)})
 
     @property
     def residual(self) -> Array:
         """Measured less predicted, shape of both."""
         return self.measured - self.predicted
+
+    @property
+    def half(self) -> Array:
+        """Half-widths of the intervals of 95 %, shape of `predicted` [N m or N]."""
+        return TWICE * self.standard_error
 
     @property
     def relative(self) -> Array:

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
+    from hil.results.recorded_torque import PredictedTorque
     from hil.runs.recording import Recording
-    from hil.view.stretches import Stretch
 
 
 class Predicted(NamedTuple):
@@ -63,15 +63,15 @@ class Shown(NamedTuple):
 
     motion: RecordedMotion
     recording: Recording
-    predicted: Mapping[int, Stretch]
+    predicted: Mapping[int, PredictedTorque]
 
 
 def beside(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
-    found: Mapping[tuple[str, int], Stretch],
+    found: Mapping[tuple[str, int], PredictedTorque],
 ) -> Iterator[Shown]:
     """Put what a model predicts of recordings beside them."""
-    of: defaultdict[str, dict[int, Stretch]] = defaultdict(dict)
+    of: defaultdict[str, dict[int, PredictedTorque]] = defaultdict(dict)
     for (name, axis), each in found.items():
         of[name][axis] = each
     for motion, recording in recorded:

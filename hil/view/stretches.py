@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
 from hil.friction.equation import SLOW
 from hil.least_squares.solving import inverse
-from hil.least_squares.uncertainty import TWICE
 from hil.results.recorded_torque import in_si, predict_whole
 
 if TYPE_CHECKING:
@@ -32,66 +32,26 @@ DEMANDING = 0.5
 """Share of the greatest scatter of an axis's torque from which on a recording shows the axis."""
 
 
-class Stretch(NamedTuple):
-    """Torques of one axis in one recording.
-
-    Attributes
-    ----------
-    recording : str
-        Its id.
-    axis : int
-        From 0.
-    time, speed, measured, predicted, half : ndarray, shape (n,)
-        Since the recording began [s]; velocity [rad/s or m/s]; torques [N m or N], the last being
-        the half-width of the prediction's interval of 95 %; no prediction (NaN) where the axis
-        hardly moves.
-    own_friction : bool
-        Whether the prediction has the friction that the model states, or one fitted here.
-    information : ndarray, shape (n_base, n_base)
-        Of the base parameters.
-    """
-
-    recording: str
-    axis: int
-    time: Array
-    speed: Array
-    measured: Array
-    predicted: Array
-    half: Array
-    own_friction: bool
-    information: Array
-
-    @property
-    def residual(self) -> Array:
-        """Measured less predicted [N m or N]."""
-        return self.measured - self.predicted
-
-    def part(self, begin: float, end: float, most: int) -> Stretch:
-        """Samples from `begin` to `end` [s], `most` at most."""
-        kept = np.flatnonzero((begin <= self.time) & (self.time <= end))
-        kept = kept[:: max(1, -(-len(kept) // most))]
-        arrays = ("time", "speed", "measured", "predicted", "half")
-        return self._replace(**{name: getattr(self, name)[kept] for name in arrays})
-
-
 def stretches(
     model: Model, recorded: Iterable[tuple[RecordedMotion, Recording]]
-) -> dict[tuple[str, int], Stretch]:
-    """Predict recordings: of each the axes that it moves, by recording and axis.
+) -> dict[tuple[str, int], PredictedTorque]:
+    """Predict recordings: of each the axes that it moves, by recording and axis (from 0).
 
-    What is too short for a low-pass, and what has a gain that nobody knows, is passed over.
+    Times are since the recording began. There is no prediction (NaN) where the axis hardly moves,
+    and where the model states no friction of it, friction is fitted. What is too short for a
+    low-pass, and what has a gain that nobody knows, is passed over.
     """
     found = {}
     for motion, recording in recorded:
         with suppress(NotEnoughData, Mismatch):
             whole = predict_whole(model, in_si(model, motion, recording), motion.id)
-            time = whole.time - recording.time[0]
+            whole = replace(whole, time=whole.time - recording.time[0])
             for axis in motion.moved:
-                found[motion.id, axis] = _stretch(model, whole.of_axis(axis), time)
+                found[motion.id, axis] = _drawn(model, whole.of_axis(axis))
     return found
 
 
-def _stretch(model: Model, found: PredictedTorque, time: Array) -> Stretch:
+def _drawn(model: Model, found: PredictedTorque) -> PredictedTorque:
     """One axis, where it moves; with friction of its own where the model states none."""
     axis, speed, predicted = found.axis, found.qd, found.predicted
     moves = np.abs(speed) > SLOW * max(float(np.abs(speed).max(initial=0.0)), 1e-300)
@@ -104,21 +64,12 @@ def _stretch(model: Model, found: PredictedTorque, time: Array) -> Stretch:
     error = found.standard_error
     if np.isnan(model.residual[axis]) and moves.any():  # the model states no scatter of its own
         error = np.hypot(error, np.sqrt(np.mean((found.measured - predicted)[moves] ** 2)))
-    return Stretch(
-        found.measurement,
-        axis,
-        time,
-        speed,
-        found.measured,
-        np.where(moves, predicted, np.nan),
-        TWICE * error,
-        own,
-        np.zeros((0, 0)) if found.information is None else found.information,
-    )
+    predicted = np.where(moves, predicted, np.nan)
+    return replace(found, predicted=predicted, standard_error=error, own_friction=own)
 
 
 def carriers(
-    found: Mapping[tuple[str, int], Stretch], names: Sequence[str], most: int = 10
+    found: Mapping[tuple[str, int], PredictedTorque], names: Sequence[str], most: int = 10
 ) -> dict[str, list[tuple[str, float]]]:
     """Recordings that carry each base parameter, with their shares, the greatest first.
 
@@ -127,7 +78,8 @@ def carriers(
     """
     shares: dict[str, Array] = defaultdict(lambda: np.zeros((len(names), len(names))))
     for (recording, _), each in found.items():
-        shares[recording] += each.information
+        if each.information is not None:
+            shares[recording] += each.information
     if not shares:
         return {}
     covariance = inverse(np.sum(list(shares.values()), axis=0))
@@ -140,11 +92,11 @@ def carriers(
     }
 
 
-def most_demanding(found: Mapping[tuple[str, int], Stretch]) -> list[Stretch]:
+def most_demanding(found: Mapping[tuple[str, int], PredictedTorque]) -> list[PredictedTorque]:
     """One stretch of each axis, in as few recordings as ask much of all axes, `LONGEST` at most."""
     scatter = {key: float(np.std(each.measured)) for key, each in found.items()}
     left = {axis: max(s for (_, a), s in scatter.items() if a == axis) for _, axis in found}
-    chosen: dict[int, Stretch] = {}
+    chosen: dict[int, PredictedTorque] = {}
     while left:
         shown: dict[str, dict[int, float]] = defaultdict(dict)
         for (name, axis), size in scatter.items():
@@ -158,7 +110,7 @@ def most_demanding(found: Mapping[tuple[str, int], Stretch]) -> list[Stretch]:
     return [chosen[axis] for axis in sorted(chosen)]
 
 
-def _busiest(own: list[Stretch]) -> float:
+def _busiest(own: list[PredictedTorque]) -> float:
     """Begin of the `LONGEST` in which torques of all axes together scatter most [s]."""
     first, last = min(each.time[0] for each in own), max(each.time[-1] for each in own)
     begins = np.arange(first, max(last - LONGEST, first) + 1e-9, LONGEST / 4)

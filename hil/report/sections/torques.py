@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
     from hil.results.model import Model
-    from hil.view.stretches import Stretch
+    from hil.results.recorded_torque import PredictedTorque
 
 POINTS = 150
 """Points of friction that are drawn of an axis: more of them cover each other."""
@@ -104,12 +104,12 @@ def _law_plot(draw: object, words: str) -> Plot:
     )
 
 
-def over_time(shown: Sequence[Stretch], robot: Robot) -> Chart:
+def over_time(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
     """Measured and predicted torque with its interval, axis by axis, and the residual below."""
     return Chart(tuple(_torque(each, robot) for each in shown))
 
 
-def _torque(each: Stretch, robot: Robot) -> Panel:
+def _torque(each: PredictedTorque, robot: Robot) -> Panel:
     unit, t, half = robot.torque_unit(each.axis), each.time, each.half
     low, high = each.predicted - half, each.predicted + half
     around = np.where(np.isfinite(low), half, np.nan)
@@ -119,7 +119,7 @@ def _torque(each: Stretch, robot: Robot) -> Panel:
             Line(t, each.measured, MEASURED, "measured"),
             Line(t, each.predicted, MODEL, "predicted", "5 3"),
         ),
-        title=f"axis {each.axis + 1}, {each.recording}",
+        title=f"axis {each.axis + 1}, {each.measurement}",
         x_label="time [s]",
         y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
         below=Panel(
@@ -133,29 +133,29 @@ def _torque(each: Stretch, robot: Robot) -> Panel:
         ),
         width=357.0,
         height=112.0,
-        recording=each.recording,
+        recording=each.measurement,
     )
 
 
-def over_speed(model: Model, found: Iterable[Stretch], *, linked: bool) -> Chart:
+def over_speed(model: Model, found: Iterable[PredictedTorque], *, linked: bool) -> Chart:
     """Friction over the speed, measured and by the model's law, of axes that have one.
 
     Points lead to recordings where these are `linked`: of the run itself, whose ids they have.
     """
-    by_axis: dict[int, list[Stretch]] = {}
+    by_axis: dict[int, list[PredictedTorque]] = {}
     for each in found:
         by_axis.setdefault(each.axis, []).append(each)
     known = (axis for axis in sorted(by_axis) if axis + 1 not in model.axes_without_friction)
     return Chart(tuple(_law(model, axis, by_axis[axis], linked) for axis in known))
 
 
-def _law(model: Model, axis: int, own: Sequence[Stretch], linked: bool) -> Panel:
+def _law(model: Model, axis: int, own: Sequence[PredictedTorque], linked: bool) -> Panel:
     robot = model.robot
     speed, residual = (
-        np.concatenate([getattr(each, name) for each in own]) for name in ("speed", "residual")
+        np.concatenate([getattr(each, name) for each in own]) for name in ("qd", "residual")
     )
     there = _known(model, axis, speed) & np.isfinite(residual)
-    ids = np.repeat([each.recording for each in own], [len(each.time) for each in own])[there]
+    ids = np.repeat([each.measurement for each in own], [len(each.time) for each in own])[there]
     speed, residual = speed[there], residual[there]
     at = np.zeros(len(speed))
     bands: list[Item] = []
