@@ -45,90 +45,6 @@ class Status(IntEnum):
 STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
 
 
-def new_file(ctx: typer.Context, path: Path | None) -> Path | None:
-    """Take a file to be made: it is not there, its folder is."""
-    if path is not None and not ctx.resilient_parsing:
-        refuse_no_folder(path)
-        refuse_existing(path)
-    return path
-
-
-def file_to_write(ctx: typer.Context, path: Path | None) -> Path | None:
-    """Take a file that may be there, and is written anew then."""
-    if path is not None and not ctx.resilient_parsing:
-        refuse_no_folder(path)
-        refuse_unwritable(path)
-    return path
-
-
-def folder_to_write(ctx: typer.Context, path: Path | None) -> Path | None:
-    """Take a folder that is there or can be made, with those about it."""
-    if path is not None and not ctx.resilient_parsing:
-        _refuse_no_way(path, path)
-    return path
-
-
-def place_to_write(ctx: typer.Context, path: Path | None) -> Path | None:
-    """Take a folder, or a file: another option states which."""
-    if path is not None and not ctx.resilient_parsing:
-        _refuse_no_way(path, path.absolute().parent)
-    return path
-
-
-def new_folder(ctx: typer.Context, path: Path | None) -> Path | None:
-    """Take a folder to be made, with those about it."""
-    if path is not None and not ctx.resilient_parsing:
-        refuse_existing(path)
-    return folder_to_write(ctx, path)
-
-
-def output_option(
-    callback: Callable[[typer.Context, Path | None], Path | None], text: str
-) -> OptionInfo:
-    """Return the option -o, looked at by a callback of this module."""
-    return cast("OptionInfo", typer.Option("-o", "--output", callback=callback, help=text))
-
-
-NewPlan = Annotated[Path, output_option(new_file, "Plan to write.")]
-
-
-def say_simulated(*runs: Run) -> None:
-    """State of what is made from runs whether any was measured on the virtual plant."""
-    from hil.runs.journal import NO_REAL_MACHINE
-
-    if any(run.journal.simulated for run in runs):
-        say(NO_REAL_MACHINE, style="yellow")
-
-
-def show(*found: Table | str) -> None:
-    """Print tables that have rows, and sentences beside them."""
-    from hil.results.tables import terminal
-
-    for each in found:
-        if isinstance(each, str):
-            give_each("sentences", each)
-            terminal.show_sentence(each, out)
-        else:
-            terminal.show(each, out)
-
-
-def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
-    """Print what recordings show of a change since a run, cause by cause."""
-    from hil.results.history import by_cause
-
-    with working("looking for causes in the recordings"):
-        found = by_cause(before, after, known)
-    show(*found)
-
-
-def say_judgement(judgement: Judgement, more: str = "") -> None:
-    """State what a result is worth, `more` behind it, and notes below where it is good."""
-    give(judgement={"word": judgement.word, "text": printable(str(judgement))})
-    say("; ".join(filter(None, (str(judgement), more))), style=STYLES[judgement.word])
-    for note in judgement.further if judgement.word == "good" else ():
-        say(f"note: {note.clause}")
-
-
 def refuse_existing(output: Path) -> None:
     """Refuse to write over a file.
 
@@ -172,8 +88,9 @@ def refuse_unwritable(output: Path) -> None:
         )
 
 
-def _refuse_no_way(path: Path, folder: Path) -> None:
+def _refuse_no_way(path: Path, folder: Path | None = None) -> None:
     """Refuse a place below something else than a folder, or below one that takes no files."""
+    folder = folder or path
     there = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
     if not there.is_dir():
         raise _refused(f"{path}: {there} is no folder; choose another name")
@@ -193,3 +110,72 @@ def _refused(text: str) -> FileError:
     from hil.errors import FileError
 
     return FileError(text)
+
+
+def _taken_unless(*refuse: Callable[[Path], None]) -> Callable[..., Path | None]:
+    """Return the callback of an option: its path as it is, unless one of these refuses it."""
+
+    def take(ctx: typer.Context, path: Path | None) -> Path | None:
+        if path is not None and not ctx.resilient_parsing:
+            for each in refuse:
+                each(path)
+        return path
+
+    return take
+
+
+new_file = _taken_unless(refuse_no_folder, refuse_existing)
+"""Takes a file to be made: it is not there, its folder is."""
+file_to_write = _taken_unless(refuse_no_folder, refuse_unwritable)
+"""Takes a file that may be there, and is written anew then."""
+folder_to_write = _taken_unless(_refuse_no_way)
+"""Takes a folder that is there or can be made, with those about it."""
+place_to_write = _taken_unless(lambda path: _refuse_no_way(path, path.absolute().parent))
+"""Takes a folder, or a file: another option states which."""
+new_folder = _taken_unless(refuse_existing, _refuse_no_way)
+"""Takes a folder to be made, with those about it."""
+
+
+def output_option(callback: Callable[..., Path | None], text: str) -> OptionInfo:
+    """Return the option -o, looked at by a callback of this module."""
+    return cast("OptionInfo", typer.Option("-o", "--output", callback=callback, help=text))
+
+
+NewPlan = Annotated[Path, output_option(new_file, "Plan to write.")]
+
+
+def say_simulated(*runs: Run) -> None:
+    """State of what is made from runs whether any was measured on the virtual plant."""
+    from hil.runs.journal import NO_REAL_MACHINE
+
+    if any(run.journal.simulated for run in runs):
+        say(NO_REAL_MACHINE, style="yellow")
+
+
+def show(*found: Table | str) -> None:
+    """Print tables that have rows, and sentences beside them."""
+    from hil.results.tables import terminal
+
+    for each in found:
+        if isinstance(each, str):
+            give_each("sentences", each)
+            terminal.show_sentence(each, out)
+        else:
+            terminal.show(each, out)
+
+
+def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
+    """Print what recordings show of a change since a run, cause by cause."""
+    from hil.results.history import by_cause
+
+    with working("looking for causes in the recordings"):
+        found = by_cause(before, after, known)
+    show(*found)
+
+
+def say_judgement(judgement: Judgement, more: str = "") -> None:
+    """State what a result is worth, `more` behind it, and notes below where it is good."""
+    give(judgement={"word": judgement.word, "text": printable(str(judgement))})
+    say("; ".join(filter(None, (str(judgement), more))), style=STYLES[judgement.word])
+    for note in judgement.further if judgement.word == "good" else ():
+        say(f"note: {note.clause}")
