@@ -17,6 +17,7 @@ import ctypes
 import os
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,15 +40,13 @@ class RealTimeMeasure:
     Attributes
     ----------
     name : str
-    granted : bool
     found : str
         What was granted, or why it was not.
     remedy : str
-        What would have to be granted; empty where nothing is missing.
+        What would have to be granted; empty where it was.
     """
 
     name: str
-    granted: bool
     found: str
     remedy: str = ""
 
@@ -125,13 +124,9 @@ def real_time(system: Linux | None = None) -> Iterator[tuple[RealTimeMeasure, ..
         memory = _asked(undo, system.lock_memory, "memory", "locked", _MEMORY)
         idle = _asked(undo, system.stay_awake, "idle states", "shallow only", _IDLE)
         core = _pinned(undo, system)
-        scheduling = _asked(
-            undo,
-            lambda: system.schedule(PRIORITY),
-            "scheduling",
-            f"SCHED_FIFO, priority {PRIORITY}",
-            _SCHEDULING,
-        )
+        by = f"SCHED_FIFO, priority {PRIORITY}"
+        schedule = partial(system.schedule, PRIORITY)
+        scheduling = _asked(undo, schedule, "scheduling", by, _SCHEDULING)
         yield scheduling, memory, core, idle
 
 
@@ -150,10 +145,8 @@ def _asked(
     try:
         undo.callback(ask())
     except (OSError, AttributeError) as error:  # the latter on systems without such a call
-        return RealTimeMeasure(
-            name, granted=False, found=f"not granted ({_reason(error)})", remedy=remedy
-        )
-    return RealTimeMeasure(name, granted=True, found=granted)
+        return RealTimeMeasure(name, f"not granted ({_reason(error)})", remedy)
+    return RealTimeMeasure(name, granted)
 
 
 def _pinned(undo: ExitStack, system: Linux) -> RealTimeMeasure:
@@ -162,15 +155,11 @@ def _pinned(undo: ExitStack, system: Linux) -> RealTimeMeasure:
         isolated = sorted(system.isolated())
         if not isolated:
             shared = f"{len(system.cores())} shared with everything else"
-            return RealTimeMeasure("core", granted=False, found=shared, remedy=_CORE)
+            return RealTimeMeasure("core", shared, _CORE)
         undo.callback(system.pin(isolated[-1]))
     except (OSError, ValueError, AttributeError) as error:
-        return RealTimeMeasure(
-            "core", granted=False, found=f"not granted ({_reason(error)})", remedy=_CORE
-        )
-    return RealTimeMeasure(
-        "core", granted=True, found=f"{isolated[-1]}, isolated, for this thread alone"
-    )
+        return RealTimeMeasure("core", f"not granted ({_reason(error)})", _CORE)
+    return RealTimeMeasure("core", f"{isolated[-1]}, isolated, for this thread alone")
 
 
 def _reason(error: Exception) -> str:
