@@ -207,16 +207,14 @@ def _feed(
     watcher: Watcher | None,
 ) -> Feed | None:
     """What informs listeners of the run; None where there are none."""
-    about, hand = (the_robot, the_plan, rehearsal), bool(hand_of(how.bus_option))
-    if how.feed is not None:
-        how.feed.go_on(*about, hand=hand, watcher=watcher)
-        return how.feed
-    if not how.listeners:
-        return None
-    from hil.live.feed import Feed
+    feed, hand = how.feed, bool(hand_of(how.bus_option))
+    if feed is None and how.listeners:
+        from hil.live.feed import Feed
 
-    simulated = how.interface == SIMULATED
-    return Feed(how.listeners, *about, simulated=simulated, hand=hand, watcher=watcher)
+        feed = Feed(how.listeners, simulated=how.interface == SIMULATED)
+    if feed is not None:
+        feed.turn_to(the_robot, the_plan, rehearsal, hand=hand, watcher=watcher)
+    return feed
 
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:

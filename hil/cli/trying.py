@@ -88,7 +88,7 @@ def try_(
         left.enter_context(interruptible(lambda: f"stopped; what was measured stays in {folder}"))
         hand = f"{left.enter_context(TemporaryDirectory(prefix='hil-'))}/hand"
         shown = listeners(Shown(live=port), [f"hand={hand}"], folder / "measured", while_open=True)
-        feed = Feed(shown, robot, plan, simulated=True)
+        feed = Feed(shown, simulated=True)
         stated = left.enter_context(feed.open(out))
         feed.publish("headline", {"text": "Checking the plan; then the drives are switched on"})
         if no_browser or not _open_browser(stated):

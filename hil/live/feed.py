@@ -53,47 +53,39 @@ class Feed:
     ----------
     listeners : sequence of Listener
         Not started yet.
-    robot : Robot
-    plan : Plan
-    rehearsal : float, optional
-        Share of the speed limits at which all ways are only passed.
     simulated : bool
         Whether it is the virtual plant that moves.
-    hand : bool
-        Whether its arm can be pushed from the live page.
-    watcher : Watcher, optional
-        Whose torques are passed on.
     """
 
-    def __init__(
-        self,
-        listeners: Sequence[Listener],
-        robot: Robot,
-        plan: Plan,
-        rehearsal: float | None = None,
-        *,
-        simulated: bool,
-        hand: bool = False,
-        watcher: Watcher | None = None,
-    ) -> None:
+    def __init__(self, listeners: Sequence[Listener], *, simulated: bool) -> None:
         self._listeners = listeners
         self._missed: set[str] = set()
         self._say: Callable[[str], None] = lambda _: None
         self._open = False
         self._next = 0.0
         self._simulated = simulated
-        self.go_on(robot, plan, rehearsal, hand=hand, watcher=watcher)
+        self._watcher: Watcher | None = None
 
-    def go_on(
+    def turn_to(
         self,
         robot: Robot,
         plan: Plan,
-        rehearsal: float | None = None,
+        rehearsal: float | None,
         *,
-        hand: bool = False,
-        watcher: Watcher | None = None,
+        hand: bool,
+        watcher: Watcher | None,
     ) -> None:
-        """Turn to another run, of which the next lines are; parameters are those of `Feed`."""
+        """Turn to a run, of which the next lines are.
+
+        Parameters
+        ----------
+        rehearsal : float or None
+            Share of the speed limits at which all ways are only passed.
+        hand : bool
+            Whether the plant's arm can be pushed from the live page.
+        watcher : Watcher or None
+            Whose torques are passed on.
+        """
         kind = {"simulated": self._simulated, "hand": hand, "watched": watcher is not None}
         self._start = lines.start(robot, plan, rehearsal, **kind)
         self._numbers = {each.id: k for k, each in enumerate(plan.measurements, start=1)}
