@@ -161,12 +161,13 @@ def measure(
     from functools import partial
 
     with working("passing the plan's motions through the limits"):
+        from drivers.opening import open_drive_bus
         from hil.cli import bus_access
         from hil.cli.run_session import carry_out
         from hil.planning.plan import repeated
         from hil.runs.journal import BusName
         from hil.tasks.found_settings import keeper_of_run
-        from hil.tasks.measuring import opener, prepared_folder, refuse_unusable
+        from hil.tasks.measuring import prepared_folder, refuse_unusable
         from hil.terminal.progress import shown
 
         refuse_unusable(output, resume)
@@ -178,10 +179,10 @@ def measure(
     display = display or shown
 
     def bus() -> DriveBus:
-        found = opener(
-            drives, keeper, how.interface, channel, options, how.pacing.value, how.frame_log,
-            feeds=feeds,
-        )()  # fmt: skip
+        found: DriveBus = open_drive_bus(
+            drives, how.interface, channel, options, how.pacing.value, how.frame_log, keeper,
+            feed_forward=feeds,
+        )  # fmt: skip
         found = found if in_front is None else in_front(found)
         return found if feed is None else feed.in_front(found)
 

@@ -1,7 +1,7 @@
 """A plan checked against its robot and drives, and measured into a folder.
 
 This is the one place below the commands that knows both identification and a concrete bus:
-simulation and hardware part at `opener`, by its arguments.
+simulation and hardware part at `open_drive_bus`, by its arguments.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, line_of
-from drivers import opening
+from drivers.opening import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.planning.dry_run import dry_run as checked
 from hil.planning.plan import repeated
@@ -34,10 +34,7 @@ from hil.tasks.robot_drives import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from drivers.drive_bus import DriveBus
     from drivers.drives_file import DrivesFile
-    from drivers.fieldbus import PacingName
-    from drivers.found_settings.keeping import SettingsKeeper
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
@@ -131,24 +128,6 @@ def describe_problems(result: DryRun, text: str, source: str, most: int = 10) ->
     return "\n".join([*lines, f"... and {more} more of that kind"] if more > 0 else lines)
 
 
-def opener(
-    drives: DrivesFile,
-    keeper: SettingsKeeper,
-    interface: str,
-    channel: str,
-    options: Mapping[str, object] | None = None,
-    pacing: PacingName = "auto",
-    frame_log: Path | None = None,
-    *,
-    feeds: bool = False,
-) -> Callable[[], DriveBus]:
-    """Return what opens the bus of the drives."""
-    return lambda: opening.open_drive_bus(
-        drives, interface, channel, dict(options or {}), pacing, frame_log, keeper,
-        feed_forward=feeds,
-    )  # fmt: skip
-
-
 def measure(
     plan: Plan | Path | str,
     output: Path | str,
@@ -206,13 +185,11 @@ def measure(
     with keeper_of_run(output, interface, channel) as keeper:
         folder = prepared_folder(output, repeated(the_plan, 1), the_robot, text, resume=resume)[0]
         if folder.missing:
-            bus = opener(own, keeper, interface, channel, options)
-            with (
-                locked(folder.path),
-                closing(run_campaign(folder, bus(), BusName(interface, channel))) as happening,
-            ):
-                for event in happening:
-                    on_event(event)
+            with locked(folder.path):
+                bus = open_drive_bus(own, interface, channel, options, keeper=keeper)
+                with closing(run_campaign(folder, bus, BusName(interface, channel))) as happening:
+                    for event in happening:
+                        on_event(event)
     return Run.open(output)
 
 
