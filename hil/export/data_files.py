@@ -27,11 +27,10 @@ from hil.export.simple_friction import (
     simple_friction,
 )
 from hil.friction.direction import STILL
-from hil.friction.law import friction_variance
 from hil.friction.terms import DIRECTED, OF_SPEED
 from hil.friction.warmth import REFERENCE
 from hil.model.base_parameters import base_parameters
-from hil.results.identified_robot import known_friction
+from hil.results.identified_robot import friction_alone, known_friction
 
 if TYPE_CHECKING:
     from hil.export.simple_friction import SimpleFriction
@@ -153,7 +152,7 @@ def _friction_axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[s
             "velocity": simple.speeds.tolist(),
             "forward": simple.forward.tolist(),
             "backward": simple.backward.tolist(),
-            "standard_error": _errors(model, simple).tolist(),
+            "standard_error": friction_alone(model, axis, simple.speeds)[1].tolist(),
         },
         **_simplified(simple),
     }
@@ -180,15 +179,6 @@ def _simplified(simple: SimpleFriction) -> dict[str, object]:
 
 def _plain(simple: SimpleFriction) -> dict[str, object]:
     return {"coulomb": simple.coulomb, "viscous": simple.viscous, "misfit_rms": simple.misfit}
-
-
-def _errors(model: Model, simple: SimpleFriction) -> np.ndarray:
-    """Standard errors of the curve forward, of terms and of the level's wandering."""
-    qd = np.zeros((len(simple.speeds), model.robot.n_joints))
-    qd[:, simple.axis] = simple.speeds
-    still = np.zeros_like(qd)
-    variance = friction_variance(model.robot, known_friction(model), still, qd, still)
-    return np.asarray(np.sqrt(variance[:, simple.axis]))
 
 
 NOTES = (

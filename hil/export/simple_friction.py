@@ -19,8 +19,7 @@ import numpy as np
 from scipy import optimize
 
 from hil.errors import NotEnoughData
-from hil.friction.law import friction_torque
-from hil.results.identified_robot import known_friction, lacking
+from hil.results.identified_robot import friction_alone, known_friction, lacking
 from hil.results.rounding import percent, significant
 
 if TYPE_CHECKING:
@@ -94,7 +93,7 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
 def _of_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> SimpleFriction:
     # from 5 % of the axis's speed on where the range that the law was found from is not stated
     v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
-    forward, backward = (_law(model, axis, side * v, warmth) for side in (1.0, -1.0))
+    forward, backward = (friction_alone(model, axis, side * v, warmth)[0] for side in (1.0, -1.0))
     odd, even = (forward - backward) / 2, (forward + backward) / 2
     (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
     return SimpleFriction(
@@ -122,16 +121,6 @@ def _stribeck(v: Array, odd: Array, even: Array) -> Stribeck:
 def _misfit(left: float, even: Array) -> float:
     """Root mean square over both directions; `left`: norm of what is left of the odd part."""
     return float(np.sqrt((left**2 + even @ even) / len(even)))
-
-
-def _law(model: Model, axis: int, v: Array, warmth: float | None) -> Array:
-    """Friction of an axis that moves alone, at no load [N m or N]."""
-    qd = np.zeros((len(v), model.robot.n_joints))
-    qd[:, axis] = v
-    still = np.zeros_like(qd)
-    state = None if warmth is None else np.full_like(qd, warmth)
-    found = friction_torque(model.robot, known_friction(model), still, qd, still, warmth=state)
-    return np.asarray(found[:, axis])
 
 
 def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from hil.errors import InvalidArray, Mismatch, NotEnoughData
 from hil.estimation.intervals import half_width
+from hil.friction.law import friction_torque, friction_variance
 from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import FOR_A_LAW
@@ -278,6 +279,23 @@ def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionL
     if law.unknown and (of_all or len(law.unknown) == len(law.axes)):
         raise NotEnoughData(f"the model of {model.robot.name}: {lacking(model)}")
     return law
+
+
+def friction_alone(
+    model: IdentifiedRobot, axis: int, speed: Array, warmth: float | None = None
+) -> tuple[Array, Array]:
+    """Friction of an axis (from 0) that moves alone at no load, and its standard error [N m or N].
+
+    Of each shape (n,) at speeds [rad/s or m/s], at a warmth of the gears or the mean one.
+    """
+    robot, law = model.robot, known_friction(model)
+    qd = np.zeros((len(speed), robot.n_joints))
+    qd[:, axis] = speed
+    still = np.zeros_like(qd)
+    state = None if warmth is None else np.full_like(qd, warmth)
+    torque = friction_torque(robot, law, still, qd, still, warmth=state)
+    variance = friction_variance(robot, law, still, qd, still, state)
+    return torque[:, axis], np.sqrt(variance[:, axis])
 
 
 def lacking(model: IdentifiedRobot) -> str:

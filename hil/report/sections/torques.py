@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.friction.equation import SLOW
-from hil.friction.law import friction_torque, friction_variance
 from hil.least_squares.uncertainty import TWICE
 from hil.report.charts.chart import (
     MEASURED,
@@ -28,6 +27,7 @@ from hil.report.charts.chart import (
 from hil.report.section import Plot, Section
 from hil.report.sections.friction import models_plot
 from hil.report.sections.imported import friction_curves
+from hil.results.identified_robot import friction_alone
 from hil.view.stretches import most_demanding
 
 if TYPE_CHECKING:
@@ -165,7 +165,8 @@ def _law(model: Model, axis: int, own: Sequence[PredictedTorque], linked: bool) 
         if here.any():
             slowest, fastest = np.abs(speed[here]).min(), np.abs(speed[here]).max()
             v = np.linspace(slowest, fastest, 60)
-            level, half = _friction_at(model, axis, side * v)
+            level, error = friction_alone(model, axis, side * v)
+            half = TWICE * error
             at[here] = np.interp(side * speed[here], v, level)
             bands.append(Band(side * v, level - half, level + half, label="95 % interval"))
             lines.append(Line(side * v, level, label="law of friction", width=1.8))
@@ -194,16 +195,3 @@ def _known(model: Model, axis: int, speed: Array) -> Mask:
     assert law is not None  # noqa: S101 - asked for before
     low, high = law.speeds or (SLOW * law.speed, np.inf)
     return np.asarray((low <= np.abs(speed)) & (np.abs(speed) <= high))
-
-
-def _friction_at(model: Model, axis: int, speed: Array) -> tuple[Array, Array]:
-    """Friction of an axis at speeds and no load, and half its interval of 95 % [N m or N]."""
-    assert model.friction_law is not None  # noqa: S101 - asked for before
-    still = np.zeros((len(speed), model.robot.n_joints))
-    motion = still, still.copy(), still
-    motion[1][:, axis] = speed
-    level, variance = (
-        each(model.robot, model.friction_law, *motion)[:, axis]
-        for each in (friction_torque, friction_variance)
-    )
-    return level, TWICE * np.sqrt(variance)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.friction.law import friction_torque, friction_variance
+from hil.results.identified_robot import friction_alone
 from hil.results.rounding import probability, signed, significant, uncertain
 from hil.results.tables.table import Column, Part, Table, figures, table
 
@@ -83,19 +83,9 @@ def campaign_friction(model: IdentifiedRobot) -> Table:
 
 
 def _law(model: IdentifiedRobot, axis: int, own: AxisLaw) -> Row:
-    assert model.friction_law is not None  # noqa: S101 - there is no row without
     slowest, fastest = own.speeds or (0.0, own.speed)
-    qd = np.zeros((2, model.robot.n_joints))
-    qd[:, axis] = slowest, fastest
-    still = np.zeros_like(qd)
-    tau, variance = (
-        each(model.robot, model.friction_law, still, qd, still)[:, axis]
-        for each in (friction_torque, friction_variance)
-    )
-    shown = (
-        " ± ".join(uncertain(float(value), float(np.sqrt(error))))
-        for value, error in zip(tau, variance, strict=True)
-    )
+    both = zip(*friction_alone(model, axis, np.array([slowest, fastest])), strict=True)
+    shown = (" ± ".join(uncertain(float(value), float(error))) for value, error in both)
     speeds = f"{significant(slowest, 2)} to {significant(fastest, 3)}"
     return str(axis + 1), own.law, speeds, *shown, significant(100 * own.wander, 2)
 
