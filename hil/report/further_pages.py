@@ -26,7 +26,6 @@ from hil.report.sections.torques import over_time as torques_over_time
 from hil.results import history_file as tables
 from hil.results import load_tables
 from hil.results.acceptance import checked
-from hil.results.history_file import half_width
 from hil.results.rounding import unit
 from hil.results.tables.load import quantities as load_quantities
 from hil.results.tables.table import Column, Table, table
@@ -372,7 +371,7 @@ def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:
     groups = (("as before", MEASURED, False), ("changed", MODEL, True))
     for name, colour, changed in groups:
         shown = [
-            (t, read.value, half_width(read), read.allowance)
+            (t, read.value, read.half_width, read.allowance)
             for t, run, read in zip(at, found.runs, readings, strict=True)
             if read is not None and (run.label in marked) == changed
         ]

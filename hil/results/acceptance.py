@@ -15,7 +15,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import yaml
 from pydantic import Field, model_validator
-from scipy import stats
 
 from checked_files.yaml_file import FileModel, load_yaml
 from hil.errors import Mismatch
@@ -173,7 +172,7 @@ def _drafted(model: Model, factor: float) -> Iterator[QuantityLimits]:
             low, high = intervals[model.names.index(each.name)]
             half = (high - low) / 2
         else:
-            half = stats.t.ppf(0.975, found.degrees) * found.standard_error + found.allowance
+            half = found.half_width + found.allowance
         least, most = (float(f"{found.value + k * factor * half:.6g}") for k in (-1, 1))
         yield QuantityLimits(
             name=each.name, unit=each.unit, axis=each.axis, speed=each.speed, least=least, most=most

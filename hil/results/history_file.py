@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from scipy import special
-
 from hil.estimation.intervals import SIGNIFICANT
-from hil.results.rounding import probability, rounded, signed, significant, unit
+from hil.results.rounding import probability, signed, significant, uncertain, unit
 from hil.results.tables.table import Column, Marked, Table, figures, table
 from hil.runs.journal import now
 
@@ -76,17 +74,12 @@ def _run_content(found: History, run: KnownRun) -> dict[str, Any]:
             quantity.name: read
             and {
                 "value": read.value,
-                "half_width_95": half_width(read),
+                "half_width_95": read.half_width,
                 "temperature_allowance": read.allowance,
             }
             for quantity, read in zip(found.quantities, run.readings, strict=True)
         },
     }
-
-
-def half_width(read: Reading) -> float:
-    """Half-width of the interval of 95 % of a reading, without its allowance."""
-    return float(special.stdtrit(read.degrees, 0.975)) * read.standard_error
 
 
 def runs(found: History) -> Table:
@@ -154,8 +147,7 @@ def condition(found: History) -> Table:
 def _cells(read: Reading | None) -> tuple[str, str]:
     if read is None:
         return "not identified", ""
-    half = half_width(read)
-    return rounded(read.value, half), rounded(half, half)
+    return uncertain(read.value, read.half_width)
 
 
 def changes(found: History) -> Table:
@@ -177,7 +169,7 @@ def changes(found: History) -> Table:
 
 def _change(each: Change) -> Row:
     share = "" if each.relative is None else signed(significant(100 * each.relative, 2))
-    size, half = (rounded(x, each.half_width) for x in (each.size, each.half_width))
+    size, half = uncertain(each.size, each.half_width)
     return (
         each.run, each.against, each.quantity.title, size, half, unit(each.quantity.unit), share,
         probability(each.adjusted), each.meaning,

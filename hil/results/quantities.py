@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from hil.friction.law import level_at
 from hil.model.base_parameters import base_parameters
@@ -86,6 +87,11 @@ class Reading(NamedTuple):
     degrees: float
     allowance: float = 0.0
     stands_for: str = ""
+
+    @property
+    def half_width(self) -> float:
+        """Of the interval of 95 %, without the allowance."""
+        return float(special.stdtrit(self.degrees, 0.975)) * self.standard_error
 
 
 def quantities(models: Sequence[IdentifiedRobot]) -> tuple[Quantity, ...]:
