@@ -17,7 +17,14 @@ from rich.text import Text
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from hil.cli import commissioning, monitoring, restoring
-from hil.cli.arguments import PLANT, BitRate, BusOptions, Interface, refuse_no_channel
+from hil.cli.arguments import (
+    PLANT,
+    BitRate,
+    BusOptions,
+    DrivesBus,
+    Interface,
+    refuse_no_channel,
+)
 from hil.cli.outputs import new_file, output_option
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
@@ -54,7 +61,7 @@ def scan(
     nodes: Nodes = None,
 ) -> None:
     """Find the drives on a bus and what they lack for measuring; only reads."""
-    found = _scanned(interface, channel, bus_option, bitrate, _numbers(nodes))
+    found = _scanned(DrivesBus(interface, channel, bus_option), bitrate, _numbers(nodes))
     _show_nodes(list(found.nodes.values()))
     if found.syncs:
         say(
@@ -101,7 +108,8 @@ def new(
         axes = _from_sheets(eds or esi or [], _numbers(nodes), interface)
     else:
         bitrate = bitrate or BITRATE
-        axes = _from_bus(interface, channel, bus_option, bitrate, _numbers(nodes))
+        where = DrivesBus(interface, channel, bus_option)
+        axes = _from_bus(where, bitrate, _numbers(nodes))
     text = draft_drives(axes, rules_of(interface), bitrate)
     write_file(output, text.encode())
     choices: dict[str, list[str]] = {}
@@ -144,17 +152,11 @@ def _from_sheets(
     return axes
 
 
-def _from_bus(
-    interface: str,
-    channel: str | None,
-    pairs: list[str] | None,
-    bitrate: int,
-    nodes: tuple[int, ...],
-) -> list[DraftedAxis]:
+def _from_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[DraftedAxis]:
     """Ask the drives; without node numbers all drives that are found."""
     from drivers.operator_tools.draft import DraftedAxis
 
-    found = _scanned(interface, channel, pairs, bitrate, nodes).nodes
+    found = _scanned(where, bitrate, nodes).nodes
     silent = [node for node in nodes or found if node not in found or not found[node].dictionary]
     if silent and nodes:
         raise NodeSilent(
@@ -171,20 +173,14 @@ def _from_bus(
     return axes
 
 
-def _scanned(
-    interface: str,
-    channel: str | None,
-    pairs: list[str] | None,
-    bitrate: int,
-    nodes: tuple[int, ...],
-) -> Scan:
+def _scanned(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
     from hil.cli import bus_access
 
-    refuse_no_channel(interface, channel)
-    channel = channel or PLANT
+    refuse_no_channel(where.interface, where.channel)
+    interface, channel = where.interface, where.channel or PLANT
     with (
         working(f"asking {len(nodes) or HIGHEST_NODE} nodes on {interface} {channel}"),
-        bus_access.opened(interface, channel, bitrate, pairs) as bus,
+        bus_access.opened(interface, channel, bitrate, where.bus_option) as bus,
     ):
         found = bus.scan(nodes or None)
     if not found.nodes:
