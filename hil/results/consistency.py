@@ -25,7 +25,7 @@ from hil.results.tables.table import Table, figures, table
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array
     from hil.estimation.consistent.conditions import BodyBounds
     from hil.estimation.consistent.result import ConsistentRobot, LinkBody
     from hil.model.robot import Robot
@@ -93,24 +93,21 @@ def _motions(
     """Motion of about so many samples of a recording; root mean squares need no more."""
     for motion, recording in recorded:
         try:
-            state, used = _state(model, motion, recording)
+            q, qd, qdd = _state(model, motion, recording)
         except NotEnoughData:
             continue
-        some = np.flatnonzero(used)
-        some = some[:: max(1, len(some) // most)]
-        if len(some):
-            yield state[0][some], state[1][some], state[2][some]
+        some = slice(None, None, max(1, len(q) // most))
+        if len(q):
+            yield q[some], qd[some], qdd[some]
 
 
-def _state(
-    model: Model, motion: RecordedMotion, recording: Recording
-) -> tuple[tuple[Array, Array, Array], Mask]:
+def _state(model: Model, motion: RecordedMotion, recording: Recording) -> Iterator[Array]:
+    """Positions, velocities and accelerations at the samples that can be used."""
     if isinstance(motion, FreeMotion):
         filtered = filtered_motion(recording, processing_of(model))
-        state = filtered.q, filtered.qd, filtered.qdd
-        return state, np.ones(len(filtered.q), dtype=bool)
+        return iter((filtered.q, filtered.qd, filtered.qdd))
     s = signals(recording)
-    return (s.smoothed(s.q), s.smoothed(s.qd), s.smoothed(s.qdd)), s.valid
+    return (s.smoothed(x)[s.valid] for x in (s.q, s.qd, s.qdd))
 
 
 def _root(square: float) -> float:
