@@ -41,7 +41,7 @@ from hil.results.judgement import (
 )
 from hil.results.prediction import FreeTorques
 from hil.results.rounding import signed, significant, unit
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -106,25 +106,21 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
 
 def budget_table(terms: Sequence[ErrorTerm]) -> Table:
     """What spoils a result, or would; no rows where nothing but noise does."""
-    rows = tuple(
+    return table(
+        "Largest causes of error",
+        ("cause", "axes", *figures("torque, %", "share, %"), "accounted for"),
         (
-            term.cause,
-            ", ".join(map(str, term.axes)) or "all",
-            significant(100 * term.torque, 2),
-            f"{100 * term.share:.0f}",
-            "yes" if term.accounted else "no",
-        )
-        for term in terms
-    )
-    measures = figures("torque, %", "share, %")
-    return Table(
-        title="Largest causes of error",
-        columns=(Column("cause"), Column("axes"), *measures, Column("accounted for")),
-        parts=(Part(rows),) if rows else (),
-        explanation=(
-            "Error of the torques on a free motion, and share of the sum of the squares; noise is"
-            " the rest. What is accounted for would do that if it were not."
+            (
+                term.cause,
+                ", ".join(map(str, term.axes)) or "all",
+                significant(100 * term.torque, 2),
+                f"{100 * term.share:.0f}",
+                "yes" if term.accounted else "no",
+            )
+            for term in terms
         ),
+        "Error of the torques on a free motion, and share of the sum of the squares; noise is the"
+        " rest. What is accounted for would do that if it were not.",
     )
 
 

@@ -23,7 +23,7 @@ from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters
 from hil.results.provenance import RunStamp, named, same_parameters
 from hil.results.rounding import signed, uncertain
-from hil.results.tables.table import Column, Part, Table, figures
+from hil.results.tables.table import Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
@@ -230,18 +230,12 @@ def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
 
 def candidates(found: DiagnosisFile) -> Table:
     """Left-out parameters, strongest evidence first."""
-    return Table(
-        title="What the robot file leaves out, ranked by evidence",
-        columns=(
-            Column("parameter"),
-            *figures("value", "std. error", "t", "p", "t beside found"),
-        ),
-        parts=(Part(tuple(_candidate(each, found) for each in found.candidates[:SHOWN])),),
-        explanation=(
-            "Value over standard error, t, and the chance p of one at least as great. The last"
-            " column has t again beside those that were found: what only resembled them loses its"
-            " evidence."
-        ),
+    return table(
+        "What the robot file leaves out, ranked by evidence",
+        ("parameter", *figures("value", "std. error", "t", "p", "t beside found")),
+        (_candidate(each, found) for each in found.candidates[:SHOWN]),
+        "Value over standard error, t, and the chance p of one at least as great. The last column"
+        " has t again beside those that were found: what only resembled them loses its evidence.",
     )
 
 

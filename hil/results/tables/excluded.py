@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.results.rounding import clock, significant
-from hil.results.tables.table import Column, Part, Table
+from hil.results.tables.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -27,17 +27,14 @@ def excluded(
     proof: Excluded, n_joints: int, title: str = "What these recordings exclude", note: str = KEY
 ) -> Table:
     """Of each cause the smallest size that recordings would show, axis by axis."""
-    axes = [Column(f"axis {axis}", "right") for axis in range(1, n_joints + 1)]
-    return Table(
-        title=title,
-        columns=(Column("cause beyond"), Column("unit"), *axes, Column("worth, %", "right")),
-        parts=(Part(tuple(_rows(proof.limits, n_joints))),),
-        explanation=(
-            f"Sizes that would be found with a probability of 80 %, in {proof.tests} tests that"
-            " find anything with 5 % where nothing is wrong, and the torque that such a size makes"
-            " at most."
-        ),
-        notes=(note,),
+    axes = (f"axis {axis}" for axis in range(1, n_joints + 1))
+    return table(
+        title,
+        ("cause beyond", "unit", *figures(*axes, "worth, %")),
+        _rows(proof.limits, n_joints),
+        f"Sizes that would be found with a probability of 80 %, in {proof.tests} tests that find"
+        " anything with 5 % where nothing is wrong, and the torque that such a size makes at most.",
+        (note,),
     )
 
 
@@ -102,23 +99,22 @@ def sentences(proof: Excluded) -> Iterator[str]:
 def distinguished(found: Distinguished, source: str) -> Table:
     """What a plan shows of causes that it is to distinguish, before it was added to and after."""
     heads = ("usual", "found, before", "after", "apart, before", "after")
-    columns = (Column("cause"), Column("unit"), *(Column(head, "right") for head in heads),
-               Column("most alike"))  # fmt: skip
-    rows = tuple(
+    rows = (
         (after.name, after.unit, significant(after.usual, 2) if after.usual else "",
          _finite(before.shown), _finite(after.shown),
          *((_finite(before.distinct), _finite(after.distinct)) if after.like else ("", "")),
          after.like)
         for before, after in zip(found.before, found.after, strict=True)
     )  # fmt: skip
-    return Table(
-        title="What this plan will distinguish",
-        columns=columns,
-        parts=(Part(rows),),
-        notes=(
-            "smallest sizes that are found, and that are set apart from each other cause named,"
-            f" with a probability of 80 %; {NEVER} never; parameters {source}",
-        ),
+    note = (
+        "smallest sizes that are found, and that are set apart from each other cause named, with a"
+        f" probability of 80 %; {NEVER} never; parameters {source}"
+    )
+    return table(
+        "What this plan will distinguish",
+        ("cause", "unit", *figures(*heads), "most alike"),
+        rows,
+        notes=(note,),
     )
 
 
