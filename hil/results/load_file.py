@@ -7,7 +7,6 @@ and what Figs. 5 and 6 need of both runs. The file says of which recordings it w
 
 from __future__ import annotations
 
-import os
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -167,15 +166,11 @@ def write_load(
 ) -> LoadFile:
     """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""
     load, before, after, own = found.load, found.before, found.after, found.own
-    stamps = [
-        RunStamp.of(run).model_copy(update={"folder": os.path.relpath(run.path, path)})
-        for run in (without, *loaded)
-    ]
     kept = LoadFile(
         made=now(),
         version=version("canopen-robot-identification"),
-        without=stamps[0],
-        loaded=tuple(stamps[1:]),
+        without=RunStamp.of(without, path),
+        loaded=tuple(RunStamp.of(run, path) for run in loaded),
         mass=load.stated_mass,
         verdict=tuple(verdict),
         rigidity=load.misfit,

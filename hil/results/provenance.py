@@ -16,6 +16,7 @@ from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     from hil.arrays import Array
 
@@ -74,12 +75,11 @@ class RunStamp(FileModel):
     recordings: str
 
     @classmethod
-    def of(cls, folder: Run, beside: Run | None = None) -> RunStamp:
-        """Stamp of a run as it is now; `beside`: the run that holds the result, if another."""
-        holder = folder if beside is None else beside
+    def of(cls, folder: Run, holder: Path | None = None) -> RunStamp:
+        """Stamp of a run as it is now; `holder`: the folder of the result, if another."""
         sessions = folder.journal.sessions
         return cls(
-            folder=os.path.relpath(folder.path, holder.path),
+            folder=os.path.relpath(folder.path, holder or folder.path),
             measured=sessions[-1].started if sessions else "",
             robot_digest=folder.robot.digest,
             plan_digest=folder.journal.plan_digest,
