@@ -105,30 +105,28 @@ class Torques(NamedTuple):
 
 def _write(
     path: Path,
+    robot: Robot,
     title: str,
     verdicts: Sequence[tuple[str, str, str]] = (),
     plots: Sequence[Plot] = (),
     tables: Sequence[Table] = (),
+    torques: Torques | None = None,
     *,
     facts: Mapping[str, str] | None = None,
     simulated: bool = False,
     note: str = "",
-    played: Mapping[str, object] | None = None,
-) -> None:
-    """Write the page, whole or not at all.
+) -> Path:
+    """Write the page, whole or not at all, and return its path.
 
-    Parameters
-    ----------
-    verdicts : sequence of (str, str, str)
-        Word that colours it, word, reason.
-    played : mapping, optional
-        As of `Torques.values`.
+    `verdicts` are each a word that colours it, a word, and the reason; plots of torques come last.
     """
+    played = {"carried": ""} if torques is None else torques.values(robot)
     write_html(
-        path, "result.html", title=title, verdicts=verdicts, plots=plots,
-        tables=[each for each in tables if each], facts=facts or {}, simulated=simulated, note=note,
-        **(played or {"carried": ""}),
+        path, "result.html", title=f"{robot.name}: {title}", verdicts=verdicts,
+        plots=(*plots, *(torques.plots if torques else ())), facts=facts or {}, note=note,
+        tables=[each for each in tables if each], simulated=simulated, **played,
     )  # fmt: skip
+    return path
 
 
 def write_validation_page(
@@ -141,17 +139,16 @@ def write_validation_page(
     FileError
         A damaged recording, or a full disk.
     """
-    path, torques = run.path / VALIDATION, Torques.of(model, [run])
-    _write(
-        path,
-        f"{run.robot.name}: validation",
+    return _write(
+        run.path / VALIDATION,
+        run.robot,
+        "validation",
         [(each.word, each.word, each.clause) for each in found.reasons],
-        torques.plots,
+        (),
         (scores(found, notes),),
-        played=torques.values(run.robot),
+        Torques.of(model, [run]),
         simulated=run.journal.simulated,
     )
-    return path
 
 
 def write_payload_page(
@@ -175,7 +172,7 @@ def write_payload_page(
     FileError
         A damaged recording, or a full disk.
     """
-    path, robot, torques = folder / PAYLOAD, loaded[0].robot, Torques()
+    robot, torques = loaded[0].robot, Torques()
     if bare is not None:
         K = load_columns(robot).K
         scatter = bare.scatter_covariance + K @ found.covariance @ K.T
@@ -186,23 +183,23 @@ def write_payload_page(
     first, *others = kept.verdict
     notes = (*others, load_tables.goodness_of_fit(kept), load_tables.not_shown(kept))
     quantities = replace(load_quantities(kept.load), notes=tuple(filter(None, notes)))
-    _write(
-        path,
-        f"{robot.name}: load",
+    return _write(
+        folder / PAYLOAD,
+        robot,
+        "load",
         [(word, word, first)],
-        torques.plots,
+        (),
         (quantities, load_tables.changes(kept), load_tables.torque_constants(kept)),
+        torques,
         simulated=any(run.journal.simulated for run in loaded),
-        played=torques.values(robot),
     )
-    return path
 
 
 def write_tracking_page(
     folder: Path, runs: Mapping[str, Run], model: Model, delay: float, errors: Table
 ) -> Path:
     """Write the page of a tracking into its folder; arguments as of `hil.report.pictures`."""
-    path, run = folder / TRACKING, runs[PASSES[0]]
+    run = runs[PASSES[0]]
     torques = Torques.of(model, [runs[PASSES[-1]]], "Velocity and torque were fed forward. ")
     plot = Plot(
         "errors",
@@ -211,19 +208,17 @@ def write_tracking_page(
         "Following errors over the first period of the first trajectory, by what is fed forward;"
         " below, the smaller ones by themselves.",
     )
-    title = f"{run.robot.name}: following errors"
-    _write(
-        path, title, (), (plot, *torques.plots), (errors,),
-        simulated=run.journal.simulated, played=torques.values(run.robot),
+    return _write(
+        folder / TRACKING, run.robot, "following errors", (), (plot,), (errors,), torques,
+        simulated=run.journal.simulated,
     )  # fmt: skip
-    return path
 
 
 def write_watch_page(
     folder: Path, run: Run | None, model: Model, found: Watched, trace: Trace
 ) -> Path:
     """Write the page of a watch into its folder; without a run where nothing was recorded."""
-    path, units = folder / WATCH, tuple(axis.unit for axis in found.axes)
+    units = tuple(axis.unit for axis in found.axes)
     torques = Torques() if run is None else Torques.of(model, [_around(run, found.alarms)])
     plot = Plot(
         "watch",
@@ -231,16 +226,16 @@ def write_watch_page(
         "Measured and predicted torque of every axis around its first alarm, or at the end.",
         "Torques around each axis's first alarm, or at the end of the watch.",
     )
-    _write(
-        path,
-        f"{model.robot.name}: watch",
+    return _write(
+        folder / WATCH,
+        model.robot,
+        "watch",
         [found.outcome],
-        (plot, *torques.plots),
+        (plot,),
         (watched(found), alarms(found)),
+        torques,
         simulated=run is not None and run.journal.simulated,
-        played=torques.values(model.robot),
     )
-    return path
 
 
 def _around(run: Run, raised: Sequence[Alarm]) -> Run:
@@ -263,12 +258,12 @@ def write_acceptance_page(
 ) -> None:
     """Write the page, whole or not at all; `stated`: facts that the run does not hold."""
     sessions, count = run.journal.sessions, len(found.checks)
-    torques = Torques.of(model, [run])
     failed = sum(check.word == "failed" for check in found.checks)
     many = "are outside their" if failed > 1 else "is outside its"
     _write(
         path,
-        f"{run.robot.name}: acceptance",
+        run.robot,
+        "acceptance",
         [
             (
                 found.word,
@@ -278,14 +273,14 @@ def write_acceptance_page(
                 else f"all {count} checks are within their limits",
             )
         ],
-        torques.plots,
+        (),
         (checked(found), _drives(run)),
+        Torques.of(model, [run]),
         facts={
             **{name: text or NOT_KNOWN for name, text in stated.items()},
             "Measured": when(sessions[-1].started) if sessions else NOT_KNOWN,
             "Bus": sessions[-1].bus if sessions else NOT_KNOWN,
         },
-        played=torques.values(run.robot),
         simulated=run.journal.simulated,
     )
 
@@ -308,7 +303,8 @@ def write_history_page(path: Path, found: History) -> None:
     unchanged = [("good", "unchanged", f"{newest.label}: nothing changed significantly")]
     _write(
         path,
-        f"{found.robot.name}: condition over time",
+        found.robot,
+        "condition over time",
         changed or unchanged,
         tuple(_history_plots(found)),
         [each(found) for each in (tables.runs, tables.changes, tables.condition)],
