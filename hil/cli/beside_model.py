@@ -119,7 +119,8 @@ def track(
 def _show(output: Path, model: str, delay: float) -> None:
     from hil.report.further_pages import write_tracking_page
     from hil.results.model import Model
-    from hil.results.tracking import PASSES, tracked, tracking, write_tracking
+    from hil.results.tracking import NAME, PASSES, tracked, tracking
+    from hil.runs.atomic_file import write_file
     from hil.runs.run import Run
 
     with working("comparing the passes"):
@@ -127,7 +128,7 @@ def _show(output: Path, model: str, delay: float) -> None:
         found = tracked(runs, model, delay)
     say_simulated(*runs.values())
     show(tracking(found))
-    file = write_tracking(output, found)
+    write_file(file := output / NAME, found.as_yaml())
     page = write_tracking_page(output, runs, Model.load(model), delay, tracking(found))
     say(f"following errors in {file}, page in {page}")
 
@@ -240,7 +241,8 @@ def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> No
     """Write and show what was found, however the watch ended."""
     from hil.report.further_pages import write_watch_page
     from hil.results.model import Model
-    from hil.results.watch import alarms, watched, write_watched
+    from hil.results.watch import NAME, alarms, watched
+    from hil.runs.atomic_file import write_file
     from hil.runs.run import Run
 
     found = watcher.found(the_plan.digest, model)
@@ -248,7 +250,7 @@ def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> No
         return
     output.mkdir(parents=True, exist_ok=True)
     show(watched(found), alarms(found))
-    file = write_watched(output, found)
+    write_file(file := output / NAME, found.as_yaml(80))
     run = Run.open(output / RUN) if (output / RUN / "run.json").exists() else None
     page = write_watch_page(output, run, Model.load(model), found, watcher.trace)
     say(f"alarms and thresholds in {file}, page in {page}")

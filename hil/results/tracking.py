@@ -18,12 +18,10 @@ from hil.errors import NotEnoughData
 from hil.planning.trajectory import Trajectory
 from hil.results.rounding import significant
 from hil.results.tables.table import Part, Table, figures, table
-from hil.runs.atomic_file import write_file
 from hil.runs.set_points import path_time
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from hil.arrays import Array
     from hil.results.tables.table import Row
@@ -163,13 +161,6 @@ def _left_delay(run: Run, delay: float, velocity: Sequence[float] | Array) -> fl
         period = recording.period
     v, e = np.concatenate(speeds), np.concatenate(errors)
     return float(e @ v / (v @ v)) / period
-
-
-def write_tracking(folder: Path, found: Tracking) -> Path:
-    """Keep following errors in a folder; return the file's path."""
-    path = folder / NAME
-    write_file(path, found.as_yaml())
-    return path
 
 
 def tracking(found: Tracking) -> Table:

@@ -7,11 +7,8 @@ from typing import TYPE_CHECKING
 from checked_files.yaml_file import FileModel
 from hil.results.rounding import clock, significant
 from hil.results.tables.table import Table, figures, table
-from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.results.tables.table import Row
 
 
@@ -123,13 +120,6 @@ class Watched(FileModel):
         count = f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
         word = "doubtful" if self.alarms or _hardly_watched(self) else "good"
         return word, count, f"in {clock(self.watched)}, {self.rate:.3g} an hour"
-
-
-def write_watched(folder: Path, found: Watched) -> Path:
-    """Keep what was found in a folder; return the file's path."""
-    path = folder / NAME
-    write_file(path, found.as_yaml(80))
-    return path
 
 
 def watched(found: Watched) -> Table:
