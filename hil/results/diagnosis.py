@@ -184,30 +184,12 @@ class DiagnosisFile(FileModel):
 
 def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
     """Write `diagnosis.yaml` into the run's folder, whole or not at all, and return it."""
-    kept = _content(run, found)
-    write_file(run.path / NAME, kept.as_yaml(100))
-    return kept
-
-
-def load_diagnosis(folder: Run) -> DiagnosisFile | None:
-    """Read the diagnosis of a run, if there is one.
-
-    Raises
-    ------
-    FileError
-        A damaged file.
-    """
-    path = folder.path / NAME
-    return load_yaml(path, DiagnosisFile) if path.exists() else None
-
-
-def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
     errors, base = found.errors, base_parameters(found.robot)
     beside = {c.names: c.t for c in errors.after} if errors.found else {}
-    return DiagnosisFile(
+    kept = DiagnosisFile(
         made=now(),
         version=version("canopen-robot-identification"),
-        of=RunStamp.of(folder),
+        of=RunStamp.of(run),
         p=tuple(found.estimate.p.tolist()),
         threshold=errors.threshold,
         candidates=tuple(
@@ -226,6 +208,20 @@ def _content(folder: Run, found: Diagnosis) -> DiagnosisFile:
         unmeasured=errors.unmeasured,
         phase=PhaseRecord.of(found.phase) if found.phase else None,
     )
+    write_file(run.path / NAME, kept.as_yaml(100))
+    return kept
+
+
+def load_diagnosis(folder: Run) -> DiagnosisFile | None:
+    """Read the diagnosis of a run, if there is one.
+
+    Raises
+    ------
+    FileError
+        A damaged file.
+    """
+    path = folder.path / NAME
+    return load_yaml(path, DiagnosisFile) if path.exists() else None
 
 
 def candidates(found: DiagnosisFile) -> Table:
@@ -250,12 +246,8 @@ def _candidate(each: CandidateRecord, found: DiagnosisFile) -> Row:
     )
 
 
-def sentences(found: DiagnosisFile) -> tuple[str, ...]:
+def sentences(found: DiagnosisFile) -> Iterator[str]:
     """State what is significant and what it moves, and what the data do not need."""
-    return tuple(_sentences(found))
-
-
-def _sentences(found: DiagnosisFile) -> Iterator[str]:
     below = f"p below {found.threshold:.1g}"
     if found.found:
         yield f"Significant ({below}) is {', '.join(found.found)}: add it to the robot file."
