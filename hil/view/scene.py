@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -234,16 +234,8 @@ def _of_capsules(robot: Robot) -> tuple[str, ...]:
 
 
 def _segment(segment: Segment, kind: int) -> dict[str, object]:
-    return {
-        "id": segment.id,
-        "kind": kind,
-        "words": segment.words,
-        "begin": round(segment.begin, 4),
-        "end": round(segment.end, 4),
-        "axes": segment.axes,
-        "recorded": segment.recorded,
-        "problem": segment.problem,
-    }
+    begin, end = round(segment.begin, 4), round(segment.end, 4)
+    return {**asdict(segment), "kind": kind, "begin": begin, "end": end}
 
 
 def _tracks(
