@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from queue import Empty
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ from hil.live.lines import FrictionSoFar
 from hil.live.listener import ANSWERS
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
-from hil.terminal.console import printable
+from hil.terminal.console import say
 from hil.terminal.interruption import STATUS, interrupt_main
 from hil.terminal.progress import Pace
 
@@ -185,9 +186,7 @@ class Feed:
         ListenerFailed
             One of them cannot serve.
         """
-        self._say = lambda text: console.print(
-            printable(text), highlight=False, markup=False, soft_wrap=True
-        )
+        self._say = partial(say, console=console)
         stated = []
         try:
             for listener in self._listeners:
