@@ -9,7 +9,7 @@ not shown, and the report states why and how to make it anew.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from hil.arrays import Array
     from hil.estimation.gravity_phase import Phase
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
@@ -43,12 +42,7 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
-class _Kept(Protocol):
-    def stale(self, folder: Run, p: Array) -> str:
-        """Why it is stale beside base parameters p; empty if it is not."""
-
-
-K = TypeVar("K", bound=_Kept)
+K = TypeVar("K", "LoadFile", "DiagnosisFile")
 
 
 def current(
