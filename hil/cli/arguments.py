@@ -9,11 +9,10 @@ called.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, is_dataclass
-from enum import StrEnum
 from functools import partial, wraps
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -145,12 +144,8 @@ BitRate = partial(typer.Option, min=10_000, max=1_000_000)
 """Option of a bit rate, as CAN has them [bit/s]."""
 
 
-class Pacing(StrEnum):
-    """Where the time of SYNC comes from."""
-
-    AUTO = "auto"
-    LOCK_STEP = "lock-step"
-    WALL_CLOCK = "wall-clock"
+Pacing = Literal["auto", "lock-step", "wall-clock"]
+"""Where the time of SYNC comes from."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +159,7 @@ class RobotsBus:
     pacing: Annotated[
         Pacing,
         typer.Option(help="Clock of SYNC: this computer's, or the plant's (lock-step)."),
-    ] = Pacing.AUTO
+    ] = "auto"
 
 
 @dataclass(frozen=True)

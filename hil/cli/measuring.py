@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hil.cli.arguments import (
-    Pacing,
     PlanFile,
     RealTime,
     RobotOption,
@@ -180,7 +179,7 @@ def measure(
 
     def bus() -> DriveBus:
         found: DriveBus = open_drive_bus(
-            drives, how.interface, channel, options, how.pacing.value, how.frame_log, keeper,
+            drives, how.interface, channel, options, how.pacing, how.frame_log, keeper,
             feed_forward=feeds,
         )  # fmt: skip
         found = found if in_front is None else in_front(found)
@@ -253,6 +252,4 @@ def _gate(folder: Path, the_robot: Robot) -> None:
 
 
 def _in_lock_step(how: OnBus) -> bool:
-    return how.pacing is Pacing.LOCK_STEP or (
-        how.pacing is Pacing.AUTO and how.interface == SIMULATED
-    )
+    return how.pacing == "lock-step" or (how.pacing == "auto" and how.interface == SIMULATED)

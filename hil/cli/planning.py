@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -87,29 +86,12 @@ def dry_run_(
             say(ripple, style="yellow")
 
 
-class Kind(StrEnum):
-    """What a plan measures."""
-
-    STROKES = "strokes"
-    FRICTION = "friction"
-    TRAJECTORY = "trajectory"
-    LOAD = "load"
-
-
-class Experiment(StrEnum):
-    """What is measured of friction."""
-
-    SWEEP = "sweep"
-    STOPS = "stops"
-    OPERATION = "operation"
-
-
-class Criterion(StrEnum):
-    """What an exciting trajectory makes small."""
-
-    CONDITION = "condition"
-    SINGULAR = "singular"
-    DET = "det"
+Kind = Literal["strokes", "friction", "trajectory", "load"]
+"""What a plan measures."""
+Experiment = Literal["sweep", "stops", "operation"]
+"""What is measured of friction."""
+Criterion = Literal["condition", "singular", "det"]
+"""What an exciting trajectory makes small."""
 
 
 def _for(kinds: str) -> partial[Any]:
@@ -139,7 +121,7 @@ def plan(
             help="Measurements to plan: strokes for base parameters, sweeps for friction, a"
             " periodic trajectory, or slow strokes that weigh a load."
         ),
-    ] = Kind.STROKES,
+    ] = "strokes",
     minutes: Annotated[
         float | None,
         typer.Option(
@@ -278,12 +260,12 @@ def plan(
             refuse_unknown(the_robot)
             if workspace is not None:
                 options["workspace"] = load_guard(workspace, the_robot)
-        if model is not None and kind is Kind.LOAD:
+        if model is not None and kind == "load":
             source = model if model.is_dir() else model.parent
             options["model"] = Run.open(source)
             options["pose"] = poses(options["model"].robot, pose or [])
         try:
-            found = designed(kind.value, now, robot=the_robot, **options)
+            found = designed(kind, now, robot=the_robot, **options)
         except Unsuited as error:
             raise typer.BadParameter(error.text) from error
         except ValueError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import pytest
 from small_run import identified_run
@@ -70,4 +70,4 @@ def test_a_load_s_plan_is_made_beside_a_run_without_it(hil: Hil, tmp_path: Path)
 def test_every_kind_is_offered() -> None:
     from hil.cli.planning import Kind
 
-    assert [kind.value for kind in Kind] == list(KINDS)
+    assert get_args(Kind) == tuple(KINDS)
