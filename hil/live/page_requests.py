@@ -104,37 +104,33 @@ class Requests(BaseHTTPRequestHandler):
             return
         length = self.headers.get("Content-Length", "")
         body = self.rfile.read(min(int(length), 1024) if length.isdecimal() else 0)
-        if place == "push" and self.site.hand:
-            self._push(body)
-        elif place != "stop":
+        asked = {"stop": STOP_HEADER} | ({"push": PUSH_HEADER} if self.site.hand else {})
+        if place not in asked:
             self._text(HTTPStatus.NOT_FOUND, "nothing but stop can be asked for")
-        elif self.headers.get(STOP_HEADER) != "1":
-            self._text(HTTPStatus.FORBIDDEN, "a stop is taken from the live page alone")
-        elif self.site.streams.ended:
-            self._text(HTTPStatus.CONFLICT, "the run has ended already")
-        else:
-            self.site.stop()
-            self._text(HTTPStatus.ACCEPTED, "the axes are being stopped")
-
-    def _push(self, body: bytes) -> None:
-        if self.headers.get(PUSH_HEADER) != "1":
-            self._text(HTTPStatus.FORBIDDEN, "a push is taken from the live page alone")
-        elif not _is_push(body):
+        elif self.headers.get(asked[place]) != "1":
+            self._text(HTTPStatus.FORBIDDEN, f"a {place} is taken from the live page alone")
+        elif place == "push" and not _is_push(body):
             self._text(
                 HTTPStatus.BAD_REQUEST,
                 'a push must read {"torque": [a number an axis], "lasts": seconds}',
             )
         elif self.site.streams.ended:
             self._text(HTTPStatus.CONFLICT, "the run has ended already")
+        elif place == "push":
+            self._push(body)
         else:
-            try:
-                with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hand:
-                    hand.setblocking(False)
-                    hand.sendto(body, self.site.hand)
-            except OSError:  # between two runs, or its queue is full
-                self._text(HTTPStatus.SERVICE_UNAVAILABLE, "the arm cannot be pushed now")
-            else:
-                self._text(HTTPStatus.ACCEPTED, "pushed")
+            self.site.stop()
+            self._text(HTTPStatus.ACCEPTED, "the axes are being stopped")
+
+    def _push(self, body: bytes) -> None:
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hand:
+                hand.setblocking(False)
+                hand.sendto(body, self.site.hand)
+        except OSError:  # between two runs, or its queue is full
+            self._text(HTTPStatus.SERVICE_UNAVAILABLE, "the arm cannot be pushed now")
+        else:
+            self._text(HTTPStatus.ACCEPTED, "pushed")
 
     def version_string(self) -> str:
         """Name no versions."""
