@@ -211,10 +211,7 @@ def _wake_ups(
 ) -> tuple[list[Verdict], float]:
     """Measure how late this computer wakes up, before anything moves; nothing in lock-step.
 
-    Returns
-    -------
-    list of Verdict, float
-        What to say of it; how late SYNC is by it [s].
+    Returns what to say of it, and how late SYNC is by it [s].
     """
     from drivers.operator_tools import sync_period
 

@@ -198,12 +198,7 @@ def _write_page(
 
 
 def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
-    """Refuse a folder in which something else was measured.
-
-    Raises
-    ------
-    Mismatch, FileError
-    """
+    """Refuse a folder in which something else was measured."""
     from checked_files.yaml_file import FileError
     from hil.errors import Mismatch
 
@@ -221,13 +216,7 @@ def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
 
 
 def _kept_plan(folder: Path, bare: Run) -> Plan | None:
-    """Plan of a stage that was begun before; None where there is none.
-
-    Raises
-    ------
-    Mismatch
-        It is of another robot.
-    """
+    """Plan of a stage of this robot that was begun before; None where there is none."""
     from hil.errors import Mismatch
     from hil.runs.run import Run
 

@@ -155,14 +155,9 @@ def _push(
     duration: float,
     ends: float,
 ) -> str:
-    """Watch the arm while it can be pushed; return what was found.
+    """Watch the arm while it can be pushed, for a `duration` of robot time; return what was found.
 
-    Parameters
-    ----------
-    duration : float
-        [s] of robot time.
-    ends : float
-        Instant of the monotonic clock after which no further motion is begun [s].
+    No motion is begun after the instant `ends` of the monotonic clock [s].
     """
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch

@@ -126,12 +126,7 @@ def _remedy(error: OSError) -> str:
 def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
     """Pass on all lines of standard input, and a sign of life every second.
 
-    Pages have half a second to get the last line.
-
-    Parameters
-    ----------
-    closed : callable, optional
-        Called once the last page has been closed.
+    Pages have half a second to get the last line; `closed` is called once the last page has been.
     """
     alive, seen = 0.0, math.inf
     for line in _lines(sys.stdin.fileno()):

@@ -48,13 +48,7 @@ def opened_plan(
 
 
 def _robot_file(the_plan: Plan, source: Path) -> str | Path:
-    """Name of the plan's robot, or path of its file.
-
-    Raises
-    ------
-    FileError
-        The file is not where the plan says.
-    """
+    """Name of the plan's robot, or path of its file, which must be where the plan says."""
     if the_plan.robot.file is None:
         return the_plan.robot.name
     path = source.parent / the_plan.robot.file
