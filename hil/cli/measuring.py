@@ -238,7 +238,7 @@ def _checked_drives(
 
     refuse_no_channel(how.interface, how.channel)
     drives, text, found = checked_drives(the_plan, the_robot, how.drives_file, feeds=feeds)
-    content = source.read_text(encoding="utf-8") if found.problems else ""
+    content = source.read_text(encoding="utf-8") if source.is_file() else ""
     refuse_problems(found, str(source), content)
     return drives, text
 

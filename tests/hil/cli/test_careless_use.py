@@ -10,8 +10,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from checked_files.yaml_file import FileError
+from hil.cli.measuring import OnBus, measure
+
 if TYPE_CHECKING:
     from command_line import Hil
+
+    from hil.model.robot import Robot
+    from hil.planning.plan import Plan
 
 
 def called(shell: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -61,3 +67,14 @@ def test_a_stream_that_nobody_reads_takes_no_result_away(tmp_path: Path, end: st
     done = called(f"$HIL plan manutec-r15 -o p.yaml {end}", tmp_path)
     assert "Traceback" not in done.stderr
     assert (tmp_path / "p.yaml").is_file()
+
+
+def test_problems_of_a_plan_that_is_no_file_are_stated(
+    small_plan: Plan, manutec: Robot, tmp_path: Path
+) -> None:
+    """A plan that a command has made itself: no line of a file can be named."""
+    first, *others = small_plan.measurements
+    too_fast = first.model_copy(update={"velocity": 99.0})
+    plan = small_plan.model_copy(update={"measurements": (too_fast, *others)})
+    with pytest.raises(FileError, match=r"^the plan:1: measurements\.0"):
+        measure(plan, manutec, Path("the plan"), tmp_path / "run", OnBus())
