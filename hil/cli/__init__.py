@@ -67,7 +67,7 @@ The help repeats the commands' own docstrings; a test compares them.
 MODULES = {
     "robot": "robots", "plan": "planning", "dry-run": "planning", "view": "viewing",
     "twin": "robots", "drives": "drives", "run": "measuring", "import": "exchanging",
-    "identify": "results", "validate": "judging", "report": "results", "friction": "friction",
+    "identify": "results", "validate": "judging", "report": "results", "friction": "results",
     "payload": "payload", "diagnose": "results", "export": "exchanging", "track": "beside_model",
     "watch": "beside_model", "accept": "judging", "history": "judging", "doctor": "doctor",
     "try": "trying",

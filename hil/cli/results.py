@@ -1,4 +1,4 @@
-"""What runs give: a model, a report, a diagnosis."""
+"""What runs give: a model, a report, a diagnosis, laws of friction."""
 
 from __future__ import annotations
 
@@ -200,6 +200,45 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
     show(drive_train(found.estimate, run.robot))
     say(f"plots in {plots}")
     say(f"diagnosis in {folder / diagnosis.NAME}; hil report {folder} shows it")
+
+
+@commands.command()
+def friction(
+    folder: RunPath,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="Identified run, whose model compensates gravity.",
+            autocompletion=runs,
+        ),
+    ] = None,
+    asymmetry: Annotated[
+        float | None,
+        typer.Option(min=0, help="Maximum asymmetry, as a fraction of the friction level."),
+    ] = None,
+) -> None:
+    """Fit laws of friction to a run and test their symmetry.
+
+    Writes friction.yaml into the folder of the run.
+    """
+    with working("reading the run") as now:
+        from hil.estimation.friction.symmetry import BOUND
+        from hil.results.friction import fit_friction
+        from hil.results.friction_file import NAME, write_friction
+        from hil.results.tables import friction as tables
+        from hil.results.tables.terminal import show_remark
+        from hil.runs.run import Run
+
+        refuse_unwritable(folder / NAME)
+        run = Run.open(folder)
+        now("fitting models of friction")
+        found = fit_friction(run, model, BOUND if asymmetry is None else asymmetry)
+    path = write_friction(run, found)
+    say_simulated(run)
+    show(tables.models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts))
+    for left in found.left_out:
+        show_remark(f"left out: {left}", out)
+    say(f"friction in {path}")
 
 
 def refuse_unknown(method: str | None) -> None:
