@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.model.base_parameters import base_parameters
-from hil.report.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule
+from hil.report.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule, chart
 from hil.report.charts.svg import file
 from hil.report.sections.friction_plots import levels
 from hil.report.sections.torques import over_time
@@ -123,7 +123,7 @@ def plot_friction(model: Model) -> Figure:
         )
     if not panels:
         model.torque(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # states what is missing
-    return Figure(Chart(tuple(panels)))
+    return Figure(chart(panels))
 
 
 def plot_friction_over_time(model: Model) -> Figure:

@@ -17,7 +17,7 @@ from hil.estimation.intervals import SIGNIFICANT
 from hil.model.load import load_columns
 from hil.report.carried import first_pose, packed_recordings
 from hil.report.charts.arm import arm
-from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points, chart
 from hil.report.page import when, write_html
 from hil.report.pictures import tracking as tracking_chart
 from hil.report.pictures import watch as watch_chart
@@ -334,17 +334,15 @@ def _history_plots(found: History) -> Iterator[Plot]:
 def over_time(found: History, places: Sequence[int]) -> Chart:
     """Draw the quantities at `places`, a panel each."""
     at, label = _instants(found)
-    return Chart(
-        tuple(
-            Panel(
-                tuple(_readings(found, place, at)),
-                title=found.quantities[place].title,
-                x_label=label,
-                y_label=unit(found.quantities[place].unit),
-                height=105.0,
-            )
-            for place in places
+    return chart(
+        Panel(
+            tuple(_readings(found, place, at)),
+            title=found.quantities[place].title,
+            x_label=label,
+            y_label=unit(found.quantities[place].unit),
+            height=105.0,
         )
+        for place in places
     )
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import MEASURED, MODEL, MUTED, Band, Chart, Line, Panel, Rule
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Band, Chart, Line, Panel, Rule, chart
 from hil.results.tracking import PASSES, following_error, trajectories
 
 if TYPE_CHECKING:
@@ -44,37 +44,31 @@ def tracking(runs: Mapping[str, Run], delay: float) -> Chart:
         label, colour = PASS_LINES[name]
         for axis, own in enumerate(lines):
             own[name] = Line(time[shown], 1e3 * error[shown, axis], colour, label)
-    return Chart(
-        tuple(
-            Panel(
-                tuple(own.values()),
-                title=f"axis {axis}",
-                x_label="time [s]",
-                y_label=f"error [m{robot.position_unit(axis - 1)}]",
-                below=Panel([own[name] for name in PASSES if name != "neither"], height=90.0),
-                width=357.0,
-                height=110.0,
-            )
-            for axis, own in enumerate(lines, start=1)
+    return chart(
+        Panel(
+            tuple(own.values()),
+            title=f"axis {axis}",
+            x_label="time [s]",
+            y_label=f"error [m{robot.position_unit(axis - 1)}]",
+            below=Panel([own[name] for name in PASSES if name != "neither"], height=90.0),
+            width=357.0,
+            height=110.0,
         )
+        for axis, own in enumerate(lines, start=1)
     )
 
 
 def watch(trace: Trace, units: tuple[str, ...]) -> Chart:
     """Torques around each axis's first alarm, or at the end of the watch."""
-    return Chart(
-        tuple(
-            Panel(
-                tuple(_watched(stretch)),
-                title=f"axis {axis}",
-                x_label="time [s]",
-                y_label=f"torque [{unit}]",
-                width=357.0,
-            )
-            for axis, (stretch, unit) in enumerate(
-                zip(trace.stretches(), units, strict=True), start=1
-            )
+    return chart(
+        Panel(
+            tuple(_watched(stretch)),
+            title=f"axis {axis}",
+            x_label="time [s]",
+            y_label=f"torque [{unit}]",
+            width=357.0,
         )
+        for axis, (stretch, unit) in enumerate(zip(trace.stretches(), units, strict=True), start=1)
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -178,3 +178,8 @@ class Chart:
             yield from panel.items
             if panel.below is not None:
                 yield from panel.below.items
+
+
+def chart(panels: Iterable[Panel] | Panel) -> Chart:
+    """Make a chart of panels, or of one."""
+    return Chart((panels,) if isinstance(panels, Panel) else tuple(panels))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
-from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, Rule
+from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
 from hil.report.section import Plot, Section
 from hil.results.rounding import signed
 from hil.results.tables import parameters as tables
@@ -110,11 +110,9 @@ def measured_elements(values: Sequence[LocalValue], kind: ElementKind, robot: Ro
     """
     keys = sorted({(value.axis, value.partner) for value in values})
     numbered = list(enumerate(values, start=1))
-    return Chart(
-        tuple(
-            _element([(k, v) for k, v in numbered if (v.axis, v.partner) == key], kind, robot)
-            for key in keys
-        )
+    return chart(
+        _element([(k, v) for k, v in numbered if (v.axis, v.partner) == key], kind, robot)
+        for key in keys
     )
 
 
@@ -158,16 +156,14 @@ def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMea
         relative = [100 * _relative(value, robot, planned[value.id]) for value in values]
         places, ids = [number[value.id] for value in values], [value.id for value in values]
         points.append(Points(places, relative, kind.marker, kind.colour, name, ids=ids, size=2.6))
-    return Chart(
-        (
-            Panel(
-                (Rule(0.0), *points),
-                x_label="measurement, in the plan's order",
-                y_label="measured − modelled [% of torque limit]",
-                whole=True,
-                width=1000.0,
-                height=220.0,
-            ),
+    return chart(
+        Panel(
+            (Rule(0.0), *points),
+            x_label="measurement, in the plan's order",
+            y_label="measured − modelled [% of torque limit]",
+            whole=True,
+            width=1000.0,
+            height=220.0,
         )
     )
 
@@ -188,7 +184,7 @@ def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: Elem
     """
     axes = sorted({value.axis for value in values})
     each = ([value for value in values if value.axis == axis] for axis in axes)
-    return Chart(tuple(panel for own in each for panel in _over_angles(own, robot, kind)))
+    return chart(panel for own in each for panel in _over_angles(own, robot, kind))
 
 
 def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:

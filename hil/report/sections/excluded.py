@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, in_turn
+from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
 from hil.report.section import Plot, Section
 from hil.results.tables import excluded as tables
 
@@ -43,22 +43,20 @@ def bars(proof: Excluded, n_joints: int) -> Chart:
     drawn = [each for each in proof.limits if 100.0 * each.unnoticed > LEAST]
     names = list(dict.fromkeys(map(_name, drawn)))
     most = max([100.0, *(100.0 * each.unnoticed for each in drawn)])
-    return Chart(
-        (
-            Panel(
-                [
-                    _bar(each, len(names) - names.index(_name(each)), n_joints)
-                    for each in sorted(drawn, key=lambda each: each.axis)
-                ],
-                x_label="torque that may go unnoticed [%]",
-                x_range=(LEAST, most),
-                y_range=(0.4, len(names) + 0.6),
-                rows={float(len(names) - k): name for k, name in enumerate(names)},
-                decades=True,
-                width=760.0,
-                left=150.0,
-                height=max(30.0 * len(names), 120.0),
-            ),
+    return chart(
+        Panel(
+            [
+                _bar(each, len(names) - names.index(_name(each)), n_joints)
+                for each in sorted(drawn, key=lambda each: each.axis)
+            ],
+            x_label="torque that may go unnoticed [%]",
+            x_range=(LEAST, most),
+            y_range=(0.4, len(names) + 0.6),
+            rows={float(len(names) - k): name for k, name in enumerate(names)},
+            decades=True,
+            width=760.0,
+            left=150.0,
+            height=max(30.0 * len(names), 120.0),
         )
     )
 

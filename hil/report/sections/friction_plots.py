@@ -19,6 +19,7 @@ from hil.report.charts.chart import (
     Panel,
     Points,
     Rule,
+    chart,
     in_turn,
 )
 
@@ -58,7 +59,7 @@ def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> It
 
 def models(result: FrictionResult) -> Chart:
     """Measured friction of every axis and the models fitted to it: Fig. 1b."""
-    return Chart(tuple(_models(result, fit) for fit in result.axes))
+    return chart(_models(result, fit) for fit in result.axes)
 
 
 def _models(result: FrictionResult, fit: AxisCurves) -> Panel:
@@ -86,16 +87,14 @@ def _models(result: FrictionResult, fit: AxisCurves) -> Panel:
 
 def over_time(drifts: Sequence[Drift]) -> Chart:
     """Friction levels in the course of time and the model of their drift: Fig. 2a."""
-    return Chart(
-        tuple(
-            Panel(
-                tuple(_levels_in_time(each)),
-                title=f"axis {each.axis + 1}",
-                x_label="time [min]",
-                y_label="friction / its mean",
-            )
-            for each in drifts
+    return chart(
+        Panel(
+            tuple(_levels_in_time(each)),
+            title=f"axis {each.axis + 1}",
+            x_label="time [min]",
+            y_label="friction / its mean",
         )
+        for each in drifts
     )
 
 
@@ -119,7 +118,7 @@ def _interrupted(minutes: Array, fitted: Array) -> Array:
 
 def in_operation(result: FrictionResult) -> Chart:
     """Characteristics after several times of continuous operation: Fig. 2b."""
-    return Chart(tuple(_in_operation(result, axis) for axis in axes_in_operation(result)))
+    return chart(_in_operation(result, axis) for axis in axes_in_operation(result))
 
 
 def _in_operation(result: FrictionResult, axis: int) -> Panel:
@@ -158,18 +157,16 @@ def axes_in_operation(result: FrictionResult) -> list[int]:
 def levels(local: Sequence[LocalValue], robot: Robot) -> Chart:
     """Draw the friction of every axis over a campaign, as step 1 finds it by the way."""
     last = max((value.time for value in local), default=0.0) / 60
-    return Chart(
-        tuple(
-            Panel(
-                tuple(_levels([value for value in local if value.axis == axis])),
-                title=f"axis {axis + 1}",
-                x_label="robot time [min]",
-                y_label=f"friction [{robot.torque_unit(axis)}]",
-                x_range=(-0.02 * last, 1.02 * last),
-                height=125.0,
-            )
-            for axis in sorted({value.axis for value in local})
+    return chart(
+        Panel(
+            tuple(_levels([value for value in local if value.axis == axis])),
+            title=f"axis {axis + 1}",
+            x_label="robot time [min]",
+            y_label=f"friction [{robot.torque_unit(axis)}]",
+            x_range=(-0.02 * last, 1.02 * last),
+            height=125.0,
         )
+        for axis in sorted({value.axis for value in local})
     )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, in_turn
+from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
 from hil.report.section import Plot, Section
 from hil.results.tables.friction import campaign_friction
 
@@ -57,16 +57,14 @@ def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
     Of each axis the six recordings with the longest ways.
     """
     axes = sorted({each.axis for each in half_sums})
-    return Chart(
-        tuple(
-            Panel(
-                tuple(_half_sums([each for each in half_sums if each.axis == axis])),
-                title=f"axis {axis + 1}",
-                x_label=f"position [{robot.position_unit(axis)}]",
-                y_label=_torque(robot, axis),
-            )
-            for axis in axes
+    return chart(
+        Panel(
+            tuple(_half_sums([each for each in half_sums if each.axis == axis])),
+            title=f"axis {axis + 1}",
+            x_label=f"position [{robot.position_unit(axis)}]",
+            y_label=_torque(robot, axis),
         )
+        for axis in axes
     )
 
 
@@ -80,7 +78,7 @@ def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
 
 def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Chart:
     """Friction over the speed, axis by axis."""
-    return Chart(tuple(_curve(curve, robot) for curve in curves))
+    return chart(_curve(curve, robot) for curve in curves)
 
 
 def _curve(curve: FrictionCurve, robot: Robot) -> Panel:

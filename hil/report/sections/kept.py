@@ -15,7 +15,7 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points
+from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, chart
 from hil.report.charts.svg import file
 from hil.report.section import Plot, Section
 from hil.report.sections.elements import residuals_over_angles
@@ -175,17 +175,15 @@ def with_and_without_load(
     """
     runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
     axes = sorted({each.axis for run in runs for each in run})
-    return Chart(
-        tuple(
-            Panel(
-                (*_elements(runs[0], axis, loaded=False), *_elements(runs[1], axis, loaded=True)),
-                title=f"${kind.element(axis - 1, axis - 1)}$",
-                x_label="configuration number",
-                y_label=f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]",
-                whole=True,
-            )
-            for axis in axes
+    return chart(
+        Panel(
+            (*_elements(runs[0], axis, loaded=False), *_elements(runs[1], axis, loaded=True)),
+            title=f"${kind.element(axis - 1, axis - 1)}$",
+            x_label="configuration number",
+            y_label=f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]",
+            whole=True,
         )
+        for axis in axes
     )
 
 
@@ -211,21 +209,19 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
     shown = np.degrees(angle)
     name = found if len(found) < 40 else "what was found"  # letters that a legend has room for
     error = 2.0 * np.nan_to_num(phase.standard_error)
-    return Chart(
-        (
-            Panel(
-                (
-                    Line(shown, phase.stated.at(angle), MODEL, "robot file", "5 3"),
-                    Line(shown, phase.extended.at(angle), MODEL, f"with {name}"),
-                    Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
-                ),
-                title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
-                x_label=f"$q_{{{phase.over + 1}}}$ [deg]",
-                y_label=f"$g_{{{phase.axis + 1}}}$ [{robot.torque_unit(phase.axis)}]",
-                ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
-                width=700.0,
-                height=220.0,
+    return chart(
+        Panel(
+            (
+                Line(shown, phase.stated.at(angle), MODEL, "robot file", "5 3"),
+                Line(shown, phase.extended.at(angle), MODEL, f"with {name}"),
+                Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
             ),
+            title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
+            x_label=f"$q_{{{phase.over + 1}}}$ [deg]",
+            y_label=f"$g_{{{phase.axis + 1}}}$ [{robot.torque_unit(phase.axis)}]",
+            ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
+            width=700.0,
+            height=220.0,
         )
     )
 
@@ -234,8 +230,8 @@ def write_diagnosis_plots(run_folder: Path, found: Diagnosis) -> Path:
     """Draw residuals over angles and, where there is one, Fig. 7; return their folder."""
     place = run_folder / "diagnosis"
     own_folder(place)
-    for name, chart in _charts(found).items():
-        write_file(place / f"{name}.svg", file(chart))
+    for name, drawn in _charts(found).items():
+        write_file(place / f"{name}.svg", file(drawn))
     return place
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from hil.errors import FileError
 from hil.estimation.identify import JOINT
 from hil.model.base_parameters import base_parameters
-from hil.report.charts.chart import MODEL, Chart, Panel, Points, Rule
+from hil.report.charts.chart import MODEL, Chart, Panel, Points, Rule, chart
 from hil.report.section import Plot, Section
 from hil.results.model import Model
 from hil.results.model_file import NAME
@@ -96,16 +96,14 @@ def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
                label="identified, with 95 % interval", size=2.6),
         *checked,
     )  # fmt: skip
-    return Chart(
-        (
-            Panel(
-                items,
-                x_label="effect on the torque of the axis where it is largest [%]",
-                y_range=(0.3, len(order) + 0.7),
-                rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
-                width=780.0,
-                left=260.0,
-                height=max(21.0 * len(order), 120.0),
-            ),
+    return chart(
+        Panel(
+            items,
+            x_label="effect on the torque of the axis where it is largest [%]",
+            y_range=(0.3, len(order) + 0.7),
+            rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
+            width=780.0,
+            left=260.0,
+            height=max(21.0 * len(order), 120.0),
         )
     )

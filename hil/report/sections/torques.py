@@ -23,6 +23,7 @@ from hil.report.charts.chart import (
     Panel,
     Points,
     Rule,
+    chart,
 )  # fmt: skip
 from hil.report.section import Plot, Section
 from hil.report.sections.friction import models_plot
@@ -106,7 +107,7 @@ def _law_plot(draw: object, words: str) -> Plot:
 
 def over_time(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
     """Measured and predicted torque with its interval, axis by axis, and the residual below."""
-    return Chart(tuple(_torque(each, robot) for each in shown))
+    return chart(_torque(each, robot) for each in shown)
 
 
 def _torque(each: PredictedTorque, robot: Robot) -> Panel:
@@ -146,7 +147,7 @@ def over_speed(model: Model, found: Iterable[PredictedTorque], *, linked: bool) 
     for each in found:
         by_axis.setdefault(each.axis, []).append(each)
     known = (axis for axis in sorted(by_axis) if axis + 1 not in model.axes_without_friction)
-    return Chart(tuple(_law(model, axis, by_axis[axis], linked) for axis in known))
+    return chart(_law(model, axis, by_axis[axis], linked) for axis in known)
 
 
 def _law(model: Model, axis: int, own: Sequence[PredictedTorque], linked: bool) -> Panel:
