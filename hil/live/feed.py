@@ -18,7 +18,6 @@ import typer
 
 from drivers.drive_bus import DriveError
 from hil.live import lines
-from hil.live.lines import FrictionSoFar
 from hil.live.listener import ANSWERS
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
@@ -90,7 +89,8 @@ class Feed:
         kind = {"simulated": self._simulated, "hand": hand, "watched": watcher is not None}
         self._start = lines.start(robot, plan, rehearsal, **kind)
         self._numbers = {each.id: k for k, each in enumerate(plan.measurements, start=1)}
-        self._pace, self._friction, self._notes = Pace(), FrictionSoFar(), 0
+        self._pace, self._notes = Pace(), 0
+        self._levels: dict[int, list[float]] = {}
         self._watcher, self._alarms, self._hand = watcher, 0, hand
         self._learning: bool | None = None
 
@@ -120,7 +120,7 @@ class Feed:
         """Pass an event on."""
         self.publish("event", lines.event(event, self._pace.left(event), self._numbers))
         if isinstance(event, Recorded):
-            found = self._friction.with_recording(event.measurement, event.recording)
+            found = lines.level(event.measurement, event.recording, self._levels)
             if found is not None:
                 self.publish("level", found)
 

@@ -78,31 +78,28 @@ MIDDLE = (0.25, 0.75)
 """Shares of a stroke's way between which torques count."""
 
 
-class FrictionSoFar:
-    """Levels of all axes, as recordings come."""
+def level(
+    measurement: Measurement, recording: Recording, so_far: dict[int, list[float]]
+) -> Line | None:
+    """What stands in the line ``level``; None where a recording shows no level.
 
-    def __init__(self) -> None:
-        self._levels: dict[int, list[float]] = {}
-
-    def with_recording(
-        self, measurement: Measurement, recording: Recording
-    ) -> dict[str, object] | None:
-        """What stands in the line ``level``; None where a recording shows no level."""
-        found = level_of(measurement, recording)
-        if found is None:
-            return None
-        (axis,), (level, speed) = measurement.read, found
-        levels = self._levels.setdefault(axis, [])
-        levels.append(round(level, 4))
-        return {
-            "axis": axis,
-            "level": levels[-1],
-            "speed": round(speed, 4),
-            "measurement": measurement.id,
-            "count": len(levels),
-            "least": min(levels),
-            "most": max(levels),
-        }
+    Levels by axis, `so_far` as well, are added to.
+    """
+    found = level_of(measurement, recording)
+    if found is None:
+        return None
+    (axis,), (size, speed) = measurement.read, found
+    levels = so_far.setdefault(axis, [])
+    levels.append(round(size, 4))
+    return {
+        "axis": axis,
+        "level": levels[-1],
+        "speed": round(speed, 4),
+        "measurement": measurement.id,
+        "count": len(levels),
+        "least": min(levels),
+        "most": max(levels),
+    }
 
 
 def level_of(measurement: Measurement, recording: Recording) -> tuple[float, float] | None:

@@ -16,7 +16,7 @@ from trajectory_run import recorded as periods
 from trajectory_run import some_trajectory
 
 from hil.cli.measuring import OnBus, measure
-from hil.live.lines import FrictionSoFar, level_of
+from hil.live.lines import level, level_of
 from hil.live.listener import Listener, ListenerFailed
 from hil.planning.measurement import Gravity
 from hil.planning.plan import repeated
@@ -136,10 +136,10 @@ def test_periods_of_a_trajectory_are_no_strokes(manutec: Robot) -> None:
 
 def test_levels_so_far_state_their_number_and_range(manutec: Robot, small_plan: Plan) -> None:
     g1 = small_plan.measurements[0]
-    so_far = FrictionSoFar()
+    so_far: dict[int, list[float]] = {}
     recording = record(manutec, g1, TABLE_3_A, Friction())
-    first = so_far.with_recording(g1, recording)
-    again = so_far.with_recording(g1, recording)
+    first = level(g1, recording, so_far)
+    again = level(g1, recording, so_far)
     assert first is not None
     assert again is not None
     assert (first["count"], again["count"]) == (1, 2)
