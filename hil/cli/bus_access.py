@@ -115,7 +115,7 @@ def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
         yield ("real time: left out, SYNC is in lock-step and has no deadlines",)
     else:
         with real_time() as measures:
-            yield tuple(map(str, measures))
+            yield measures
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from __future__ import annotations
 import ctypes
 import os
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,27 +30,6 @@ _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 """Flags of mlockall: what is mapped, what will be; each page once it is used."""
 _ISOLATED = Path("/sys/devices/system/cpu/isolated")
 _AWAKE = Path("/dev/cpu_dma_latency")
-
-
-@dataclass(frozen=True, slots=True)
-class RealTimeMeasure:
-    """One measure of real time, granted or not.
-
-    Attributes
-    ----------
-    name : str
-    found : str
-        What was granted, or why it was not.
-    remedy : str
-        What would have to be granted; empty where it was.
-    """
-
-    name: str
-    found: str
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.name}: {self.found}{f'; {self.remedy}' if self.remedy else ''}"
 
 
 class Linux:
@@ -106,7 +84,7 @@ class Linux:
 
 
 @contextmanager
-def real_time(system: Linux | None = None) -> Iterator[tuple[RealTimeMeasure, ...]]:
+def real_time(system: Linux | None = None) -> Iterator[tuple[str, ...]]:
     """Run the block in real time, as far as it is granted; yields what was.
 
     Parameters
@@ -116,8 +94,9 @@ def real_time(system: Linux | None = None) -> Iterator[tuple[RealTimeMeasure, ..
 
     Yields
     ------
-    tuple of RealTimeMeasure
-        Scheduling, memory, core, idle states.
+    tuple of str
+        Scheduling, memory, core, idle states: what was granted of each, or why it was not and what
+        would have to be granted.
     """
     system = Linux() if system is None else system
     with ExitStack() as undo:
@@ -141,25 +120,25 @@ _IDLE = "let this user write /dev/cpu_dma_latency, or limit idle states in the f
 
 def _asked(
     undo: ExitStack, ask: Callable[[], Callable[[], None]], name: str, granted: str, remedy: str
-) -> RealTimeMeasure:
+) -> str:
     try:
         undo.callback(ask())
     except (OSError, AttributeError) as error:  # the latter on systems without such a call
-        return RealTimeMeasure(name, f"not granted ({_reason(error)})", remedy)
-    return RealTimeMeasure(name, granted)
+        return f"{name}: not granted ({_reason(error)}); {remedy}"
+    return f"{name}: {granted}"
 
 
-def _pinned(undo: ExitStack, system: Linux) -> RealTimeMeasure:
+def _pinned(undo: ExitStack, system: Linux) -> str:
     """Keep the thread on an isolated core; on a shared one it could not step aside for others."""
     try:
         isolated = sorted(system.isolated())
         if not isolated:
             shared = f"{len(system.cores())} shared with everything else"
-            return RealTimeMeasure("core", shared, _CORE)
+            return f"core: {shared}; {_CORE}"
         undo.callback(system.pin(isolated[-1]))
     except (OSError, ValueError, AttributeError) as error:
-        return RealTimeMeasure("core", f"not granted ({_reason(error)})", _CORE)
-    return RealTimeMeasure("core", f"{isolated[-1]}, isolated, for this thread alone")
+        return f"core: not granted ({_reason(error)}); {_CORE}"
+    return f"core: {isolated[-1]}, isolated, for this thread alone"
 
 
 def _reason(error: Exception) -> str:
