@@ -48,11 +48,6 @@ class ShownTorques(NamedTuple):
     recordings: Recordings
     words: str
 
-    @classmethod
-    def of(cls, model: Model, recordings: Recordings, words: str) -> ShownTorques:
-        """Predict recordings."""
-        return cls(stretches(model, recordings), recordings, words)
-
 
 class ReportedRun:
     """A run, whatever it measures; its recordings are read, and it is identified, where asked for.
@@ -128,7 +123,7 @@ class ReportedRun:
     def own_torques(self) -> ShownTorques:
         """Torques of the run itself."""
         words = "The model was made from these recordings; hil validate shows others."
-        return ShownTorques.of(self.model, self.recordings, words)
+        return ShownTorques(stretches(self.model, self.recordings), self.recordings, words)
 
     @cached_property
     def shown_torques(self) -> ShownTorques:
@@ -137,7 +132,7 @@ class ReportedRun:
             with suppress(HilError):
                 other = tuple(recorded(Run.open(self.source.path / each.run)))
                 words = f"Held out: {each.run}, from which the model was not made."
-                return ShownTorques.of(self.model, other, words)
+                return ShownTorques(stretches(self.model, other), other, words)
         return self.own_torques
 
     def local_values(self, kind: str) -> list[LocalValue]:
