@@ -52,17 +52,12 @@ def _show_remarks(workspace: Workspace | None, robot: Robot) -> None:
 
 
 def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
-    """Write a plan, and state how many measurements it has."""
-    keep_plan(output, designed, the_robot)
-    give(plan=str(output), measurements=len(designed.measurements))
-    say(f"{len(designed.measurements)} measurements in {output}")
-
-
-def keep_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
-    """Write a plan, which remembers where its robot file lies."""
+    """Write a plan, which remembers where its robot file lies, and state its measurements."""
     source = Path(the_robot.source)
     if source.parent != ROBOTS:
         file = Path(os.path.relpath(source.resolve(), output.resolve().parent)).as_posix()
         remembered = designed.robot.model_copy(update={"file": file})
         designed = designed.model_copy(update={"robot": remembered})
     write_file(output, dump_plan(designed).encode())
+    give(plan=str(output), measurements=len(designed.measurements))
+    say(f"{len(designed.measurements)} measurements in {output}")

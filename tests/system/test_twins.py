@@ -122,11 +122,11 @@ def gravity_plan(robot: Robot) -> Plan:
 
 @pytest.mark.parametrize("name", LARGE)
 def test_a_large_robot_s_drives_measure_what_its_links_weigh(name: str, tmp_path: Path) -> None:
-    from hil.cli.plan_files import keep_plan
+    from hil.cli.plan_files import write_plan
 
     robot = load_robot(ROBOTS / f"{name}.yaml")
     twin, plan = twin_of(name, tmp_path), tmp_path / "plan.yaml"
-    keep_plan(plan, gravity_plan(robot), robot)
+    write_plan(plan, gravity_plan(robot), robot)
     run = hil.Run.open(measured(plan, twin, tmp_path))
     truth = true_parameters(robot, twin / "plant.yaml")
     assert load_plant_file(str(twin / "plant.yaml")).gravity == tuple(robot.gravity)
