@@ -53,11 +53,6 @@ _IN_NAMES = {
 _FLAGS = ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in SampleFlag)
 
 
-def columns(robot: Robot, measured: Measured) -> tuple[Column, ...]:
-    """Return the table of a measurement, time first."""
-    return tuple(_columns(robot, measured))
-
-
 def unknown_gains(motion: RecordedMotion) -> tuple[int, ...]:
     """Axes, from 1, whose torques are in units of unknown worth."""
     return (motion.unknown_gains or ()) if isinstance(motion, FreeMotion) else ()
@@ -83,7 +78,8 @@ def row(measured: Measured) -> dict[str, str | int | float]:
     }
 
 
-def _columns(robot: Robot, measured: Measured) -> Iterator[Column]:
+def columns(robot: Robot, measured: Measured) -> Iterator[Column]:
+    """Return the table of a measurement, time first."""
     motion, recording = measured.measurement, measured.recording
 
     def velocity_unit(axis: int) -> str:
@@ -196,7 +192,7 @@ def _write_tables(
     own_folder(job.folder / FOLDER)
     for measured in job:
         name = f"{FOLDER}/{measured.measurement.id}.{ending}"
-        table = columns(job.run.robot, measured)
+        table = tuple(columns(job.run.robot, measured))
         with new_file(job.folder / name) as file:
             write(file, table, measured)
         rows.append({"file": name, **row(measured)})
