@@ -133,9 +133,8 @@ def _shown(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]
     half = model.interval(0.95) @ np.array([-0.5, 0.5])
     known = np.ones(len(half), dtype=bool)
     if free is not None:
-        share = (free.of_each(half) / robot.torque_limit[:, np.newaxis]).max(axis=0)
         n = model.provenance.measurements
-        yield "estimate", estimate_line(robot, n, model.values, half, share, known)
+        yield "estimate", estimate_line(robot, free, n, model.values, half, known)
     if relative is not None:
         worst = int(np.argmax(relative))
         within = f"{100 * relative[worst]:.2g} % (1 sigma), worst axis {worst + 1}"

@@ -92,10 +92,8 @@ class Interim:
         if self._blocks:
             self._solve()
         half = half_width(np.diag(self._covariance), np.zeros(1), self._degrees, 0.95)
-        known = ~self._open
-        torque = self._free.of_each(np.where(known, half, 0.0))
-        share = (torque / self._robot.torque_limit[:, np.newaxis]).max(axis=0)
-        return estimate_line(self._robot, sum(map(len, self._blocks)), self._p, half, share, known)
+        recordings = sum(map(len, self._blocks))
+        return estimate_line(self._robot, self._free, recordings, self._p, half, ~self._open)
 
     def _solve(self) -> None:
         products, counts = (
@@ -132,14 +130,15 @@ class Interim:
 
 def estimate_line(
     robot: Robot,
+    free: FreeTorques,
     recordings: int,
     p: Array,
     half: Array,
-    share: Array,
     known: NDArray[np.bool_],
 ) -> Line:
     """What stands in the line ``estimate``; arrays have the shape (n_base,)."""
-    base = base_parameters(robot)
+    base, torque = base_parameters(robot), free.of_each(np.where(known, half, 0.0))
+    share = (torque / robot.torque_limit[:, np.newaxis]).max(axis=0)
     rows = [
         {
             "name": name,
