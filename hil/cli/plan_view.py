@@ -19,13 +19,12 @@ from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
 from hil.planning.measurement import FOR_A_LAW
 from hil.planning.prediction.precision import IMPRECISE
 from hil.results.rounding import clock, rounded, significant, unit
-from hil.terminal.console import say
+from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
-    from rich.console import Console
 
     from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
@@ -40,20 +39,19 @@ _GROUP_TITLES = {
 }
 
 
-def render_robot(robot: Robot, console: Console) -> None:
+def render_robot(robot: Robot) -> None:
     """Print present parameters, base parameters by group, and where each occurs."""
     base = base_parameters(robot)
-    console.print(_present_parameters(robot))
-    console.print(_base_parameters(robot, base))
+    out.print(_present_parameters(robot))
+    out.print(_base_parameters(robot, base))
     widest = 12  # joints up to which the table of M and g can be read on a terminal
     if robot.n_joints <= widest:
-        console.print(_dependencies(robot, base))
+        out.print(_dependencies(robot, base))
     else:
-        console.print(
+        say(
             f"which parameter occurs in which element is a table of {robot.n_joints} columns, which"
-            f" is shown up to {widest}; in Python: base_parameters(robot).dependencies",
-            highlight=False, soft_wrap=True,
-        )  # fmt: skip
+            f" is shown up to {widest}; in Python: base_parameters(robot).dependencies"
+        )
 
 
 def _present_parameters(robot: Robot) -> Table:
@@ -101,31 +99,28 @@ def _numbers(occurs: NDArray[np.bool_]) -> str:
     return ", ".join(parts) or "0"
 
 
-def render(result: DryRun, robot: Robot, console: Console) -> None:
+def render(result: DryRun, robot: Robot) -> None:
     """Print what a plan will cost and what it will give."""
-    console.print(_costs(result))
+    out.print(_costs(result))
     if result.bus:
         say(
             f"bus load {result.bus_load:.1%} at {result.bus.bitrate / 1000:g} kbit/s"
             f" ({result.bus.frames}; at most {result.bus.most:.0%})",
-            console=console,
         )
     if result.lags:
         lag = max(result.lags, key=lambda each: each.most / each.window)
         say(
             f"axis {lag.axis + 1} lags behind its set-points by up to {lag.most:.2g} in"
             f" {lag.trajectory}, {lag.most / lag.window:.0%} of its following error window (6065)",
-            console=console,
         )
     for axis, planned in result.without_law.items():
         say(
             f"axis {axis + 1}: {planned} measurements move it, a law of its friction needs"
             f" {FOR_A_LAW}; torques will lack its friction; add measurements that move it",
             "yellow",
-            console,
         )
     if result.groups:
-        console.print(_gains(result))
+        out.print(_gains(result))
         for group in result.groups:
             if group.poorly_identifiable:
                 names = _titled(group.poorly_identifiable, robot)
@@ -133,7 +128,6 @@ def render(result: DryRun, robot: Robot, console: Console) -> None:
                     f"poorly identifiable in {_words(group.group)}: {names}; vary more joints or"
                     " add configurations",
                     "yellow",
-                    console,
                 )
             if group.hidden:
                 names = _titled(group.hidden, robot)
@@ -141,7 +135,6 @@ def render(result: DryRun, robot: Robot, console: Console) -> None:
                     f"{names}: acceleration shows what no gravity torque distinguishes from an"
                     " offset or from each other; condition and rank are those of all kinds of"
                     " measurement together",
-                    console=console,
                 )
 
 
@@ -186,13 +179,13 @@ def _words(group: str) -> str:
     return group.replace("_", "-")
 
 
-def render_precision(found: Precision, robot: Robot, console: Console) -> None:
+def render_precision(found: Precision, robot: Robot) -> None:
     """Print how precisely a plan will identify every base parameter."""
     columns = {"std. deviation": [_figure(each) for each in found.deviation]}
-    _print_precision("Predicted precision", columns, found, robot, console)
+    _print_precision("Predicted precision", columns, found, robot)
 
 
-def render_refinement(before: Precision, after: Precision, robot: Robot, console: Console) -> None:
+def render_refinement(before: Precision, after: Precision, robot: Robot) -> None:
     """Print what is known and what will be known with the measurements proposed."""
     pairs = list(zip(before.deviation.tolist(), after.deviation.tolist(), strict=True))
     columns = {
@@ -200,11 +193,11 @@ def render_refinement(before: Precision, after: Precision, robot: Robot, console
         "then": [_figure(then) for _, then in pairs],
         "then / now": [f"{then / now:.2f}" if math.isfinite(now) else "" for now, then in pairs],
     }
-    _print_precision("Predicted standard deviations", columns, after, robot, console)
+    _print_precision("Predicted standard deviations", columns, after, robot)
 
 
 def _print_precision(
-    title: str, columns: dict[str, list[str]], found: Precision, robot: Robot, console: Console
+    title: str, columns: dict[str, list[str]], found: Precision, robot: Robot
 ) -> None:
     """Print figures by group, what they mean as torques, and which are imprecise."""
     table = Table(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
@@ -223,17 +216,15 @@ def _print_precision(
             named = found.names[k], found.meanings[k]
             table.add_row(*named, *cells, unit(found.units[k]), *_weight(found, k))
         table.add_section()
-    console.print(table)
+    out.print(table)
     say(
         f"torque: what a standard deviation amounts to, of an axis's limit; {found.source}",
-        console=console,
     )
     if imprecise := _titled(np.array(found.names)[found.imprecise].tolist(), robot):
         say(
             f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a torque"
             " limit. Give more minutes, or measure on with hil plan --refine",
             "yellow",
-            console,
         )
 
 

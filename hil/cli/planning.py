@@ -22,7 +22,7 @@ from hil.cli.arguments import (
 from hil.cli.completion import robots, runs
 from hil.cli.outputs import NewPlan, show
 from hil.planning import LONGEST
-from hil.terminal.console import out, say, working
+from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -59,7 +59,7 @@ def dry_run_(
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         now("passing the plan's motions through the limits")
         result = dry_run(the_plan, the_robot, drives=drives_file, bitrate=bitrate)
-    plan_view.render(result, the_robot, out)
+    plan_view.render(result, the_robot)
     if view:
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, str(plan_file), plan_file.read_text(encoding="utf-8"))
@@ -76,7 +76,7 @@ def dry_run_(
             found = predict(the_robot, measurements, the_plan.sample_period, noise)
             now("predicting what it will exclude")
             proof = foreseen(the_plan, the_robot, noise, expected.p)
-        plan_view.render_precision(found, the_robot, out)
+        plan_view.render_precision(found, the_robot)
         if proof is not None:
             show(
                 excluded.foreseen(proof, the_robot.n_joints, expected.source),
@@ -275,7 +275,7 @@ def plan(
     if found.refinement:
         from hil.cli.plan_view import render_refinement
 
-        render_refinement(*found.refinement, found.robot, out)
+        render_refinement(*found.refinement, found.robot)
 
 
 def poses(robot: Robot, stated: list[str]) -> tuple[tuple[int, float], ...]:

@@ -12,7 +12,7 @@ import typer
 from checked_files.errors import HilError
 from hil.cli.arguments import RobotName, group_of
 from hil.cli.outputs import folder_to_write, new_file, output_option
-from hil.terminal.console import out, say, working
+from hil.terminal.console import say, working
 
 commands = typer.Typer()
 robot_commands = typer.Typer(
@@ -34,7 +34,7 @@ def show(name: RobotName) -> None:
         robot = load_robot(name)
         now(f"finding what can be identified of {robot.n_joints} joints")
         base_parameters(robot)
-    plan_view.render_robot(robot, out)
+    plan_view.render_robot(robot)
 
 
 @robot_commands.command()

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from checked_files.yaml_file import FileError
 from hil.cli.plan_view import render_robot
@@ -195,10 +193,10 @@ def test_polynomials_multiply_add_and_evaluate():
     assert not square - square
 
 
-def test_the_view_shows_table_1_equation_22_by_group_and_table_2(manutec):
-    console = Console(file=StringIO(), width=120)
-    render_robot(manutec, console)
-    shown = console.file.getvalue()
+def test_the_view_shows_table_1_equation_22_by_group_and_table_2(manutec, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "120")
+    render_robot(manutec)
+    shown = capsys.readouterr().out
     for piece in (
         "Ixx6, Iyy6 = Ixx6, Izz6, sz6, m6",
         "Ixx3 - Iyy3 + Iyy4 + 2 l2 sz4 + l2^2 (m4 + m5 + m6)",
