@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from hil.cli.equipment import HELP, epilog, equipped, set_output, without_types
+from hil.cli.equipment import COUNTED, HELP, epilog, equipped, set_output, without_types
 from hil.terminal.console import out, printable
 
 if TYPE_CHECKING:
@@ -134,12 +134,7 @@ def _program(
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
     ] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help=HELP["quiet"])] = False,
-    verbose: Annotated[
-        int,
-        typer.Option(
-            "-v", "--verbose", count=True, metavar="", show_default=False, help=HELP["verbose"]
-        ),
-    ] = 0,
+    verbose: Annotated[int, typer.Option("-v", "--verbose", help=HELP["verbose"], **COUNTED)] = 0,
 ) -> None:
     """Take the options that stand before a command."""
     set_output(quiet=quiet, verbose=verbose)

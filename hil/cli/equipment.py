@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from functools import cache, partial
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -86,7 +86,16 @@ def without_types(parameters: list[Any]) -> list[Any]:
     return parameters
 
 
-_Own = partial(typer.Option, expose_value=False, is_eager=True, rich_help_panel="Output")
+COUNTED = {"count": True, "metavar": "", "show_default": False}
+"""How an option is made that counts how often it stands there."""
+
+
+def _own(name: str, *flags: str, **more: Any) -> Any:
+    """Return an option of all commands: `set_output` takes its value, and no command sees it."""
+    return typer.Option(
+        *flags, help=HELP[name], callback=lambda value: set_output(**{name: value}),
+        expose_value=False, is_eager=True, rich_help_panel="Output", **more,
+    )  # fmt: skip
 
 
 @cache
@@ -96,35 +105,12 @@ def _common_options() -> list[Any]:
 
     @made.command()
     def _(
-        quiet: Annotated[bool, _Own("-q", "--quiet", help=HELP["quiet"], callback=_quiet)] = False,
-        verbose: Annotated[
-            int,
-            _Own(
-                "-v",
-                "--verbose",
-                count=True,
-                metavar="",
-                show_default=False,
-                help=HELP["verbose"],
-                callback=_verbose,
-            ),
-        ] = 0,
-        json: Annotated[bool, _Own("--json", help=HELP["json"], callback=_json)] = False,
+        quiet: Annotated[bool, _own("quiet", "-q", "--quiet")] = False,
+        verbose: Annotated[int, _own("verbose", "-v", "--verbose", **COUNTED)] = 0,
+        json: Annotated[bool, _own("json", "--json")] = False,
     ) -> None: ...
 
     return [each for each in typer.main.get_command(made).params if each.name != "help"]
-
-
-def _quiet(value: bool) -> None:
-    set_output(quiet=value)
-
-
-def _verbose(value: int) -> None:
-    set_output(verbose=value)
-
-
-def _json(value: bool) -> None:
-    set_output(json=value)
 
 
 def _write_json_after(command: Any, path: str) -> None:
