@@ -271,7 +271,7 @@ def print_efficiency(run: Path, found: Sequence[Comparison]) -> float:
     """Print the scatter of the improved method over the Cramer-Rao bound; return its median."""
     folder = Run.open(run)
     variance = noise(run.with_suffix(".yaml"))
-    scatter = np.sqrt(np.mean([c.error**2 for c in found], axis=0))
+    scatter = np.sqrt(np.mean([c.difference**2 for c in found], axis=0))
     for known in (False, True):
         least = cramer_rao(folder.robot, recorded(folder), variance, friction_known=known)
         ratio = scatter / np.sqrt(np.diag(least))

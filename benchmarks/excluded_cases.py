@@ -213,7 +213,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
     assert model.outcome is not None
     usual = found.usual_effect
     stated = uncertainty(model, 0.0 if usual is None else usual @ usual.T)
-    true = comparison(found, robot, truth).torque_error
+    true = comparison(found, robot, truth).torque
     times = 0.0 if stated is None else float(np.nanmax(true / np.maximum(stated, 1e-12)))
     causes = proof.found if proof is not None else ()
     accounted = [(str(term.cause), axis) for term in model.error_budget if term.accounted

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hil import errors
+    from hil.ground_truth.comparison import compare
     from hil.imports.importing import import_recordings
     from hil.model.base_parameters import base_parameters
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
@@ -43,9 +44,9 @@ if TYPE_CHECKING:
     from hil.results.identification import identify
     from hil.results.model import Model
     from hil.results.problem import regression
+    from hil.results.validation import validate
     from hil.runs.run import Run
     from hil.tasks.exporting import export
-    from hil.tasks.judging import compare, validate
     from hil.tasks.measuring import dry_run, measure
     from hil.tasks.plans import plan
 
@@ -87,7 +88,7 @@ _LATER = {
     "accept": "hil.results.acceptance",
     "available_robots": "hil.model.robot",
     "base_parameters": "hil.model.base_parameters",
-    "compare": "hil.tasks.judging",
+    "compare": "hil.ground_truth.comparison",
     "draft_limits": "hil.results.acceptance",
     "dry_run": "hil.tasks.measuring",
     "export": "hil.tasks.exporting",
@@ -107,7 +108,7 @@ _LATER = {
     "regression": "hil.results.problem",
     "regressor": "hil.model.dynamics",
     "report": "hil.report.page",
-    "validate": "hil.tasks.judging",
+    "validate": "hil.results.validation",
 }
 _MODULES = ("errors", "export", "report")
 """Modules and packages among the names; the last two are called as functions, too."""

@@ -176,7 +176,7 @@ def _outcome(name: str, estimate: Estimate, robot: Robot, truth: Array) -> Outco
         torque_error=found.mean_torque_error,
         inside=int(found.inside.sum()),
         n=len(found.inside),
-        error=found.error.tolist(),
+        error=found.difference.tolist(),
     )
 
 

@@ -57,7 +57,7 @@ def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
         "elements": _elements(robot, fits, p),
         "asymmetric": {axis + 1: int(not each.passed) for axis, each in tests.items()},
         **{
-            name: {"p": each.p, "torque": each.mean_torque_error, **each.group_error}
+            name: {"p": each.values, "torque": each.mean_torque_error, **each.group_error}
             for name, each in judged.items()
         },
     }

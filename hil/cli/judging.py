@@ -123,7 +123,7 @@ def _against_truth(
     without: list[str] | None,
 ) -> None:
     with working("reading the run") as now:
-        from hil.ground_truth import comparison as module
+        from hil.ground_truth.comparison import against_truth
         from hil.results.identification import method_for
         from hil.runs.pooling import open_runs
 
@@ -131,17 +131,17 @@ def _against_truth(
         run, *more = open_runs([folder, *(others or ())])
         run = run.without(without or ())
         now(f"comparing the estimate of {run.robot.name} with the truth")
-        found = module.compare(run, truth, out, method or method_for(run, more)[0], more)
+        found = against_truth(run, truth, out, method or method_for(run, more)[0], more)
     give(
         relative_errors={**found.group_error, "torques": found.mean_torque_error},
         within_intervals=int(found.inside.sum()),
-        parameters=len(found.p),
+        parameters=len(found.values),
     )
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
     from hil.results.validation import scores, write_validation
-    from hil.tasks.judging import validate as judge
+    from hil.results.validation import validate as judge
 
     with working("predicting the torques of the recordings"):
         found = judge(model, run)

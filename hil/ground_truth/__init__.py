@@ -1,1 +1,1 @@
-"""Estimates against the truth, which is known of virtual plants only."""
+"""Models beside one another, and estimates beside the truth, which virtual plants alone have."""

@@ -1,4 +1,4 @@
-"""Estimate against truth, which is known of the virtual plant only.
+"""Models beside one another, and an estimate beside the truth, which virtual plants alone have.
 
 Parameters of size 0 have no relative error, so groups are judged by their norm, and the model as
 such by the torques that it predicts on a motion that has nothing to do with the measurements
@@ -9,6 +9,7 @@ such by the torques that it predicts on a motion that has nothing to do with the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,17 +18,17 @@ from hil.errors import Mismatch
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.findings import found_in
+from hil.results.model import Model, loaded
 from hil.results.model_file import NAME, read_model_file
 from hil.results.prediction import FreeTorques
 from hil.results.rounding import clock, rounded, signed, unit
 from hil.results.tables.parameters import NAMED
 from hil.results.tables.table import Marked, Part, Table, figures, table
-from hil.results.tables.terminal import show, show_sentence
+from hil.results.tables.terminal import Summary, show, show_sentence
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from rich.console import Console
 
@@ -39,47 +40,129 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
-    """How far an estimate is from the truth.
+@dataclass(frozen=True, eq=False)
+class ModelComparison:
+    """Base parameters of two models, or of a model and the truth.
 
     Attributes
     ----------
-    truth, p, standard_error, half_width : ndarray, shape (n_base,)
-        Base parameters as they are and as found; of the latter the uncertainties.
-    group_error : dict
-        Norm of the error of each group of base parameters over the norm of the group.
-    torque_error : ndarray, shape (n_joints,)
-        Root mean square of the error of the predicted torque over that of the torque; NaN for a
-        joint without any.
+    robot : Robot
+    values, others : ndarray, shape (n_base,)
+    standard_errors : ndarray, shape (n_base,)
+        Of the difference, both models' errors taken as independent.
+    torque : ndarray, shape (n_joints,)
+        Root mean square of the difference of predicted rigid-body torques on a free motion, as a
+        fraction of the other's torque; NaN for a joint without any.
     """
 
-    truth: Array
-    p: Array
-    standard_error: Array
-    half_width: Array
-    group_error: dict[str, float]
-    torque_error: Array
+    robot: Robot
+    values: Array
+    others: Array
+    standard_errors: Array
+    torque: Array
 
     @property
-    def error(self) -> Array:
-        """Estimate less truth, shape (n_base,)."""
-        return self.p - self.truth
+    def difference(self) -> Array:
+        """First less second, shape (n_base,)."""
+        return self.values - self.others
 
     @property
     def z(self) -> Array:
-        """Errors over standard errors, shape (n_base,)."""
-        return self.error / self.standard_error
+        """Differences over their standard errors, shape (n_base,)."""
+        return self.difference / self.standard_errors
+
+    def summary(self) -> Summary:
+        """Parameters side by side, and the torques that their differences are worth."""
+        base = base_parameters(self.robot)
+        each = zip(
+            base.names, base.meanings, self.values, self.others, self.standard_errors, self.z,
+            base.units, strict=True,
+        )  # fmt: skip
+        parameters = table(
+            f"{self.robot.name}: two sets of base parameters",
+            (*NAMED, *figures("first", "second", "difference", "std. error", "z"), "unit"),
+            (
+                (
+                    name,
+                    meaning,
+                    *(rounded(float(x), float(s)) for x in (first, second, first - second, s)),
+                    signed(f"{z:.1f}"),
+                    unit(of),
+                )
+                for name, meaning, first, second, s, z, of in each
+            ),
+        )
+        torques = table(
+            "Torques of a free motion",
+            ("axis", *figures("difference, %")),
+            ((str(k), f"{100 * share:.3g}") for k, share in enumerate(self.torque, start=1)),
+        )
+        return Summary((parameters, torques))
+
+    def __repr__(self) -> str:
+        return str(self.summary())
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
+
+
+def compare(model: Model | Path | str, other: Model | Path | str) -> ModelComparison:
+    """Compare a model with another one of the same robot, or with the truth of a virtual plant.
+
+    Parameters
+    ----------
+    model : Model or path
+    other : Model, path or str
+        A model, its file or its run; or a plant file, or the name of a built-in plant.
+
+    Raises
+    ------
+    Mismatch
+        Another robot or plant.
+    FileError
+        A file that cannot be used.
+    """
+    model = loaded(model)
+    robot, variance = model.robot, np.diag(model.covariance)
+    if isinstance(other, Model) or _is_model(other):
+        second = loaded(other)
+        second.refuse_other_robot(robot, "the first model")
+        values, variance = second.values, variance + np.diag(second.covariance)
+    else:
+        values = true_parameters(robot, other)
+    torque = _torque_error(robot, model.values - values, values)
+    return ModelComparison(robot, model.values, values, np.sqrt(variance), torque)
+
+
+def _is_model(place: Path | str) -> bool:
+    path = Path(place)
+    return path.is_dir() or path.name == NAME or str(path).endswith(f".{NAME}")
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(ModelComparison):
+    """How far an estimate is from the truth: `values` as found, `others` as they are.
+
+    Attributes
+    ----------
+    half_width : ndarray, shape (n_base,)
+        Of the intervals of 95 % of the estimate.
+    group_error : dict
+        Norm of the error of each group of base parameters over the norm of the group.
+    """
+
+    half_width: Array
+    group_error: dict[str, float]
 
     @property
     def inside(self) -> Mask:
         """Which intervals of 95 % hold the truth, shape (n_base,)."""
-        return np.abs(self.error) <= self.half_width
+        return np.abs(self.difference) <= self.half_width
 
     @property
     def mean_torque_error(self) -> float:
-        """Mean of `torque_error` over the joints."""
-        return float(np.nanmean(self.torque_error))
+        """Mean of `torque` over the joints."""
+        return float(np.nanmean(self.torque))
 
 
 def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
@@ -88,19 +171,20 @@ def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
     members = {group: list(k) for group, k in groups.items() if k and truth[list(k)].any()}
     error = estimate.p - truth
     return Comparison(
-        truth=truth,
-        p=estimate.p,
-        standard_error=estimate.standard_error,
+        robot=robot,
+        values=estimate.p,
+        others=truth,
+        standard_errors=estimate.standard_error,
+        torque=_torque_error(robot, error, truth),
         half_width=estimate.half_width(),
         group_error={
             group: float(np.linalg.norm(error[k]) / np.linalg.norm(truth[k]))
             for group, k in members.items()
         },
-        torque_error=_torque_error(robot, error, truth),
     )
 
 
-def compare(
+def against_truth(
     run: Run,
     truth: Path | str,
     console: Console,
@@ -134,7 +218,7 @@ def compare(
     _refuse_other_model(run, others)
     recordings = list(pooled([run, *others]))
     result = comparison(found_in(run, method, others).estimate, run.robot, true)
-    render(result, run.robot, console)
+    _show(result, console)
     show_sentence(
         f"{len(recordings)} measurements in {clock(recordings[-1][1].time[-1])} of robot time,"
         f" {method} method, truth of {truth}",
@@ -157,41 +241,36 @@ def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
         )
 
 
-def render(result: Comparison, robot: Robot, console: Console) -> None:
+def _show(result: Comparison, console: Console) -> None:
     """Print a comparison: parameters one by one, then groups, torques and coverage."""
-    show(_parameters(result, robot), console)
+    show(_parameters(result), console)
     for group, error in result.group_error.items():
         name = group.replace("_", "-")
         text = f"{name + ' group,':20} relative error in the norm   {_percent(error)}"
         show_sentence(text, console)
-    joints = ", ".join(_percent(error).strip() for error in result.torque_error)
+    joints = ", ".join(_percent(error).strip() for error in result.torque)
     show_sentence(
         f"{'torques,':20} mean relative rms over joints{_percent(result.mean_torque_error)}"
-        f"  (joints 1 to {robot.n_joints}: {joints})",
+        f"  (joints 1 to {result.robot.n_joints}: {joints})",
         console,
     )
-    inside = f"{result.inside.sum()} of {len(result.p)}"
+    inside = f"{result.inside.sum()} of {len(result.values)}"
     text = f"{'intervals of 95 %,':20} hold the truth for {inside} parameters"
     show_sentence(text, console)
 
 
-def _parameters(result: Comparison, robot: Robot) -> Table:
-    base = base_parameters(robot)
+def _parameters(result: Comparison) -> Table:
+    base = base_parameters(result.robot)
     return table(
-        f"{robot.name}: estimate against truth",
-        (
-            *NAMED,
-            *figures("truth", "estimate", "std. error", "error", "z"),
-            "in 95 %",
-            "unit",
-        ),
+        f"{result.robot.name}: estimate against truth",
+        (*NAMED, *figures("truth", "estimate", "std. error", "error", "z"), "in 95 %", "unit"),
         (Part(tuple(_parameter(result, base, k) for k in m)) for m in base.groups.values()),
     )
 
 
 def _parameter(result: Comparison, base: BaseParameters, k: int) -> Row:
-    s = float(result.standard_error[k])
-    values = (result.truth[k], result.p[k], s, result.error[k])
+    s = float(result.standard_errors[k])
+    values = (result.others[k], result.values[k], s, result.difference[k])
     return (
         base.names[k],
         base.meanings[k],

@@ -279,3 +279,8 @@ class Model(IdentifiedRobot):
 
     def _repr_html_(self) -> str:
         return self.summary()._repr_html_()
+
+
+def loaded(model: Model | Path | str) -> Model:
+    """Return a model as it is, or by its file or the folder of its run."""
+    return model if isinstance(model, Model) else Model.load(model)

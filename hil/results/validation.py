@@ -38,13 +38,16 @@ from hil.results.judgement import (
     good,
     reservations,
 )
-from hil.results.model import Model
+from hil.results.model import Model, loaded
 from hil.results.outcome import OF_DATA
+from hil.results.predicted_torques import predicted_torques
 from hil.results.provenance import RunStamp, recordings_in_common
 from hil.results.rounding import significant
 from hil.results.tables.table import Column, Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
+from hil.runs.pooling import pooled
+from hil.runs.run import opened
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -160,7 +163,34 @@ class Validation(Judgement):
         return float(np.sqrt(np.mean(squares))) if squares else None
 
 
-def validate(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
+def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
+    """Validate a model on a run that it was not identified from; nothing is written.
+
+    Parameters
+    ----------
+    model : Model or path
+        The model, its file or the folder of its run.
+    run : Run or path
+        Held-out recordings of the same robot.
+
+    Returns
+    -------
+    Validation
+        Its `word` is good, doubtful or failed; `reason` states why, `axes` the scores.
+
+    Raises
+    ------
+    Mismatch
+        Another robot.
+    FileError
+        A damaged file.
+    """
+    model, run = loaded(model), opened(run)
+    model.refuse_other_robot(run.robot, str(run.path))
+    return of_own_recordings(model, run) or scored(model, predicted_torques(model, pooled([run])))
+
+
+def scored(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
     """Score a model's prediction and judge it.
 
     Parameters

@@ -16,7 +16,7 @@ from hil.report.page import report
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
-from hil.results.validation import validate
+from hil.results.validation import scored
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def test_a_model_with_the_gain_predicts_other_recordings_of_unknown_gain(tmp_pat
     run = imported(tmp_path)
     other = imported(tmp_path, "other")
     model = identify(run)
-    judged = validate(model, predicted_torques(model, pooled([other])))
+    judged = scored(model, predicted_torques(model, pooled([other])))
     assert judged.axes[0].gain == pytest.approx(1.0, abs=0.02)
     ((_, current),) = pooled([other])
     in_torque = GAIN * np.sqrt(np.mean(current.tau[:, 0] ** 2))

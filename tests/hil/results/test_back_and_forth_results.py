@@ -18,7 +18,7 @@ from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
 from hil.results.tables.parameters import parameters
-from hil.results.validation import validate
+from hil.results.validation import scored
 from hil.runs.pooling import recorded as of_run
 
 if TYPE_CHECKING:
@@ -88,8 +88,8 @@ def test_strokes_of_a_robot_whose_limits_are_unknown_are_validated(
     assert np.isnan(getattr(robot, unknown)).all()
     data = campaign(robot, TRUTH)
     model = identify(write_free_run(tmp_path / "run", robot, data))
-    found = validate(model, predicted_torques(model, data))
-    known = validate(model, predicted_torques(replace(model, robot=ROBOT), data))
+    found = scored(model, predicted_torques(model, data))
+    known = scored(model, predicted_torques(replace(model, robot=ROBOT), data))
     assert [each.axis for each in found.axes] == [1, 2]
     for one, other in zip(found.axes, known.axes, strict=True):
         assert one.samples > 0.7 * other.samples
@@ -98,7 +98,7 @@ def test_strokes_of_a_robot_whose_limits_are_unknown_are_validated(
 
 def test_its_bodies_hold_on_a_machine_whose_friction_is_another(run: Run, tmp_path: Path) -> None:
     other = write_free_run(tmp_path / "other", ROBOT, recorded(ROBOT, TRUTH, n=1, seed=9))
-    found = validate(identify(run), predicted_torques(identify(run), of_run(other)))
+    found = scored(identify(run), predicted_torques(identify(run), of_run(other)))
     assert all(each.refitted is not None and each.refitted < 0.05 for each in found.axes)
     assert found.word == "failed"
     assert "; with friction fitted in this recording it is off by" in found.reason

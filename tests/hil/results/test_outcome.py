@@ -20,7 +20,7 @@ from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.outcome import outcome
-from hil.results.validation import judged, validate
+from hil.results.validation import judged, scored
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -179,7 +179,7 @@ def test_too_few_measurements_are_a_doubt_in_identification_and_validation(model
         f"15 measurements of {len(model.values)} parameters",
     )
     assert judged((), 6, [found]).word == "failed"  # there are no scores either
-    assert validate(few, ()).word == "failed"
+    assert scored(few, ()).word == "failed"
 
 
 def test_a_bad_condition_is_a_doubt(model: Model) -> None:

@@ -14,7 +14,7 @@ from hil.estimation.signals import signals
 from hil.results.identification import identify
 from hil.results.judgement import INSIDE, Judgement
 from hil.results.predicted_torques import predicted_torques
-from hil.results.validation import AxisScore, ValidationRecord, judged, validate
+from hil.results.validation import AxisScore, ValidationRecord, judged, scored
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def other(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def test_a_model_that_holds_passes(model: Model, other: Run) -> None:
-    found = validate(model, predicted_torques(model, pooled([other])))
+    found = scored(model, predicted_torques(model, pooled([other])))
     assert found.word == "good"
     assert [score.axis for score in found.axes] == [1, 2, 3, 4, 5, 6]
     assert all(score.refitted < 0.02 for score in found.axes)
@@ -52,7 +52,7 @@ def test_a_model_that_holds_passes(model: Model, other: Run) -> None:
 
 def test_scores_are_those_of_measured_and_predicted_torque(model: Model, other: Run) -> None:
     every = list(predicted_torques(model, pooled([other])))
-    (score, *_) = validate(model, every).axes
+    (score, *_) = scored(model, every).axes
     own = [each for each in every if each.axis == 0]
     y, f, e = (
         np.concatenate([getattr(each, name) for each in own])
@@ -69,7 +69,7 @@ def test_the_prediction_is_the_model_s_own_and_what_fitted_friction_leaves_a_sec
     model: Model, other: Run
 ) -> None:
     every = list(predicted_torques(model, pooled([other])))
-    found = validate(model, every)
+    found = scored(model, every)
     recording = {motion.id: each for motion, each in pooled([other])}
     for each in every:
         s = signals(recording[each.measurement])
@@ -89,14 +89,14 @@ def test_friction_that_changed_is_named_though_the_bodies_hold(model: Model, oth
         level = 0.3 * float(np.abs(each.measured).mean()) * np.sign(each.qd)
         return replace(each, predicted=each.predicted + level)
 
-    found = validate(model, map(warmer, predicted_torques(model, pooled([other]))))
+    found = scored(model, map(warmer, predicted_torques(model, pooled([other]))))
     assert found.word == "doubtful"
     assert "the friction that the model states does not" in found.reason
 
 
 def test_a_model_without_a_law_is_judged_by_its_bodies_alone(model: Model, other: Run) -> None:
     bare = replace(model, friction_law=None)
-    found = validate(bare, predicted_torques(bare, pooled([other])))
+    found = scored(bare, predicted_torques(bare, pooled([other])))
     assert found.word == "doubtful"
     assert "axis 1, 2, 3, 4, 5, 6: the model states no friction" in found.reason
     assert not any(score.own_friction for score in found.axes)
@@ -107,7 +107,7 @@ def test_an_identification_that_failed_is_refused_however_well_it_predicts(
     model: Model, other: Run
 ) -> None:
     failed = replace(model, outcome=Judgement(word="failed", reason="axes 2 and 3 exchanged"))
-    found = validate(failed, predicted_torques(failed, pooled([other])))
+    found = scored(failed, predicted_torques(failed, pooled([other])))
     assert found.word == "failed"
     assert found.reason == "its identification failed: axes 2 and 3 exchanged"
 
@@ -137,14 +137,14 @@ def test_the_least_share_inside_is_that_of_an_error_which_all_samples_share() ->
 
 def test_another_arm_is_refused(model: Model, other: Run) -> None:
     wrong = replace(model, values=-model.values)
-    found = validate(wrong, predicted_torques(wrong, pooled([other])))
+    found = scored(wrong, predicted_torques(wrong, pooled([other])))
     assert found.word == "failed"
     assert "the mean torque alone by" in found.reason
 
 
 def test_a_torque_constant_that_changed_is_named(model: Model, other: Run) -> None:
     wrong = replace(model, values=model.values / 1.2)
-    found = validate(wrong, predicted_torques(wrong, pooled([other])))
+    found = scored(wrong, predicted_torques(wrong, pooled([other])))
     assert found.word == "doubtful"
     assert "1.2" in found.reason
     assert "torque constant" in found.reason
@@ -193,19 +193,19 @@ def test_what_is_wrong_with_a_recording_is_named(
     change: Callable[[list[PredictedTorque]], list[PredictedTorque]],
     reason: str,
 ) -> None:
-    found = validate(model, change(list(predicted_torques(model, pooled([other])))))
+    found = scored(model, change(list(predicted_torques(model, pooled([other])))))
     assert found.word == "doubtful"
     assert any(words in found.reason for words in reason.split("|"))
 
 
 def test_axes_that_do_not_move_are_named(model: Model, other: Run) -> None:
     some = [each for each in predicted_torques(model, pooled([other])) if each.axis != 4]
-    found = validate(model, some)
+    found = scored(model, some)
     assert (found.word, found.reason) == ("doubtful", "axes 5 do not move in this recording")
 
 
 def test_a_recording_without_samples_judges_nothing(model: Model) -> None:
-    assert validate(model, []).word == "failed"
+    assert scored(model, []).word == "failed"
 
 
 def test_the_worst_word_stands() -> None:
