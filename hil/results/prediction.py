@@ -9,7 +9,6 @@ acceleration all stay within a share of the robot's limits. It is calculated wit
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,15 +24,6 @@ if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ValidationMotion:
-    """Positions, velocities, accelerations, each of shape (n, n_joints) [rad, rad/s, rad/s^2]."""
-
-    q: Array
-    qd: Array
-    qdd: Array
-
-
 def free_motion(
     robot: Robot,
     seed: int = 0,
@@ -43,7 +33,7 @@ def free_motion(
     harmonics: int = 5,
     period: float = 10.0,
     samples: int = 2000,
-) -> ValidationMotion:
+) -> tuple[Array, Array, Array]:
     """One period of a random motion within the limits of `robot`; the same seed, the same motion.
 
     Joints are scaled one by one, so each of them is as fast as the tightest of its limits allows.
@@ -59,28 +49,30 @@ def free_motion(
         Of each limit that the motion uses at most.
     harmonics, period, samples
         Number of harmonics, period of the first [s] and number of samples.
+
+    Returns
+    -------
+    q, qd, qdd : ndarray, shape (samples, n_joints)
+        [rad, rad/s, rad/s^2], of slides [m, m/s, m/s^2].
     """
     rng = np.random.default_rng(seed)
     order = 2 * np.pi / period * np.arange(1, harmonics + 1)
     phase = np.outer(np.arange(samples) * period / samples, order)
     a, b = rng.standard_normal((2, harmonics, robot.n_joints)) / order[:, np.newaxis]
-    waves = ValidationMotion(
-        q=np.sin(phase) @ a - np.cos(phase) @ b,
-        qd=(np.cos(phase) * order) @ a + (np.sin(phase) * order) @ b,
-        qdd=(-np.sin(phase) * order**2) @ a + (np.cos(phase) * order**2) @ b,
-    )
+    q = np.sin(phase) @ a - np.cos(phase) @ b
+    qd = (np.cos(phase) * order) @ a + (np.sin(phase) * order) @ b
+    qdd = (-np.sin(phase) * order**2) @ a + (np.cos(phase) * order**2) @ b
     middle, reach = (robot.q_max + robot.q_min) / 2, (robot.q_max - robot.q_min) / 2
     velocity = robot.velocity_limit
     if speed is not None:
         velocity = np.where(np.isfinite(velocity), velocity, speed)
     shares = [
-        np.abs(waves.q).max(axis=0) / reach,
-        np.abs(waves.qd).max(axis=0) / velocity,
-        np.abs(waves.qdd).max(axis=0) / robot.acceleration_limit,
+        np.abs(q).max(axis=0) / reach,
+        np.abs(qd).max(axis=0) / velocity,
+        np.abs(qdd).max(axis=0) / robot.acceleration_limit,
     ]
     scale = share / np.fmax.reduce(shares)
-    middle = np.nan_to_num(middle)
-    return ValidationMotion(middle + scale * waves.q, scale * waves.qd, scale * waves.qdd)
+    return np.nan_to_num(middle) + scale * q, scale * qd, scale * qdd
 
 
 class FreeTorques:
@@ -90,8 +82,7 @@ class FreeTorques:
     """
 
     def __init__(self, robot: Robot, speed: ArrayLike | None = None) -> None:
-        motion = free_motion(robot, speed=speed)
-        self._A = regressor(robot, motion.q, motion.qd, motion.qdd)
+        self._A = regressor(robot, *free_motion(robot, speed=speed))
 
     def rms(self, p: Array) -> Array:
         """Of base parameters or a change of them, shape (n_joints,) [N m]."""
