@@ -234,13 +234,10 @@ def _checked_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
     """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
-    from hil.tasks.measuring import checked_drives, refuse_problems
+    from hil.tasks.measuring import checked_drives
 
     refuse_no_channel(how.interface, how.channel)
-    drives, text, found = checked_drives(the_plan, the_robot, how.drives_file, feeds=feeds)
-    content = source.read_text(encoding="utf-8") if source.is_file() else ""
-    refuse_problems(found, str(source), content)
-    return drives, text
+    return checked_drives(the_plan, the_robot, how.drives_file, source, feeds=feeds)
 
 
 def _gate(folder: Path, the_robot: Robot) -> None:

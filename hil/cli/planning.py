@@ -62,7 +62,7 @@ def dry_run_(
     plan_view.render(result, the_robot)
     if view:
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
-    refuse_problems(result, str(plan_file), plan_file.read_text(encoding="utf-8"))
+    refuse_problems(result, plan_file)
     if result.groups:
         from hil.estimation.excluded.foreseen import foreseen
         from hil.friction.ripple import ripple_left_out

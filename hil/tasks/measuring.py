@@ -82,31 +82,30 @@ def dry_run(
 
 
 def checked_drives(
-    plan: Plan, robot: Robot, drives_file: Path | None, *, feeds: bool = False
-) -> tuple[DrivesFile, str, DryRun]:
-    """Drives of a robot, the text of their file, and what a plan has against it.
+    plan: Plan, robot: Robot, drives_file: Path | None, source: Path | None, *, feeds: bool = False
+) -> tuple[DrivesFile, str]:
+    """Drives of a robot that can carry out a plan, of that `source`, and the text of their file.
 
     Raises
     ------
     FileError
-        No drives file, or one that contradicts the robot.
+        No drives file, or one that contradicts the robot; a plan that has problems.
     """
     drives, text = load_robots_drives(drives_file or packaged_drives(robot), robot)
     drives = narrowed_drives(drives, plan.workspace)
     cycle = bus_cycle(plan, robot.n_joints, drives, feeds=feeds)
     following = following_of(drives, plan.sample_period)
-    return drives, text, checked(plan, robot, cycle, following)
+    refuse_problems(checked(plan, robot, cycle, following), source)
+    return drives, text
 
 
-def refuse_problems(result: DryRun, source: str, text: str = "", most: int = 10) -> None:
+def refuse_problems(result: DryRun, source: Path | None) -> None:
     """Refuse a plan whose dry run has found problems.
 
     Parameters
     ----------
-    source : str
-        Names the plan.
-    text : str
-        Its file's content, whose lines are stated.
+    source : Path or None
+        Names the plan; lines are stated where there is such a file.
 
     Raises
     ------
@@ -114,7 +113,8 @@ def refuse_problems(result: DryRun, source: str, text: str = "", most: int = 10)
         With the problems.
     """
     if result.problems:
-        raise FileError(describe_problems(result, text, source, most))
+        text = source.read_text(encoding="utf-8") if source and source.is_file() else ""
+        raise FileError(describe_problems(result, text, str(source or "plan")))
 
 
 def describe_problems(result: DryRun, text: str, source: str, most: int = 10) -> str:
@@ -177,10 +177,8 @@ def measure(
     """
     output = Path(output)
     the_plan, the_robot = opened_plan(plan, robot)
-    own, text, found = checked_drives(the_plan, the_robot, drives)
     named = Path(plan) if isinstance(plan, (str, Path)) else None
-    content = "" if named is None else named.read_text(encoding="utf-8")
-    refuse_problems(found, str(named or "plan"), content)
+    own, text = checked_drives(the_plan, the_robot, drives, named)
     channel = channel or the_robot.name
     with keeper_of_run(output, interface, channel) as keeper:
         folder = prepared_folder(output, repeated(the_plan, 1), the_robot, text, resume=resume)[0]
