@@ -83,7 +83,7 @@ def track(
         from hil.cli.plan_files import load
         from hil.measuring.feeding import FeedingBus, refuse_beyond_torque
         from hil.planning.trajectory import Trajectory
-        from hil.results.model import Model
+        from hil.results.model import loaded
         from hil.results.model_file import file_of
         from hil.results.tracking import PASSES
         from hil.tasks.measuring import refuse_unusable
@@ -91,9 +91,7 @@ def track(
         for name in PASSES:
             refuse_unusable(output / name, resume and (output / name).exists())
         the_plan, the_robot = load(plan_file, robot_file, workspace)
-        model = Model.load(model_path)
-        predict = model.drive_torque
-        model.refuse_other_robot(the_robot, str(model_path))
+        predict = loaded(model_path, the_robot).drive_torque
         for measurement in the_plan.measurements:
             if not isinstance(measurement, Trajectory):
                 raise FileError(
@@ -175,13 +173,12 @@ def watch(
         from hil.cli.measuring import measure
         from hil.cli.plan_files import load
         from hil.cli.watch_view import WatchView
-        from hil.results.model import Model
+        from hil.results.model import loaded
         from hil.results.model_file import file_of
         from hil.watching.watcher import Watcher, WatchingBus
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
-        model = Model.load(model_path)
-        model.refuse_other_robot(the_robot, str(model_path))
+        model = loaded(model_path, the_robot)
         watcher = Watcher(model, the_plan.sample_period, learn)
         how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown, where.bus_option))
         view = WatchView(watcher, the_robot)

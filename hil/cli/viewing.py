@@ -119,13 +119,15 @@ def _of_plan(
     urdf: Path | None,
 ) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load
+    from hil.results.model import loaded
 
     plan, robot = load(path, robot_file, workspace)
-    model = _model(model_path, robot) if model_path else None
+    model = loaded(model_path, robot) if model_path else None
     return scene_of_plan(plan, robot, model, _visuals(urdf, robot))
 
 
 def _of_run(path: Path, model_path: Path | None, urdf: Path | None) -> Callable[[int], Scene]:
+    from hil.results.model import loaded
     from hil.results.model_file import NAME
     from hil.runs.run import Run
     from hil.view.scene import of_run
@@ -133,7 +135,7 @@ def _of_run(path: Path, model_path: Path | None, urdf: Path | None) -> Callable[
     run = Run.open(path)
     if model_path is None and (path / NAME).exists():
         model_path = path / NAME
-    model = _model(model_path, run.robot) if model_path else None
+    model = loaded(model_path, run.robot) if model_path else None
     return partial(of_run, run, model=model, visuals=_visuals(urdf, run.robot))
 
 
@@ -164,14 +166,6 @@ def _visuals(urdf: Path | None, robot: Robot) -> Sequence[Visual]:
     for each in found.left_out:
         say(each, style="yellow")
     return found.visuals
-
-
-def _model(path: Path, robot: Robot) -> Model:
-    from hil.results.model import Model
-
-    model = Model.load(path)
-    model.refuse_other_robot(robot, str(path))
-    return model
 
 
 def _is_plan(path: Path) -> bool:

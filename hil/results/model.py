@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from hil.arrays import Array
+    from hil.model.robot import Robot
     from hil.results.tables.terminal import Summary
 
 
@@ -281,6 +282,9 @@ class Model(IdentifiedRobot):
         return self.summary()._repr_html_()
 
 
-def loaded(model: Model | Path | str) -> Model:
-    """Return a model as it is, or by its file or the folder of its run."""
-    return model if isinstance(model, Model) else Model.load(model)
+def loaded(model: Model | Path | str, robot: Robot | None = None) -> Model:
+    """Return a model, by its file or the folder of its run; one of another `robot` is refused."""
+    found = model if isinstance(model, Model) else Model.load(model)
+    if robot is not None:
+        found.refuse_other_robot(robot, str(model))
+    return found
