@@ -93,7 +93,7 @@ def _of_all(
     names = base_parameters(robot).names
     joint, n = balanced(as_kinds(rates), names), len(names)
     fit, share = joint.regression.fit(cells=joint.cells), None
-    p, covariance = fit.x[:n], fit.covariance[:n, :n]
+    p, covariance = fit.x[:n], fit.covariance[:n, :n] + joint.beside
     if prior is not None:
         N = joint.regression.normal.information
         p, covariance, share = prior.completed(robot, N, p, covariance)

@@ -88,7 +88,7 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     fit = both.regression.fit(options.covariance, both.cells)
     n = len(names)
     p, covariance = fit.x[:n], fit.covariance[:n, :n]
-    covariance = covariance + covariance_of_gears(robot, raw, measured.drive_train, p)
+    covariance = covariance + both.beside + covariance_of_gears(robot, raw, measured.drive_train, p)
     fits, useless = local_fits(robot, measured.prepared)
     estimate = estimate_of(
         robot, "joint", fits, conditions(robot, fits), (*unusable, *useless), measured.solver, p,

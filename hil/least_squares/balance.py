@@ -11,8 +11,11 @@ changes the torque of the recorded motions least,
 
 the jackknife's variance of that torque (`hil.least_squares.uncertainty`). It also counts what
 single groups carry: a kind with few of them for an unknown is worth less than its residuals say.
-Q has the inner products of the recorded columns, each channel over the square of its torque. The
-own unknowns of each kind are eliminated first.
+What repeats with the motion shows in no group of time, but in cells of states; noise is in both, so
+of a kind that has cells the larger variance counts, as in its covariance. And what a kind alone
+would leave uncertain besides, B_k, comes to N^-1 c_k N_k B_k (N^-1 c_k N_k)' of all. Q has the
+inner products of the recorded columns, each channel over the square of its torque. The own unknowns
+of each kind are eliminated first.
 """
 
 from __future__ import annotations
@@ -34,17 +37,36 @@ if TYPE_CHECKING:
 
 
 class Kind(NamedTuple):
-    """A regression, and the same samples in cells of states, where the model's lacks show."""
+    """A regression, and what else its own samples leave uncertain.
+
+    Attributes
+    ----------
+    regression : Regression
+    cells : Blocks, optional
+        The same samples in cells of states, where the model's lacks show.
+    beside : ndarray, shape (n_shared, n_shared), optional
+        Covariance of the shared unknowns, were they found from this kind alone, that no group
+        shows, such as from one law of friction to another.
+    """
 
     regression: Regression
     cells: Blocks | None = None
+    beside: Array | None = None
 
 
-def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Kind:
+class Balanced(NamedTuple):
+    """One regression over kinds that count by factors; cells and covariance as of `Kind`."""
+
+    regression: Regression
+    cells: Blocks | None
+    beside: Array
+
+
+def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
     """One regression over the blocks of all, each with the unknowns that it kept.
 
-    Weights within a kind are residual variances of the solution of all; `factors` say how much a
-    kind counts.
+    Weights within a kind are residual variances of the solution of all; factors say how much a kind
+    counts.
 
     Parameters
     ----------
@@ -60,12 +82,15 @@ def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Kind:
     found = Regression.weighed(blocks, np.unique(np.concatenate(kept)))
     weights = np.split(found.weights, np.cumsum([part.blocks.n_channels for part in parts])[:-1])
     weighed = [replace(part, weights=own) for part, own in zip(parts, weights, strict=True)]
-    scaled = [c * own for c, own in zip(factors(weighed, shared), weights, strict=True)]
+    both = zip(kinds, weighed, strict=True)
+    shares = Shares([kind._replace(regression=part) for kind, part in both], shared)
+    c = shares.factors()
+    scaled = [ck * own for ck, own in zip(c, weights, strict=True)]
     cells = [kind.cells for kind in kinds if kind.cells is not None]
     joined = cells[0].joined(*cells[1:]) if cells else None
     if joined is not None:
         joined = joined.expanded(blocks.shared, blocks.own, blocks.channels)
-    return Kind(replace(found, weights=np.concatenate(scaled)), joined)
+    return Balanced(replace(found, weights=np.concatenate(scaled)), joined, shares.beside(c))
 
 
 def _places(of: Blocks, kept: Indices, among: Blocks) -> Indices:
@@ -74,35 +99,74 @@ def _places(of: Blocks, kept: Indices, among: Blocks) -> Indices:
     return np.array([order[names[k]] for k in kept], dtype=np.intp)
 
 
-def factors(parts: Sequence[Regression], shared: Sequence[str]) -> Array:
-    """Factors on the weights of regressions that share unknowns, shape (n_parts,); the last is 1.
+class Shares:
+    """What kinds of recordings say of the unknowns that they share.
 
     Parameters
     ----------
-    parts : sequence of Regression
+    kinds : sequence of Kind
+        Weighted.
     shared : sequence of str
-        Names of the unknowns that they share.
+        Names of the unknowns that they share; those of `Kind.beside` come first.
     """
-    shares = [_shares(part, shared) for part in parts]
-    Q = np.sum([_torque(part, shared) for part in parts], axis=0)
 
-    def factors_of(logarithms: Array) -> Array:
-        found: Array = np.exp(np.append(logarithms, 0.0))
+    def __init__(self, kinds: Sequence[Kind], shared: Sequence[str]) -> None:
+        self._groups = [
+            [_shares(part, shared) for part in (kind.regression, *_of_states(kind))]
+            for kind in kinds
+        ]
+        self._whole = [own[0].S.sum(axis=0) for own in self._groups]
+        self._vectors = [own[0].s.sum(axis=0) for own in self._groups]
+        self._beside = [kind.beside for kind in kinds]
+        self._Q = np.sum([_torque(kind.regression, shared) for kind in kinds], axis=0)
+
+    def factors(self) -> Array:
+        """Factors on the weights of the kinds, shape (n_kinds,); the last is 1."""
+
+        def spread(logarithms: Array) -> float:
+            return float(np.log(max(self._variance(_factors(logarithms)), np.finfo(float).tiny)))
+
+        start = np.zeros(len(self._groups) - 1)
+        return _factors(optimize.minimize(spread, start, method="Nelder-Mead").x)
+
+    def beside(self, c: Array) -> Array:
+        """Covariance of the shared unknowns from what no group shows, shape (n, n)."""
+        N = self._information(c)
+        total = np.zeros_like(N)
+        for ck, own, B in zip(c, self._whole, self._beside, strict=True):
+            if B is not None:
+                moved = solved(N, ck * own[:, : len(B)])
+                total += moved @ B @ moved.T
+        return total
+
+    def _information(self, c: Array) -> Array:
+        found: Array = np.tensordot(c, self._whole, 1)
         return found
 
-    def spread(logarithms: Array) -> float:
-        """Logarithm of the torque's variance."""
-        c = factors_of(logarithms)
-        groups = [each.times(ck) for ck, each in zip(c, shares, strict=True)]
-        N, v = (sum(x.sum(axis=0) for x in both) for both in zip(*groups, strict=True))
-        x, total = solved(N, v), 0.0
-        for S, s in groups:
-            d = solved_each(N - S, s - S @ x)
-            total += (len(d) - 1) / len(d) * float(np.einsum("gi,ij,gj->", d, Q, d))
-        return float(np.log(max(total, np.finfo(float).tiny)))
+    def _variance(self, c: Array) -> float:
+        """Of the torque."""
+        N = self._information(c)
+        x, total = solved(N, np.tensordot(c, self._vectors, 1)), self.beside(c)
+        for ck, own in zip(c, self._groups, strict=True):
+            of_groups = [_left_out(N, x, each.times(ck)) for each in own]
+            total += max(of_groups, key=lambda V: float(np.sum(self._Q * V)))
+        return float(np.sum(self._Q * total))
 
-    found = optimize.minimize(spread, np.zeros(len(parts) - 1), method="Nelder-Mead")
-    return factors_of(found.x)
+
+def _factors(logarithms: Array) -> Array:
+    found: Array = np.exp(np.append(logarithms, 0.0))
+    return found
+
+
+def _of_states(kind: Kind) -> tuple[Regression, ...]:
+    return () if kind.cells is None else (kind.regression.of(kind.cells),)
+
+
+def _left_out(N: Array, x: Array, groups: _Equations) -> Array:
+    """Covariance by leaving out groups in turn."""
+    d = solved_each(N - groups.S, groups.s - groups.S @ x)
+    found: Array = (len(d) - 1) / len(d) * d.T @ d
+    return found
 
 
 class _Equations(NamedTuple):

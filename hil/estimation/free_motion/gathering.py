@@ -14,7 +14,13 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
-from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choice
+from hil.estimation.free_motion.choice import (
+    TRIED,
+    choose,
+    covariance_of_choices,
+    usual,
+    without_choice,
+)
 from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
@@ -115,6 +121,12 @@ class Gathered:
     def products(self) -> Products:
         """Inner products of torques in SI, with columns of levels that change."""
         return self.drift.applied(self.scaling.applied(self.recorded))
+
+    @property
+    def beside(self) -> Array:
+        """Covariance of the base parameters from one law of friction to another."""
+        n = len(self.first)
+        return covariance_of_choices(self.products, self.choice)[:n, :n]
 
     def rescaled(self, fit: Fit) -> Gathered:
         """The same with unknown gains as a fit has them, near which they are linearised anew."""
@@ -255,7 +267,7 @@ def as_kinds(gathered: Sequence[Gathered]) -> list[Kind]:
         fitted, cells = each.choice.fitted(each.products), each.products.cells[each.choice.slowest]
         names = tuple(f"{name} import {number}" for name in cells.channels)
         blocks = replace(fitted.blocks.grouped(BLOCKS), channels=names)
-        kinds.append(Kind(fitted.of(blocks), replace(cells, channels=names)))
+        kinds.append(Kind(fitted.of(blocks), replace(cells, channels=names), each.beside))
     return kinds
 
 

@@ -56,6 +56,8 @@ class Evidence:
         Axes, from 0, whose gain the map leaves open.
     scale_open : bool
         Whether one more gain is, which was held at random.
+    beside : ndarray, shape (n_base, n_base), optional
+        As of `hil.least_squares.balance.Kind`.
     """
 
     kind: Literal["strokes", "free motions"]
@@ -66,6 +68,7 @@ class Evidence:
     cells: Blocks | None = None
     unknown: tuple[int, ...] = ()
     scale_open: bool = False
+    beside: Array | None = None
 
 
 def of_strokes(blocks: Blocks, loaded: Mask) -> Evidence:
@@ -123,5 +126,6 @@ def of_free_motions(robot: Robot, runs: Sequence[Gathered]) -> list[Evidence]:
             cells=cells.where(cells.counts.sum(axis=1) > 0),
             unknown=run.scaling.unknown,
             scale_open=run.scaling.unknown != run.found.unknown_gains,
+            beside=run.beside,
         ))  # fmt: skip
     return found

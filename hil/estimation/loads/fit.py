@@ -8,7 +8,9 @@ in which y is the torque as it was read, Qm that of the motors' rotors, K phi wh
 the base parameters (`hil.model.load`), F friction and d the relative change of an unknown gain g,
 linearised about the present solution (Gauss and Newton). All columns are combinations of those that
 a run of any kind gives (`evidence`), so runs of any kinds and number make one regression, each axis
-of each run weighted by what the solution leaves there. No run need identify anything by itself.
+of each run weighted by what the solution leaves there, and runs of different kinds by what leaving
+out their groups does to the torque (`hil.least_squares.balance`). No run need identify anything by
+itself.
 
 A gain that is off by a share makes all torques of its axis wrong by that share, and shows in no
 residual of a run: the base parameters take it up. The change that a known mass brings about is
@@ -50,6 +52,7 @@ from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling, gain_name
 from hil.estimation.intervals import MANY
 from hil.estimation.loads.figures import AxisMisfit, Chance, Load
+from hil.least_squares.balance import Kind, Shares
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
@@ -260,12 +263,26 @@ class _Joint:
         blocks = self._joined(self._totals)
         self.layout = blocks.layout
         self.weights = np.ones((1 + len(self._every), robot.n_joints))
+        self._factors = np.ones(len(self._every))
+        self._beside: Array | float = 0.0
         self._kept = self.layout.kept([
             list({self._named(s, name) for s, run in enumerate(self._every)
                   for name in run.terms[axis]})
             for axis in range(robot.n_joints)
         ])  # fmt: skip
         self._solve(blocks)
+        if not runs.alike and terms.name == "load":
+            shares, of = self._shares()
+            c = shares.factors()
+            self._factors, self._beside = (
+                c[of],
+                embedded(
+                    shares.beside(c),
+                    np.array([self.layout.at(name) for name in self._shared]),
+                    self.layout.size,
+                ),
+            )
+            self._solve(self._joined(self._totals))
         self.whole = self._regression(self._joined([run.blocks for run in self._every]))
 
     def _solve(self, blocks: Blocks) -> None:
@@ -278,7 +295,8 @@ class _Joint:
         for _ in range(ROUNDS):
             before, square = left, blocks.products[:n, :, 0, 0] / counts
             least = np.maximum(left, np.finfo(float).eps * square)
-            self.weights[:n] = np.divide(1.0, least, out=np.zeros_like(least), where=square > 0)
+            weights = self._factors[:, np.newaxis] / np.where(square > 0, least, np.inf)
+            self.weights[:n] = weights
             x = replace(self._regression(blocks), kept=kept).solution
             left = blocks.squares_left(x)[:n] / counts
             change = np.clip(x[own], -STRIDE, STRIDE)
@@ -290,6 +308,24 @@ class _Joint:
             if steady and np.all(np.abs(change) < CONVERGED):
                 break
             kept, blocks = self._kept, self._joined(self._totals)
+
+    def _shares(self) -> tuple[Shares, list[int]]:
+        """What runs of each kind say of the unknowns that all share, and the kind of each run."""
+        kinds = list(dict.fromkeys(run.kind for run in self._every))
+        of = [kinds.index(run.kind) for run in self._every]
+        found = []
+        for number in range(len(kinds)):
+            own = [(run, k == number) for run, k in zip(self._every, of, strict=True)]
+            blocks = self._joined([run.blocks if mine else None for run, mine in own])
+            cells = [run.cells if mine else None for run, mine in own]
+            of_states = self._regression(self._joined(cells)).blocks if any(cells) else None
+            beside = next(run.beside for run, mine in own if mine)
+            found.append(Kind(self._regression(blocks), of_states, beside))
+        return Shares(found, self._shared), of
+
+    @property
+    def _shared(self) -> list[str]:
+        return [name for names in self._names.values() for name in names]
 
     def places(self, kind: str) -> Indices:
         """Where unknowns stand: of "base" parameters, of the "load" or "change", of each "gain"."""
@@ -316,7 +352,7 @@ class _Joint:
             largest = np.maximum(np.diag(V), np.diag(of_states))
             V = correlation_of(V + of_states) * np.sqrt(np.outer(largest, largest))
         scattered = embedded(np.diag(V), self._kept, n)
-        V = embedded(V, self._kept, n) + self._of_drives()
+        V = embedded(V, self._kept, n) + self._of_drives() + self._beside
         # stated errors have as many degrees of freedom as one likes, and scatter has few
         ratio = np.divide(np.diag(V), scattered, out=np.ones(n), where=scattered > 0)
         return V, embedded(found.degrees_of_freedom, self._kept, n) * ratio**2

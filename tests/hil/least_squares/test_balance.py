@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.least_squares.balance import Kind, balanced, factors
+from hil.least_squares.balance import Kind, Shares, balanced
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.regression import Regression
 
@@ -14,20 +14,32 @@ TRUTH = np.array([3.0, -2.0])
 SAMPLES = 50
 
 
-def kind(
-    rng: np.random.Generator, name: str, groups: int = 20, within: float = 0.0, noise: float = 0.1
-) -> Regression:
-    """Regression of one channel whose groups have white noise, and an error each that repeats.
+def rows(
+    rng: np.random.Generator, groups: int = 20, within: float = 0.0, noise: float = 0.1
+) -> np.ndarray:
+    """Samples of groups that have white noise, and an error each that repeats.
 
     Columns are the same sign within a group, so what repeats there passes for a parameter.
     """
     W = np.abs(rng.normal(size=(groups, SAMPLES, 2))) * rng.choice([-1, 1], size=(groups, 1, 2))
     y = W @ TRUTH + within * rng.normal(size=(groups, 1))
     y += noise * rng.normal(size=y.shape)
-    rows = np.concatenate([y[..., np.newaxis], W, np.ones((groups, SAMPLES, 1))], axis=-1)
+    return np.concatenate([y[..., np.newaxis], W, np.ones((groups, SAMPLES, 1))], axis=-1)
+
+
+def blocks_of(rows: np.ndarray, name: str) -> Blocks:
     products = np.einsum("gni,gnj->gij", rows, rows)[:, np.newaxis]
-    counts = np.full((groups, 1), float(SAMPLES))
-    return Regression.weighed(Blocks(SHARED, ("offset",), products, counts, (name,)))
+    counts = np.full((len(rows), 1), float(rows.shape[1]))
+    return Blocks(SHARED, ("offset",), products, counts, (name,))
+
+
+def kind(rng: np.random.Generator, name: str, groups: int = 20, **errors: float) -> Regression:
+    """Regression of one channel."""
+    return Regression.weighed(blocks_of(rows(rng, groups, **errors), name))
+
+
+def factors(parts: list[Regression]) -> np.ndarray:
+    return Shares([Kind(part) for part in parts], SHARED).factors()
 
 
 @pytest.fixture
@@ -38,7 +50,7 @@ def rng() -> np.random.Generator:
 
 def test_kinds_that_are_alike_count_alike(rng: np.random.Generator) -> None:
     """White noise in both, the same number of groups."""
-    found = factors([kind(rng, "a", 200), kind(rng, "b", 200)], SHARED)
+    found = factors([kind(rng, "a", 200), kind(rng, "b", 200)])
     assert found[-1] == 1.0
     assert found[0] == pytest.approx(1.0, abs=0.4)
 
@@ -46,13 +58,13 @@ def test_kinds_that_are_alike_count_alike(rng: np.random.Generator) -> None:
 def test_what_repeats_within_groups_makes_a_kind_count_less(rng: np.random.Generator) -> None:
     """Residuals of both have about one size; errors of the first do not average within a group."""
     repeats, white = kind(rng, "a", within=0.3, noise=0.01), kind(rng, "b", noise=0.3)
-    assert factors([repeats, white], SHARED)[0] < 0.2
+    assert factors([repeats, white])[0] < 0.2
 
 
 def test_the_order_of_kinds_does_not_matter(rng: np.random.Generator) -> None:
     """Factors are ratios."""
     one, other = kind(rng, "a", within=0.2), kind(rng, "b")
-    forth, back = factors([one, other], SHARED), factors([other, one], SHARED)
+    forth, back = factors([one, other]), factors([other, one])
     assert forth[0] == pytest.approx(1.0 / back[0], rel=1e-3)
 
 
@@ -74,3 +86,27 @@ def test_each_kind_keeps_its_own_unknowns(rng: np.random.Generator) -> None:
     both = balanced([Kind(kind(rng, "a")), Kind(kind(rng, "b"))], SHARED)
     assert both.regression.layout.names == ("p1", "p2", "a offset", "b offset")
     assert both.cells is None
+
+
+def test_what_repeats_with_the_motion_makes_a_kind_count_less(rng: np.random.Generator) -> None:
+    """Groups of time each hold all states, in which the same is wrong every time."""
+    by_state = rows(rng, groups=6, within=0.3, noise=0.3)
+    by_time = np.stack([by_state[:, k::10].reshape(-1, 4) for k in range(10)])
+    one, other = Regression.weighed(blocks_of(by_time, "a")), Kind(kind(rng, "b", noise=0.3))
+    cells = blocks_of(by_state, "a")
+    hidden, shown = (
+        Shares([first, other], SHARED).factors()[0] for first in (Kind(one), Kind(one, cells))
+    )
+    assert shown < hidden / 2
+
+
+def test_what_no_group_shows_makes_a_kind_count_less_and_stays_in_the_covariance(
+    rng: np.random.Generator,
+) -> None:
+    one, other = kind(rng, "a", 200), kind(rng, "b", 200)
+    beside = 0.01**2 * np.eye(2)
+    both = [Kind(one, beside=beside), Kind(other)]
+    assert Shares(both, SHARED).factors()[0] < 0.7 * factors([one, other])[0]
+    left = balanced(both, SHARED).beside
+    assert (np.diag(left) > 0).all()
+    assert (np.diag(left) < np.diag(beside)).all()
