@@ -28,7 +28,7 @@ from scipy import special
 from hil.errors import NotIdentifiable, UnknownName
 from hil.estimation.excluded.battery import LEVEL, NOTHING, SPAN
 from hil.estimation.excluded.causes import CAUSES, FITTED, SHOWN_BY
-from hil.estimation.excluded.columns import Column, columns, with_whole_link
+from hil.estimation.excluded.columns import Column, columns
 from hil.estimation.excluded.finding import SAME, TOGETHER
 from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, recorded
 from hil.estimation.excluded.limits import POWER, noncentrality, smallest
@@ -239,7 +239,7 @@ class _Search:
         guard = self.plan.workspace
         robot = narrowed(self.robot, guard)
         if any(cause == "load" for cause, _ in self.keys):
-            robot = with_whole_link(robot, robot.n_joints - 1)
+            robot = robot.with_whole_links([robot.n_joints - 1])
         return [measurement for _, measurement, _ in strokes(robot, guard, EACH)]
 
     def _products(self, measurement: ParameterMeasurement) -> Array:
