@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
-from hil.estimation.free_motion.choice import TRIED, choose, usual, without_choice
+from hil.estimation.free_motion.choice import choose, usual, without_choice
 from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
@@ -30,6 +30,7 @@ from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import BLOCKS
 from hil.estimation.free_motion.survey import survey
 from hil.estimation.options import DEFAULTS
+from hil.friction.search import TRIED
 from hil.friction.terms import BENT, CLASSICAL
 from hil.least_squares.balance import Kind
 from hil.model.base_parameters import base_parameters

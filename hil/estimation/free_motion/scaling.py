@@ -43,8 +43,9 @@ import numpy as np
 from hil.errors import NotIdentifiable
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.accumulation import Products
-from hil.estimation.free_motion.choice import USUAL, kept_by, usual
+from hil.estimation.free_motion.choice import kept_by, usual
 from hil.estimation.free_motion.result import GainValue
+from hil.friction.terms import USUAL
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
