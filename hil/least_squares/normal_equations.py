@@ -93,12 +93,7 @@ class Normal:
         return found
 
 
-def reweighted(
-    weigh: Callable[[Array], Array],
-    first: Array,
-    rounds: int = 20,
-    tolerance: float | None = 1e-6,
-) -> Array:
+def reweighted(weigh: Callable[[Array], Array], first: Array, rounds: int = 20) -> Array:
     """Weights of rows, or their variances, and solution found from each other again and again.
 
     Parameters
@@ -109,13 +104,12 @@ def reweighted(
         Weights to begin with.
     rounds : int
         At most.
-    tolerance : float, optional
-        Relative change at which that ends before.
     """
     weights = first
     for _ in range(rounds):
         before, weights = weights, weigh(weights)
-        if tolerance is not None and np.allclose(before, weights, rtol=tolerance, atol=0.0):
+        # relative change at which that ends before
+        if np.allclose(before, weights, rtol=1e-6, atol=0.0):
             break
     return weights
 

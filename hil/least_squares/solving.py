@@ -183,14 +183,12 @@ def fitted(W: Array, y: Array) -> Array:
     return B @ (Q.T @ y)
 
 
-def eliminated(product: Array, k: int, rank: float = RANK) -> tuple[Array, int]:
+def eliminated(product: Array, k: int) -> tuple[Array, int]:
     """Inner products of columns with the span of the last `k` projected out, and its rank.
 
     Parameters
     ----------
     product : ndarray, shape (n + k, n + k)
-    rank : float
-        As of `inverse_root`.
 
     Returns
     -------
@@ -198,7 +196,7 @@ def eliminated(product: Array, k: int, rank: float = RANK) -> tuple[Array, int]:
     rank : int
     """
     n = len(product) - k
-    within = product[:n, n:] @ inverse_root(product[n:, n:], rank)
+    within = product[:n, n:] @ inverse_root(product[n:, n:])
     return product[:n, :n] - within @ within.T, within.shape[1]
 
 
