@@ -84,6 +84,11 @@ class Recording:
     along: Array | None = None
 
     @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Arrays that there are, by name."""
+        return {name: each for name in UNITS if (each := getattr(self, name)) is not None}
+
+    @property
     def slowed(self) -> Mask:
         """Samples after which a trajectory was not passed at its own pace, shape (n,)."""
         if self.along is None:
@@ -133,7 +138,7 @@ class Recording:
     @property
     def units(self) -> dict[str, str]:
         """Unit of each array by its name."""
-        return {name: unit for name, unit in UNITS.items() if getattr(self, name) is not None}
+        return {name: UNITS[name] for name in self.arrays}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Samples as a table with a column a joint (``q1``, ``tau1``, ...); needs pandas.
@@ -148,13 +153,10 @@ class Recording:
         import pandas as pd  # noqa: PLC0415 - needed for nothing else, and not installed along
 
         columns, units = {}, {}
-        for name, unit in UNITS.items():
-            array = getattr(self, name)
-            if array is None:
-                continue
-            parts = [("", array)] if array.ndim == 1 else enumerate(array.T, start=1)
+        for name, each in self.arrays.items():
+            parts = [("", each)] if each.ndim == 1 else enumerate(each.T, start=1)
             for joint, values in parts:
-                columns[f"{name}{joint}"], units[f"{name}{joint}"] = values, unit
+                columns[f"{name}{joint}"], units[f"{name}{joint}"] = values, UNITS[name]
         table = pd.DataFrame(columns)
         table.attrs["units"] = units
         return table
