@@ -14,7 +14,7 @@ that drives its axis, and motion of negative kinetic energy, each by more than n
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -302,14 +302,9 @@ def alternatives(
     slipped : int
         Axis whose slip explains most to first order, the only one that is tried.
     """
+    explain = partial(explained, robot, thin, more=fitted, dispersion=dispersion)
     found = [
-        Alternative(
-            cause,
-            axes,
-            np.nan,
-            np.nan,
-            explained(robot, thin, reading, fitted, dispersion=dispersion),
-        )
+        Alternative(cause, axes, np.nan, np.nan, explain(reading))
         for cause, axes, reading in discrete(robot, thin)
     ]
     for cause, axis in _sized(robot, sizes, slipped):
@@ -317,21 +312,12 @@ def alternatives(
         read = sized(robot, cause, axis, instant)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
         start = min(starts, key=lambda size, read=read: roughly(robot, thin, read(size), fitted))  # type: ignore[misc]
-        each = _searched(
-            lambda size, read=read: explained(  # type: ignore[misc]
-                robot, thin, read(size), fitted, dispersion=dispersion
-            ),
-            start,
-            starts,
-            stated.misfit,
-        )
+        each = _searched(lambda size, read=read: explain(read(size)), start, starts, stated.misfit)  # type: ignore[misc]
         if each is not None:
             size, bend, here = each
             error = float(np.sqrt(2.0 * dispersion / bend)) if bend > 0 else np.nan
-            name = cause if axis >= 0 else "gravity"
-            found.append(
-                Alternative(name, (axis,) if axis >= 0 else (), size, error, here, instant)
-            )
+            name, axes = (cause, (axis,)) if axis >= 0 else ("gravity", ())
+            found.append(Alternative(name, axes, size, error, here, instant))
     return [each for each in found if each.explained.possible]
 
 
