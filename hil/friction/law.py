@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class TermValue(FileModel):
-    """Coefficient of one term of friction [N m or N], and its standard error."""
+    """Coefficient of one term of friction [N m or N], or a like number, and its standard error."""
 
     value: float
     standard_error: float
