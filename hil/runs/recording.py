@@ -193,7 +193,7 @@ class Recorder:
 
     def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
         """Count samples from here on to this stroke of axis or partner, or group; `IDLE`: none."""
-        self._marks[what].append((self._n_samples, number))
+        self._marks[what].append((len(self._rows) // self._size, number))
 
     def finish(self) -> Recording:
         """Turn what was collected into arrays."""
@@ -210,10 +210,6 @@ class Recorder:
             group=_numbers(self._marks["group"], len(rows)) if "group" in self._marks else None,
             along=np.array(self._along) if self._along else None,
         )
-
-    @property
-    def _n_samples(self) -> int:
-        return len(self._rows) // self._size
 
     def _pack_first(self, *values: float) -> bytes:
         n_joints = (len(values) - 1) // 3

@@ -118,10 +118,6 @@ def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key,
     }
 
 
-def _typical(battery: Battery) -> float:
-    return max(float(np.median([each.dispersion for each in battery.common.values()])), 1.0)
-
-
 @cache
 def chance(rank: int, n_tests: int) -> float:
     """Chi square that the best of so many tests of a rank has by chance."""
@@ -250,7 +246,8 @@ class _Instead:
 
     @cached_property
     def _scatter(self) -> float:
-        return _typical(self.battery)
+        each = [common.dispersion for common in self.battery.common.values()]
+        return max(float(np.median(each)), 1.0)
 
     def _gain(self, each: Explained, n: int) -> float:
         """What a reading, or columns, with `n` unknowns explain."""

@@ -148,10 +148,12 @@ def choose(
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
             load = whole.layout.at("load", axis)
             halves = {law: error.sum() for law, error in by_halves.errors(kept).items()}
+            # a gear of which friction took more than the load would not move, and one of which it
+            # took less than nothing would push: such a solution makes up for something else
             found = held_out.errors({
                 law: each for law, each in kept.items()
                 if len(tried) == 1
-                or (halves[law] <= halves[tried[0]] and _is_friction(total.solution(each)[load]))
+                or (halves[law] <= halves[tried[0]] and 0.0 <= total.solution(each)[load] < 1.0)
             })  # fmt: skip
             laws[axis] = simplest(found, n)
             errors.append(relative_errors(found, laws[axis]))
@@ -162,15 +164,6 @@ def choose(
             break
     weights = Regression.weighed(fitted, kept_laws).weights
     return Choice(slowest, tuple(laws), tuple(errors), weights)
-
-
-def _is_friction(share: float) -> bool:
-    """Whether friction takes a share from 0 to 1 of the load.
-
-    A gear that took more would not move, and one that took less would push: such a solution makes
-    up for something else.
-    """
-    return 0.0 <= share < 1.0
 
 
 def dead_zone_of(products: Products, weights: Array) -> int:
