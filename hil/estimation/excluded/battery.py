@@ -110,7 +110,7 @@ class Common(NamedTuple):
     degrees: float
 
 
-class _Axis(NamedTuple):
+class _AxisColumns(NamedTuple):
     """Columns that show the noise of an axis, of all axes where it is none: which, and the rows.
 
     Those are beside what is estimated; `alike` are the correlations of the columns' dispersions,
@@ -212,10 +212,10 @@ class Battery:
         }
 
     @cached_property
-    def _axes(self) -> dict[int, _Axis]:
+    def _axes(self) -> dict[int, _AxisColumns]:
         return {axis: self._of(axis) for axis in np.unique(self._axis).tolist()}
 
-    def _of(self, axis: int) -> _Axis:
+    def _of(self, axis: int) -> _AxisColumns:
         e = self.evidence
         columns = np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
         left = self._left[:, columns]
@@ -225,7 +225,7 @@ class Battery:
         square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
         length = np.sqrt(np.diag(square)) if len(columns) else np.zeros(0)
         groups = np.unique(e.group[(e.axis == axis) | (axis < 0)])
-        return _Axis(columns, left, square / np.outer(length, length), len(groups))
+        return _AxisColumns(columns, left, square / np.outer(length, length), len(groups))
 
     def _basis(self, columns: Sequence[int]) -> tuple[Indices, Array]:
         """Visible ones of some columns, and by which they are orthonormal, shape (k, rank)."""
