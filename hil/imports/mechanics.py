@@ -95,7 +95,7 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
     every = [
-        (explained(robot, thin, reading), cause, axes, words, reading)
+        (stated.instead(reading), cause, axes, words, reading)
         for cause, axes, words, reading in _readings(robot, thin)
     ]
     driven = int(stated.driven.argmax())
