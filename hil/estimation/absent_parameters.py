@@ -38,12 +38,9 @@ from hil.least_squares.uncertainty import correlation_of, leave_one_out
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from hil.arrays import Array
-    from hil.estimation.signals import Signals
+    from hil.estimation.simultaneous import Prepared
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion
 
 
 SIGNIFICANCE = 0.001
@@ -135,7 +132,7 @@ class ModelErrors:
         return total
 
 
-def examine(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -> ModelErrors:
+def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     """Test every link parameter that `robot` leaves out, and those that it states."""
     whole = robot.with_whole_links()
     K = base_parameters(whole).matrix

@@ -40,15 +40,10 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from hil.estimation.estimate import Estimate
     from hil.estimation.options import Options
     from hil.model.robot import Robot
-    from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
-
-    Recorded = Iterable[tuple[RecordedMotion, Recording]]
+    from hil.runs.recording import Recorded
 
 
 def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> Estimate:

@@ -16,13 +16,17 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     import pandas as pd
     from numpy.typing import NDArray
 
     from drivers.drive_bus import Sample
     from hil.arrays import Array, Mask, Numbers
+    from hil.planning.measurement import RecordedMotion
+
+    Recorded = Iterable[tuple[RecordedMotion, "Recording"]]
+    """Motions with their recordings, as estimators take them."""
 
 CHANCE = 1e-6
 """Of a sound recording to show what counts as wrong by chance alone."""

@@ -50,9 +50,7 @@ if TYPE_CHECKING:
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
-
-    Recorded = Iterable[tuple[RecordedMotion, Recording]]
+    from hil.runs.recording import Recorded, Recording
 
 
 class Selected:
