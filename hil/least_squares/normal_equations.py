@@ -20,11 +20,7 @@ from hil.least_squares.solving import solved
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from hil.arrays import Array
-
-    Indices = NDArray[np.intp]
+    from hil.arrays import Array, Indices
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -29,7 +29,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
 
 
 Number = TypeVar("Number", np.float64, np.complex128)
@@ -103,16 +103,16 @@ def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
     return root @ root.T
 
 
-def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> NDArray[np.bool_]:
+def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mask:
     """Unknowns with a part in directions that are not determined, shape (n,)."""
     _, values, vectors = _scaled(N, size)
     part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
     # part of an unknown in directions that are not determined, from which on it is not either
-    found: NDArray[np.bool_] = part > 1e-3
+    found: Mask = part > 1e-3
     return found
 
 
-def undetermined_beside(N: Array, n: int) -> NDArray[np.bool_]:
+def undetermined_beside(N: Array, n: int) -> Mask:
     """Of the first `n` unknowns those that are not `IDENTIFIABLE` beside all others, shape (n,).
 
     What elimination of the others leaves is compared with what there was before.
@@ -251,7 +251,7 @@ def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
     return scale, values, vectors
 
 
-def _determined(values: Array, rank: float) -> NDArray[np.bool_]:
+def _determined(values: Array, rank: float) -> Mask:
     """Which of the eigenvalues of R, from the smallest, belong to determined directions."""
-    found: NDArray[np.bool_] = values > rank * max(1.0, values.max(initial=0.0))
+    found: Mask = values > rank * max(1.0, values.max(initial=0.0))
     return found
