@@ -38,8 +38,7 @@ def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> A
     """
     tail = 0.5 + level / 2
     squares = special.stdtrit(degrees, tail) ** 2 * scatter + special.ndtri(tail) ** 2 * stated
-    half: Array = np.sqrt(squares)
-    return half
+    return np.sqrt(squares)
 
 
 def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:

@@ -85,8 +85,7 @@ class Normal:
 
     def scores(self, x: Array) -> Array:
         """What each block's own equations leave at `x`, shape (n_blocks, n)."""
-        found: Array = self.v - self.N @ x
-        return found
+        return self.v - self.N @ x
 
 
 def reweighted(weigh: Callable[[Array], Array], first: Array, rounds: int = 20) -> Array:

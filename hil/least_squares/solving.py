@@ -63,16 +63,14 @@ def solved(N: Array, side: Array) -> Array:
     """
     scale = _to_unit(np.diag(N))
     scaled = N * np.outer(scale, scale) + RIDGE * np.eye(len(N))
-    solution: Array = (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
-    return solution
+    return (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
 
 
 def solved_each(N: Array, sides: Array) -> Array:
     """The same of a stack of equations, shapes (k, n, n) and (k, n)."""
     scale = _to_unit(np.diagonal(N, axis1=1, axis2=2))
     scaled = N * scale[:, :, np.newaxis] * scale[:, np.newaxis] + RIDGE * np.eye(N.shape[-1])
-    solutions: Array = np.linalg.solve(scaled, (sides * scale)[..., np.newaxis])[..., 0] * scale
-    return solutions
+    return np.linalg.solve(scaled, (sides * scale)[..., np.newaxis])[..., 0] * scale
 
 
 def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
@@ -93,8 +91,7 @@ def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Arr
     """
     scale, values, vectors = _scaled(N, size)
     kept = _determined(values, rank)
-    root: Array = scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(values[kept])
-    return root
+    return scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(values[kept])
 
 
 def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
@@ -240,8 +237,7 @@ def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array,
 def _to_unit(squares: Array) -> Array:
     """Reciprocal lengths of columns, from their squares; zero for those that are silent."""
     heard = squares > SILENT**2 * squares.max(axis=-1, initial=0.0, keepdims=True)
-    scale: Array = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
-    return scale
+    return np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
 
 
 def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:

@@ -47,8 +47,7 @@ class LoadColumns:
     @property
     def shown(self) -> Array:
         """Change of the base parameters by each free parameter, shape (n_base, n_free)."""
-        shown: Array = self.K @ self.free
-        return shown
+        return self.K @ self.free
 
     @property
     def without_mass(self) -> Array:

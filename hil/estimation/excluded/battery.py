@@ -197,8 +197,7 @@ class Battery:
         return found
 
     def _by_group(self, rows: Array) -> Array:
-        found: Array = np.add.reduceat(rows, self._starts, axis=0)
-        return found
+        return np.add.reduceat(rows, self._starts, axis=0)
 
     @cached_property
     def common(self) -> dict[int, Common]:
@@ -241,8 +240,7 @@ class Battery:
     def gram(self, columns: Sequence[int]) -> Array:
         """Inner products of some columns beside what is estimated, zero of those in its span."""
         left = self._left[:, columns] * self.visible[list(columns)]
-        found: Array = left.T @ left
-        return found
+        return left.T @ left
 
     def drop(self, columns: Sequence[int]) -> tuple[float, int]:
         """Part of the weighted sum of squares that a cause explains, and its rank."""

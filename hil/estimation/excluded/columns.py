@@ -104,8 +104,7 @@ class _Rows:
         self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
 
     def _own(self, x: Array) -> Array:
-        found: Array = np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
-        return found
+        return np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
 
     def torque(self, *motion: Array) -> Array:
         """Of the rigid bodies, each row that of its axis."""

@@ -263,8 +263,7 @@ class _Search:
         """Inner products of the named columns beside all that is estimated, shape (..., m, m)."""
         m = len(self.names)
         inner = N[..., m:, m:] + RIDGE * np.eye(N.shape[-1] - m)
-        found: Array = N[..., :m, :m] - N[..., :m, m:] @ np.linalg.solve(inner, N[..., m:, :m])
-        return found
+        return N[..., :m, :m] - N[..., :m, m:] @ np.linalg.solve(inner, N[..., m:, :m])
 
     def _left(self, S: Array) -> Array:
         """Information of each column beside each other cause, shape (..., m, n_causes).
@@ -370,8 +369,7 @@ class _Search:
 
 def _excess(wanted: Array, there: Array) -> Array:
     """Logarithm by which a size exceeds the one that is wanted, by information on both."""
-    found: Array = np.maximum(np.log(np.maximum(wanted, TINY) / there), 0.0) / 2
-    return found
+    return np.maximum(np.log(np.maximum(wanted, TINY) / there), 0.0) / 2
 
 
 def _with(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:

@@ -43,8 +43,7 @@ def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | N
 
 def _under_way(recording: Recording) -> Array:
     moving = under_way(recording.stroke, recording.group)
-    tau: Array = recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
-    return tau
+    return recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
 
 
 def share_at_top(size: Array) -> float:

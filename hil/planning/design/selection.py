@@ -144,8 +144,7 @@ class Selection:
     def _costs(self) -> Array:
         """Duration of each option with the way to it [s]."""
         way = np.where(np.isfinite(self._way), self._way, 0.0)
-        costs: Array = self._durations + way + SETTLING
-        return costs
+        return self._durations + way + SETTLING
 
 
 def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:
