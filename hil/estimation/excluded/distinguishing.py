@@ -34,10 +34,9 @@ from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, 
 from hil.estimation.excluded.limits import POWER, noncentrality, smallest
 from hil.estimation.excluded.words import in_words, name_of, unit_of
 from hil.estimation.signals import signals
-from hil.planning.design.by_counts import TRAVEL
 from hil.planning.design.by_minutes import lasting, numbered, ordered
 from hil.planning.design.candidates import strokes
-from hil.planning.design.tour import guarded_tour
+from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.timetable import SETTLING, travel_times
 from hil.planning.workspace import narrowed
@@ -377,5 +376,5 @@ def _with(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
     named = numbered(ordered(robot, more), {each.id for each in plan.measurements})
     every = [*plan.measurements, *named]
     if plan.workspace is not None:
-        every = guarded_tour(narrowed(robot, plan.workspace), plan.workspace, every, TRAVEL)
+        every = guarded_tour(narrowed(robot, plan.workspace), plan.workspace, every)
     return plan.model_copy(update={"measurements": tuple(every)})
