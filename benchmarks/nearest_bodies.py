@@ -23,7 +23,6 @@ import numpy as np
 from figures import Figure, keep
 from scipy import sparse
 
-from hil.estimation.absent_parameters import complete
 from hil.estimation.consistent.conditions import BodyBounds, tightened
 from hil.estimation.consistent.nearest import nearest_robot
 from hil.model.base_parameters import base_parameters
@@ -49,11 +48,12 @@ def independent_distance(
     """d^2 by SCS: unknown are x of p' = p + L x and all standard parameters."""
     import scs
 
-    K = base_parameters(complete(robot)).matrix
+    whole = robot.with_whole_links()
+    K = base_parameters(whole).matrix
     T, root = K @ base_parameters(robot).placement, np.linalg.cholesky(covariance)
     norms = np.linalg.norm(K, axis=0)
     unit = 1.0 / np.where(norms > 0, norms, 1.0)
-    asked = tightened(complete(robot), bounds)
+    asked = tightened(whole, bounds)
     asked.sort(key=lambda each: len(each.constant))
     equal = np.hstack([T @ root, -K * unit])
     below = [

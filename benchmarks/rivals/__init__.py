@@ -12,9 +12,10 @@ from .variants import VARIANTS, fit_trajectories, trajectories
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
-    from hil.estimation.identify import Identify, Recorded
+    from hil.estimation.identify import Identify
     from hil.estimation.options import Options
     from hil.model.robot import Robot
+    from hil.runs.recording import Recorded
 
 
 def _conventional(name: str) -> Identify:

@@ -36,15 +36,11 @@ from hil.least_squares.solving import (
 )
 from hil.least_squares.uncertainty import correlation_of, leave_one_out
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import Robot
-from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from hil.arrays import Array
-    from hil.estimation.signals import Signals
-    from hil.planning.measurement import ParameterMotion
+    from hil.estimation.simultaneous import Prepared
+    from hil.model.robot import Robot
 
 
 SIGNIFICANCE = 0.001
@@ -136,17 +132,9 @@ class ModelErrors:
         return total
 
 
-def complete(robot: Robot) -> Robot:
-    """Return the robot with all ten parameters of every link, nothing tied."""
-    joints = tuple(j.model_copy(update={"parameters": LINK_PARAMETERS}) for j in robot.file.joints)
-    return Robot(
-        robot.file.model_copy(update={"joints": joints, "ties": ()}), robot.source, robot.text
-    )
-
-
-def examine(robot: Robot, prepared: Sequence[tuple[ParameterMotion, Signals]]) -> ModelErrors:
+def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     """Test every link parameter that `robot` leaves out, and those that it states."""
-    whole = complete(robot)
+    whole = robot.with_whole_links()
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
     shares = SimultaneousFit(whole, prepared).shares

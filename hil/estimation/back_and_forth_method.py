@@ -25,13 +25,10 @@ from hil.estimation.options import DEFAULTS
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from hil.estimation.back_and_forth.halves import Halves
     from hil.least_squares.regression import Covariance
     from hil.model.robot import Robot
-    from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Recorded
 
 NONE = (
     "no axis that moves back and forth by itself among the recordings; import some with kind:"
@@ -42,7 +39,7 @@ OTHER = "no axis that moves back and forth by itself; this method takes no other
 
 def fit_back_and_forth(
     robot: Robot,
-    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    recorded: Recorded,
     covariance: Covariance = DEFAULTS.covariance,
 ) -> Estimate:
     """Identify base parameters, and read friction off, without a law of friction.
@@ -108,9 +105,7 @@ def fit_back_and_forth(
     )
 
 
-def _condensed(
-    robot: Robot, recorded: Iterable[tuple[RecordedMotion, Recording]]
-) -> tuple[list[Halves], list[LeftOut]]:
+def _condensed(robot: Robot, recorded: Recorded) -> tuple[list[Halves], list[LeftOut]]:
     """All recordings of which pairs are of use, and what is left out."""
     found, others, useless = [], [], []
     for motion, recording in recorded:

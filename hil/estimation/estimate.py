@@ -118,8 +118,7 @@ class Estimate:
     @property
     def standard_error(self) -> Array:
         """Standard errors of `p` from both kinds of error, shape (n_base,)."""
-        errors: Array = np.sqrt(np.diag(self.covariance) + np.diag(self.drive_covariance))
-        return errors
+        return np.sqrt(np.diag(self.covariance) + np.diag(self.drive_covariance))
 
     @property
     def correlation(self) -> Array:

@@ -36,22 +36,21 @@ with suppress(ModuleNotFoundError):  # there may be no Numba
     from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import FreeSolver
     from hil.estimation.options import Options
     from hil.estimation.prior import Prior
     from hil.model.robot import Robot
-    from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Recorded
 
 FEW = "too few samples"
 
 
 def fit_free_motions(
     robot: Robot,
-    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    recorded: Recorded,
     name: str = DEFAULT,
     options: Options = DEFAULTS,
 ) -> Estimate:

@@ -41,8 +41,7 @@ class Sinusoid:
 
     def at(self, angle: Array) -> Array:
         """Torque at angles [rad]."""
-        torque: Array = self.mean + self.cosine * np.cos(angle) + self.sine * np.sin(angle)
-        return torque
+        return self.mean + self.cosine * np.cos(angle) + self.sine * np.sin(angle)
 
     @property
     def amplitude(self) -> float:
@@ -157,5 +156,4 @@ def models(errors: ModelErrors) -> tuple[Array, Array]:
 
 
 def _torque(errors: ModelErrors, q: Array, axis: int, p: Array) -> Array:
-    torque: Array = gravity_torque(errors.complete, p, q)[:, axis]
-    return torque
+    return gravity_torque(errors.complete, p, q)[:, axis]

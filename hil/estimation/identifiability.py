@@ -18,12 +18,8 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.local_values import LocalFit
-    from hil.estimation.signals import Signals
-    from hil.estimation.simultaneous import SimultaneousFit
+    from hil.estimation.simultaneous import Prepared, SimultaneousFit
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion
-
-    Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
 """Why parameters count as not identified."""

@@ -17,16 +17,15 @@ from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.options import Options
     from hil.estimation.two_step_methods import TwoStepMethod
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Recorded
 
-    Recorded = Iterable[tuple[RecordedMotion, Recording]]
     Identify = Callable[[Robot, Recorded, Options], Estimate]
 
 

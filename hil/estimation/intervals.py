@@ -38,8 +38,7 @@ def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> A
     """
     tail = 0.5 + level / 2
     squares = special.stdtrit(degrees, tail) ** 2 * scatter + special.ndtri(tail) ** 2 * stated
-    half: Array = np.sqrt(squares)
-    return half
+    return np.sqrt(squares)
 
 
 def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
@@ -58,11 +57,11 @@ def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
     return found
 
 
-def degrees_behind(ratio: float, level: float = 0.95) -> float:
-    """Degrees of freedom with which a half-width is `ratio` standard errors."""
+def degrees_behind(ratio: float) -> float:
+    """Degrees of freedom with which a half-width of 95 % is `ratio` standard errors."""
     from scipy import optimize  # noqa: PLC0415 - takes long to load, and half-widths need none
 
     def excess(degrees: float) -> float:
-        return float(special.stdtrit(degrees, 0.5 + level / 2)) - ratio
+        return float(special.stdtrit(degrees, 0.975)) - ratio
 
     return float(optimize.brentq(excess, 1.0, MANY)) if excess(MANY) < 0 < excess(1.0) else MANY

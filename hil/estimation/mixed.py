@@ -40,27 +40,10 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     from hil.estimation.estimate import Estimate
     from hil.estimation.options import Options
     from hil.model.robot import Robot
-    from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
-
-    Recorded = Iterable[tuple[RecordedMotion, Recording]]
-
-
-class _Kind:
-    """Recordings of one kind, again and again."""
-
-    def __init__(self, recorded: Recorded, *, imported: bool) -> None:
-        self._recorded, self._imported = recorded, imported
-
-    def __iter__(self) -> Iterator[tuple[RecordedMotion, Recording]]:
-        for motion, recording in self._recorded:
-            if isinstance(motion, FreeMotion) == self._imported:
-                yield motion, recording
+    from hil.runs.recording import Recorded
 
 
 def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> Estimate:
@@ -71,13 +54,12 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     NotEnoughData, NotIdentifiable
         As the methods of each kind.
     """
-    raw, unusable = prepare(_Kind(recorded, imported=False))
+    own = (each for each in recorded if not isinstance(each[0], FreeMotion))
+    raw, unusable = prepare(own)
     robot = with_reached_limits(robot, raw)
     measured = joint(robot, raw, options.nuisance)
     strokes, names = Kind(measured.solver.regression), base_parameters(robot).names
-    imported = gather_rates(
-        robot, _Kind(recorded, imported=True), VARIANTS[DEFAULT], options, measured.solver.solve()
-    )
+    imported = gather_rates(robot, recorded, VARIANTS[DEFAULT], options, measured.solver.solve())
     unknown = any(each.scaling.unknown for each in imported)
     # two rounds of Gauss and Newton's method for unknown gains: it squares the error of a first
     # gain, which is a few percent beside parameters of strokes

@@ -113,7 +113,8 @@ def _pieces(robot: Robot, used: Prepared, joint: SimultaneousFit) -> Iterator[_P
 def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) -> list[list[_Sums]]:
     """Sums of each axis, one for each kind of measurement that it moved in."""
     n_base = len(base_parameters(robot))
-    x, inverse = _solution(joint)
+    x, matrix = joint.shares.solution(), joint.shares.information
+    inverse = solved(matrix, np.eye(len(matrix)))
     metric = inverse_root(inverse[:n_base, :n_base]).T
     squares: dict[tuple[int, str], list[Array]] = defaultdict(list)
     for piece in pieces:
@@ -132,12 +133,6 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) ->
         square, white_sum, wander_sum, spread = np.sum(parts, axis=0).tolist()
         found[axis].append(_Sums(square, white_sum, wander_sum, white_sum**2 / spread))
     return found
-
-
-def _solution(joint: SimultaneousFit) -> tuple[Array, Array]:
-    """All unknowns, and the inverse of the information."""
-    matrix = joint.shares.information
-    return joint.shares.solution(), solved(matrix, np.eye(len(matrix)))
 
 
 def _likeliest(sums: Sequence[_Sums], white: float, walk: float) -> tuple[float, float]:

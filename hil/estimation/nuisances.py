@@ -108,10 +108,10 @@ class State:
     direction: Indices
 
     @classmethod
-    def of(cls, n: int, *, late: bool = False, soft: bool = False) -> State:
-        """All lags unknown or none, all gears soft or rigid, all friction turning round at once."""
-        zero = np.zeros(n, dtype=np.intp)
-        return cls(np.zeros(n), np.full(n, late), np.full(n, soft), zero)
+    def of(cls, n: int, *, late: bool = False) -> State:
+        """All lags unknown or none, all gears rigid, all friction turning round at once."""
+        rigid, at_once = np.zeros(n, dtype=bool), np.zeros(n, dtype=np.intp)
+        return cls(np.zeros(n), np.full(n, late), rigid, at_once)
 
     def with_one(self, what: str, axis: int, value: int = 1) -> State:
         """The same with `late`, `soft` or `direction` of one axis changed."""

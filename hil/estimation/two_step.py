@@ -22,9 +22,7 @@ from hil.planning.measurement import ELEMENT_KINDS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.estimation.local_values import LocalFit
     from hil.model.robot import Robot
 
@@ -63,7 +61,7 @@ class TwoStep:
         of_rotors = [self._chain(-self._motor * (self._axis == j), everything) for j in axes]
         return np.array([*of_constants, *of_rotors]).T
 
-    def _chain(self, values: Array, used: NDArray[np.bool_]) -> Array:
+    def _chain(self, values: Array, used: Mask) -> Array:
         """Fit one group after the other, each less what the ones before contribute."""
         p = np.zeros(self._n_base)
         for group in GROUPS:

@@ -43,9 +43,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Indices, Mask
     from hil.model.robot import Robot
 
 
@@ -172,7 +170,7 @@ def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
     return away & steady
 
 
-def place(robot: Robot, axis: int) -> NDArray[np.intp]:
+def place(robot: Robot, axis: int) -> Indices:
     """Where base parameters and an axis's common terms stand among all unknowns."""
     return axis_place(len(base_parameters(robot)), N_COMMON, axis)
 

@@ -27,14 +27,12 @@ from hil.least_squares.uncertainty import TWICE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.model.robot import Robot
 
 
 class TermValue(FileModel):
-    """Coefficient of one term of friction [N m or N], and its standard error."""
+    """Coefficient of one term of friction [N m or N], or a like number, and its standard error."""
 
     value: float
     standard_error: float
@@ -148,7 +146,7 @@ class AxisLaw(FileModel):
         return np.array([each.value for each in self.terms.values()])
 
     @property
-    def directed(self) -> NDArray[np.bool_]:
+    def directed(self) -> Mask:
         """Terms of the level, which change their sign with the direction, shape (n_terms,)."""
         return np.isin(list(self.terms), DIRECTED)
 

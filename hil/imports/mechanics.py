@@ -37,7 +37,6 @@ from hil.estimation.excluded.result import located
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
-from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Signals
     from hil.estimation.simultaneous import Prepared
     from hil.imports.evidence import Excerpt
+    from hil.model.robot import Robot
 
 PLACES = {
     "wrong sign of a position": ("position", "sign"),
@@ -95,7 +95,7 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
     every = [
-        (explained(robot, thin, reading), cause, axes, words, reading)
+        (stated.instead(reading), cause, axes, words, reading)
         for cause, axes, words, reading in _readings(robot, thin)
     ]
     driven = int(stated.driven.argmax())
@@ -154,8 +154,7 @@ def _left(
     robot: Robot, excerpts: Sequence[Excerpt], reading: Reading, solver: SimultaneousFit
 ) -> float:
     """Share of the mean squares that a reading leaves if it is taken at its word."""
-    file = robot.file.model_copy(update={"gravity": tuple(reading.gravity.tolist())})
-    turned = Robot(file, robot.source, robot.text)
+    turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
     return float(np.exp(np.log(solver.weight / SimultaneousFit(turned, read).weight).mean()))
 

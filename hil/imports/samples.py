@@ -203,14 +203,11 @@ def _side_by_side(
     FileError
         One stream has more rows than another.
     """
-    waiting: list[Array | None] = [None] * len(streams)
+    rest = [np.empty(0)] * len(streams)
     while True:
         waiting = [
-            following if block is None else block
-            for block, following in (
-                (block, next(stream, None) if block is None else None)
-                for block, stream in zip(waiting, streams, strict=True)
-            )
+            block if len(block) else next(stream, None)
+            for block, stream in zip(rest, streams, strict=True)
         ]
         present = [block for block in waiting if block is not None]
         if not present:
@@ -223,6 +220,6 @@ def _side_by_side(
             raise FileError(
                 f"{longer}: has more rows than {shorter}; files side by side need equal rows"
             )
-        n = min(len(block) for block in present)
+        n = min(map(len, present))
         yield [block[:n] for block in present]
-        waiting = [block[n:] if len(block) > n else None for block in present]
+        rest = [block[n:] for block in present]

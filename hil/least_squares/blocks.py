@@ -11,9 +11,10 @@ Blocks add up over groups. They follow any change of columns without another pas
     [y W] -> [y W] T    so    P -> T' P T,
 
 which is how unknown gains, drifting levels and a load beside a known robot enter. Columns that
-belong to a group alone are eliminated from its block by orthogonal projection (Frisch, Waugh and
-Lovell). So recordings of any kind and rate make one regression: what they share are the unknowns of
-the same names; an axis whose torque was recorded in two ways is two channels.
+belong to a group alone are eliminated by whoever makes its block (`hil.least_squares.solving`) by
+orthogonal projection (Frisch, Waugh and Lovell). So recordings of any kind and rate make one
+regression: what they share are the unknowns of the same names; an axis whose torque was recorded in
+two ways is two channels.
 """
 
 from __future__ import annotations
@@ -25,7 +26,6 @@ import numpy as np
 
 from hil.least_squares.layout import Layout, axis_names
 from hil.least_squares.normal_equations import Normal, successive
-from hil.least_squares.solving import eliminated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -220,23 +220,6 @@ class Blocks:
             for beside, other in _runs(place, kept):
                 products[..., to, beside] = self.products[..., of, other]
         return replace(self, shared=(*stay, *new), products=products)
-
-    def eliminated(self, *names: str) -> Blocks:
-        """Blocks in which some columns have coefficients of each group alone."""
-        local = self.place(*names)
-        kept = np.setdiff1d(np.arange(self.products.shape[-1]), local)
-        order = np.concatenate([kept, local])
-        products = np.zeros((*self.products.shape[:2], len(kept), len(kept)))
-        counts = self.counts.copy()
-        for group, channel in zip(*np.nonzero(self.counts), strict=True):
-            whole = self.products[group, channel][np.ix_(order, order)]
-            products[group, channel], rank = eliminated(whole, len(local))
-            counts[group, channel] -= rank
-        shared, own = (
-            tuple(name for name in names_of if name not in names)
-            for names_of in (self.shared, self.own)
-        )
-        return replace(self, shared=shared, own=own, products=products, counts=counts)
 
     def normal(self, weights: Array) -> Normal:
         """Normal equations of all unknowns by group, channels weighted by `weights`."""

@@ -20,11 +20,7 @@ from hil.least_squares.solving import solved
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
-    from hil.arrays import Array
-
-    Indices = NDArray[np.intp]
+    from hil.arrays import Array, Indices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,16 +85,10 @@ class Normal:
 
     def scores(self, x: Array) -> Array:
         """What each block's own equations leave at `x`, shape (n_blocks, n)."""
-        found: Array = self.v - self.N @ x
-        return found
+        return self.v - self.N @ x
 
 
-def reweighted(
-    weigh: Callable[[Array], Array],
-    first: Array,
-    rounds: int = 20,
-    tolerance: float | None = 1e-6,
-) -> Array:
+def reweighted(weigh: Callable[[Array], Array], first: Array, rounds: int = 20) -> Array:
     """Weights of rows, or their variances, and solution found from each other again and again.
 
     Parameters
@@ -109,13 +99,12 @@ def reweighted(
         Weights to begin with.
     rounds : int
         At most.
-    tolerance : float, optional
-        Relative change at which that ends before.
     """
     weights = first
     for _ in range(rounds):
         before, weights = weights, weigh(weights)
-        if tolerance is not None and np.allclose(before, weights, rtol=tolerance, atol=0.0):
+        # relative change at which that ends before
+        if np.allclose(before, weights, rtol=1e-6, atol=0.0):
             break
     return weights
 

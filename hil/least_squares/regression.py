@@ -41,7 +41,7 @@ from scipy import special
 
 from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import reweighted
-from hil.least_squares.solving import condition, inverse, undetermined_beside
+from hil.least_squares.solving import condition, inverse
 from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
@@ -53,7 +53,7 @@ from hil.least_squares.uncertainty import (
 )
 
 if TYPE_CHECKING:
-    from hil.arrays import Array, Indices, Mask
+    from hil.arrays import Array, Indices
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.layout import Layout
     from hil.least_squares.normal_equations import Normal
@@ -80,16 +80,6 @@ class Uncertainty(NamedTuple):
 def least_squares(equations: Normal) -> tuple[Normal, Array]:
     """Solve all groups' equations, as they are."""
     return equations, equations.solution()
-
-
-def by_groups_and_cells(groups: Normal, cells: Normal, x: Array) -> Uncertainty:
-    """Uncertainty of a solution by leaving out groups, and what scatters over cells."""
-    changes = left_out(groups.N, groups.scores(x))
-    influence = cells.scores(x) @ inverse(groups.information)
-    influence = influence[cells.square > 0]
-    of_cells = scatter(influence, few=True)
-    degrees = effective_degrees(np.vstack([changes, influence]) ** 2)
-    return Uncertainty(jackknife(changes) + of_cells, degrees, of_cells)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,10 +160,6 @@ class Regression:
         """All unknowns, shape (n,)."""
         return embedded(self._solved[1], self.kept, self.layout.size)
 
-    def undetermined(self, n: int) -> Mask:
-        """Of the first `n` unknowns those that the groups leave open beside all others."""
-        return undetermined_beside(self.normal.information, n)
-
     def uncertainty(
         self,
         covariance: Covariance = "jackknife",
@@ -193,13 +179,11 @@ class Regression:
         """
         normal = self.normal if most is None else self.normal.grouped(most)
         x = self.solution[self.kept]
-        if cells is not None and covariance == "jackknife":
-            return by_groups_and_cells(normal, cells.normal(self.weights).only(self.kept), x)
-        inverted = inverse(self.normal.information)
+        inverted = inverse(normal.information)
         degrees = degrees_if_white(inverted, normal.N)
-        of_cells = np.zeros_like(inverted)
         if covariance == "jackknife":
-            found = jackknife(left_out(normal.N, normal.scores(x)))
+            changes = left_out(normal.N, normal.scores(x))
+            found = jackknife(changes)
         elif covariance == "clusters":
             found = sandwich(inverted, scatter(normal.scores(x), few=True))
         elif covariance == "CR2":
@@ -208,10 +192,13 @@ class Regression:
             found = inverted
             freedom = self.blocks.counts.sum() - len(self.kept)
             degrees = np.full(len(x), max(float(freedom), 1.0))
-        if cells is not None:
-            other = cells.normal(self.weights).only(self.kept)
-            influence = other.scores(x) @ inverted
-            of_cells = scatter(influence[other.square > 0], few=True)
+        if cells is None:
+            return Uncertainty(found, degrees, np.zeros_like(found))
+        other = cells.normal(self.weights).only(self.kept)
+        influence = (other.scores(x) @ inverted)[other.square > 0]
+        of_cells = scatter(influence, few=True)
+        if covariance == "jackknife":
+            degrees = effective_degrees(np.vstack([changes, influence]) ** 2)
         return Uncertainty(found + of_cells, degrees, of_cells)
 
     def fit(
@@ -230,7 +217,6 @@ class Regression:
             degrees_of_freedom=embedded(error.degrees_of_freedom, self.kept, n),
             residual=np.sqrt(self.blocks.mean_squares(self.solution)),
             condition=condition(self.normal.information),
-            n_groups=len(self.blocks),
         )
 
 
@@ -287,8 +273,6 @@ class Fit(ByName):
         Root mean square of what is left of each channel.
     condition : float
         Of the weighted columns at unit length.
-    n_groups : int
-        Groups behind it.
     """
 
     layout: Layout
@@ -298,7 +282,6 @@ class Fit(ByName):
     degrees_of_freedom: Array
     residual: Array
     condition: float
-    n_groups: int
 
     @cached_property
     def _found(self) -> dict[str, tuple[float, float]]:

@@ -29,7 +29,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
 
 
 Number = TypeVar("Number", np.float64, np.complex128)
@@ -63,16 +63,14 @@ def solved(N: Array, side: Array) -> Array:
     """
     scale = _to_unit(np.diag(N))
     scaled = N * np.outer(scale, scale) + RIDGE * np.eye(len(N))
-    solution: Array = (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
-    return solution
+    return (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
 
 
 def solved_each(N: Array, sides: Array) -> Array:
     """The same of a stack of equations, shapes (k, n, n) and (k, n)."""
     scale = _to_unit(np.diagonal(N, axis1=1, axis2=2))
     scaled = N * scale[:, :, np.newaxis] * scale[:, np.newaxis] + RIDGE * np.eye(N.shape[-1])
-    solutions: Array = np.linalg.solve(scaled, (sides * scale)[..., np.newaxis])[..., 0] * scale
-    return solutions
+    return np.linalg.solve(scaled, (sides * scale)[..., np.newaxis])[..., 0] * scale
 
 
 def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
@@ -93,8 +91,7 @@ def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Arr
     """
     scale, values, vectors = _scaled(N, size)
     kept = _determined(values, rank)
-    root: Array = scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(values[kept])
-    return root
+    return scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(values[kept])
 
 
 def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
@@ -103,16 +100,16 @@ def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
     return root @ root.T
 
 
-def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> NDArray[np.bool_]:
+def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mask:
     """Unknowns with a part in directions that are not determined, shape (n,)."""
     _, values, vectors = _scaled(N, size)
     part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
     # part of an unknown in directions that are not determined, from which on it is not either
-    found: NDArray[np.bool_] = part > 1e-3
+    found: Mask = part > 1e-3
     return found
 
 
-def undetermined_beside(N: Array, n: int) -> NDArray[np.bool_]:
+def undetermined_beside(N: Array, n: int) -> Mask:
     """Of the first `n` unknowns those that are not `IDENTIFIABLE` beside all others, shape (n,).
 
     What elimination of the others leaves is compared with what there was before.
@@ -183,14 +180,12 @@ def fitted(W: Array, y: Array) -> Array:
     return B @ (Q.T @ y)
 
 
-def eliminated(product: Array, k: int, rank: float = RANK) -> tuple[Array, int]:
+def eliminated(product: Array, k: int) -> tuple[Array, int]:
     """Inner products of columns with the span of the last `k` projected out, and its rank.
 
     Parameters
     ----------
     product : ndarray, shape (n + k, n + k)
-    rank : float
-        As of `inverse_root`.
 
     Returns
     -------
@@ -198,7 +193,7 @@ def eliminated(product: Array, k: int, rank: float = RANK) -> tuple[Array, int]:
     rank : int
     """
     n = len(product) - k
-    within = product[:n, n:] @ inverse_root(product[n:, n:], rank)
+    within = product[:n, n:] @ inverse_root(product[n:, n:])
     return product[:n, :n] - within @ within.T, within.shape[1]
 
 
@@ -242,8 +237,7 @@ def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array,
 def _to_unit(squares: Array) -> Array:
     """Reciprocal lengths of columns, from their squares; zero for those that are silent."""
     heard = squares > SILENT**2 * squares.max(axis=-1, initial=0.0, keepdims=True)
-    scale: Array = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
-    return scale
+    return np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
 
 
 def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
@@ -253,7 +247,7 @@ def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
     return scale, values, vectors
 
 
-def _determined(values: Array, rank: float) -> NDArray[np.bool_]:
+def _determined(values: Array, rank: float) -> Mask:
     """Which of the eigenvalues of R, from the smallest, belong to determined directions."""
-    found: NDArray[np.bool_] = values > rank * max(1.0, values.max(initial=0.0))
+    found: Mask = values > rank * max(1.0, values.max(initial=0.0))
     return found

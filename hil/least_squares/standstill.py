@@ -14,9 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
 
 
 SPAN = 0.1
@@ -51,7 +49,7 @@ def extent(q: Array, period: float) -> Extent:
     return Extent(means.min(axis=0), means.max(axis=0), noise)
 
 
-def moving(extents: Sequence[Extent]) -> NDArray[np.bool_]:
+def moving(extents: Sequence[Extent]) -> Mask:
     """Axes that move, of the extents of all recordings: shape (n_joints,)."""
     low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
     reach = high.max(axis=0) - low.min(axis=0)

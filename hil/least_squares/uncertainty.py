@@ -84,14 +84,12 @@ def scatter(scores: Array, *, few: bool = False) -> Array:
     """
     n = len(scores)
     spread = scores - scores.mean(axis=0) if few else scores
-    meat: Array = spread.T @ spread * (n / max(n - 1, 1) if few else 1.0)
-    return meat
+    return spread.T @ spread * (n / max(n - 1, 1) if few else 1.0)
 
 
 def sandwich(inverse: Array, meat: Array) -> Array:
     """Covariance of x, shape (n, n), from the inverse of N and the right-hand side's covariance."""
-    covariance: Array = inverse @ meat @ inverse.T
-    return covariance
+    return inverse @ meat @ inverse.T
 
 
 def classical(J: Array, variance: float) -> Array:
@@ -217,5 +215,4 @@ def correlation_of(covariance: Array) -> Array:
     variance = np.diag(covariance)
     finite = np.isfinite(variance) & (variance > 0)
     scale = np.where(finite, 1.0, 0.0) / np.sqrt(np.where(finite, variance, 1.0))
-    found: Array = np.where(np.isfinite(covariance), covariance, 0.0) * np.outer(scale, scale)
-    return found
+    return np.where(np.isfinite(covariance), covariance, 0.0) * np.outer(scale, scale)

@@ -43,8 +43,7 @@ def correlated(x: Array, taps: Array) -> Array:
 def widened(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
     """Samples within `reach` of those of a mask; `beyond`: what the mask is outside its ends."""
     count = np.cumsum(np.pad(mask, (reach + 1, reach), constant_values=beyond))
-    found: Mask = count[2 * reach + 1 :] > count[: -2 * reach - 1]
-    return found
+    return count[2 * reach + 1 :] > count[: -2 * reach - 1]
 
 
 def half_window(period: float) -> int:

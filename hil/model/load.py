@@ -7,7 +7,6 @@ those of the ten that the robot file calls present there, tied as it ties them.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -16,11 +15,11 @@ import numpy as np
 
 from hil.errors import NoLoad
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
     from hil.arrays import Array
+    from hil.model.robot import Robot
 
 
 MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
@@ -48,8 +47,7 @@ class LoadColumns:
     @property
     def shown(self) -> Array:
         """Change of the base parameters by each free parameter, shape (n_base, n_free)."""
-        shown: Array = self.K @ self.free
-        return shown
+        return self.K @ self.free
 
     @property
     def without_mass(self) -> Array:
@@ -90,18 +88,3 @@ def load_columns(robot: Robot) -> LoadColumns:
         )
     absent = zip(LINK_PARAMETERS, names, strict=True)
     return LoadColumns(K, free, tuple(short for short, name in absent if name not in robot.present))
-
-
-def with_whole_last_link(robot: Robot) -> Robot:
-    """The same robot with all ten parameters of the last link present, none tied.
-
-    Robot files leave out what the bare last link does not have; a load that is mounted beside its
-    axis has first moments and products of inertia all the same. Itself, where nothing is left out.
-    """
-    number, file = str(robot.n_joints), robot.file
-    ties = tuple(tie for tie in file.ties if number not in re.findall(r"\d+", tie))
-    if set(file.joints[-1].parameters) == set(LINK_PARAMETERS) and ties == file.ties:
-        return robot
-    last = file.joints[-1].model_copy(update={"parameters": LINK_PARAMETERS})
-    whole = file.model_copy(update={"joints": (*file.joints[:-1], last), "ties": ties})
-    return Robot(whole, robot.source, robot.text)

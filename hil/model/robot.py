@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,10 +27,10 @@ from hil.model.drive_train_file import UNKNOWN
 from hil.model.readers.robot_draft import robot_as_stated
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot_arrays import RobotArrays
-from hil.model.robot_file import EARTH, RobotFile, split_tie
+from hil.model.robot_file import EARTH, LINK_PARAMETERS, RobotFile, split_tie
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     Problem = tuple[tuple[str | int, ...], str]
 
@@ -144,17 +144,33 @@ class Robot(RobotArrays):
         limits : mapping of str to sequence (n_joints,) of float
             By key of the file, such as ``velocity_limit``; those that it states stay.
         """
-        joints = tuple(
-            joint.model_copy(
-                update={
-                    key: float(values[axis])
-                    for key, values in limits.items()
-                    if getattr(joint, key) == UNKNOWN
-                }
-            )
+        return self.with_joints({
+            axis: {
+                key: float(values[axis])
+                for key, values in limits.items()
+                if getattr(joint, key) == UNKNOWN
+            }
             for axis, joint in enumerate(self.file.joints)
+        })  # fmt: skip
+
+    def with_whole_links(self, links: Iterable[int] | None = None) -> Robot:
+        """Return the same robot with all ten parameters of all or some links (from 0), not tied."""
+        whole = set(range(self.n_joints) if links is None else links)
+        own = {f"{name}{link + 1}" for name in LINK_PARAMETERS for link in whole}
+        ties = tuple(tie for tie in self.file.ties if not own & set(split_tie(tie)))
+        joints = {link: {"parameters": LINK_PARAMETERS} for link in whole}
+        return self.with_joints(joints).changed(ties=ties)
+
+    def with_joints(self, changes: Mapping[int, Mapping[str, object]]) -> Robot:
+        """Return the same robot with keys of some joints, from 0, changed."""
+        joints = enumerate(self.file.joints)
+        return self.changed(
+            joints=tuple(joint.model_copy(update=changes.get(axis, {})) for axis, joint in joints)
         )
-        return Robot(self.file.model_copy(update={"joints": joints}), self.source, self.text)
+
+    def changed(self, **keys: object) -> Robot:
+        """Return the same robot with keys of its file changed, unchecked; its digest differs."""
+        return replace(self, file=self.file.model_copy(update=keys))
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n_joints} joints>"

@@ -80,8 +80,7 @@ def check_lag(trajectory: Trajectory, robot: Robot, following: Following) -> Ite
 
 def _lags(trajectory: Trajectory, following: Following) -> Array:
     t = np.linspace(0.0, trajectory.period, SAMPLES, endpoint=False)
-    lags: Array = np.abs(trajectory.motion(t)[1]) * following.lag
-    return lags
+    return np.abs(trajectory.motion(t)[1]) * following.lag
 
 
 def _longest(beyond: Array) -> int:

@@ -10,7 +10,6 @@ parallel to its axes. A turned obstacle takes several boxes.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator, model_validator
@@ -85,8 +84,5 @@ def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:
     """Return `robot` with the workspace's joint ranges, for checks only: its digest differs."""
     if workspace is None or not workspace.ranges:
         return robot
-    joints = list(robot.file.joints)
-    for joint, (low, high) in workspace.ranges.items():
-        update = {"q_min": low, "q_max": high}
-        joints[joint - 1] = joints[joint - 1].model_copy(update=update)
-    return replace(robot, file=robot.file.model_copy(update={"joints": tuple(joints)}))
+    ranges = workspace.ranges.items()
+    return robot.with_joints({k - 1: {"q_min": low, "q_max": high} for k, (low, high) in ranges})

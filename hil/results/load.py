@@ -25,7 +25,7 @@ from hil.estimation.two_step_methods import as_asked, prepare, prepared_for
 from hil.friction.law import friction_torque
 from hil.least_squares.regression import ByName
 from hil.model.base_parameters import base_parameters
-from hil.model.load import FIRST_MOMENTS, load_columns, with_whole_last_link
+from hil.model.load import FIRST_MOMENTS, load_columns
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.candidates import weighed
 from hil.planning.design.load import WithoutLoad
@@ -308,7 +308,7 @@ def _beside_axis(
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
     if not newly or runs.unknown:
         return fit, found
-    wider = with_whole_last_link(runs.robot)
+    wider = runs.robot.with_whole_links([runs.robot.n_joints - 1])
     fit_wider = runs.fit(wider)
     beside = fit_wider()
     error = np.sqrt(np.diag(beside.covariance))[newly]

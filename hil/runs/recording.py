@@ -16,13 +16,17 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     import pandas as pd
     from numpy.typing import NDArray
 
     from drivers.drive_bus import Sample
     from hil.arrays import Array, Mask, Numbers
+    from hil.planning.measurement import RecordedMotion
+
+    Recorded = Iterable[tuple[RecordedMotion, "Recording"]]
+    """Motions with their recordings, as estimators take them."""
 
 CHANCE = 1e-6
 """Of a sound recording to show what counts as wrong by chance alone."""
@@ -84,6 +88,11 @@ class Recording:
     along: Array | None = None
 
     @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Arrays that there are, by name."""
+        return {name: each for name in UNITS if (each := getattr(self, name)) is not None}
+
+    @property
     def slowed(self) -> Mask:
         """Samples after which a trajectory was not passed at its own pace, shape (n,)."""
         if self.along is None:
@@ -133,7 +142,7 @@ class Recording:
     @property
     def units(self) -> dict[str, str]:
         """Unit of each array by its name."""
-        return {name: unit for name, unit in UNITS.items() if getattr(self, name) is not None}
+        return {name: UNITS[name] for name in self.arrays}
 
     def to_dataframe(self) -> pd.DataFrame:
         """Samples as a table with a column a joint (``q1``, ``tau1``, ...); needs pandas.
@@ -148,13 +157,10 @@ class Recording:
         import pandas as pd  # noqa: PLC0415 - needed for nothing else, and not installed along
 
         columns, units = {}, {}
-        for name, unit in UNITS.items():
-            array = getattr(self, name)
-            if array is None:
-                continue
-            parts = [("", array)] if array.ndim == 1 else enumerate(array.T, start=1)
+        for name, each in self.arrays.items():
+            parts = [("", each)] if each.ndim == 1 else enumerate(each.T, start=1)
             for joint, values in parts:
-                columns[f"{name}{joint}"], units[f"{name}{joint}"] = values, unit
+                columns[f"{name}{joint}"], units[f"{name}{joint}"] = values, UNITS[name]
         table = pd.DataFrame(columns)
         table.attrs["units"] = units
         return table
@@ -191,7 +197,7 @@ class Recorder:
 
     def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
         """Count samples from here on to this stroke of axis or partner, or group; `IDLE`: none."""
-        self._marks[what].append((self._n_samples, number))
+        self._marks[what].append((len(self._rows) // self._size, number))
 
     def finish(self) -> Recording:
         """Turn what was collected into arrays."""
@@ -208,10 +214,6 @@ class Recorder:
             group=_numbers(self._marks["group"], len(rows)) if "group" in self._marks else None,
             along=np.array(self._along) if self._along else None,
         )
-
-    @property
-    def _n_samples(self) -> int:
-        return len(self._rows) // self._size
 
     def _pack_first(self, *values: float) -> bytes:
         n_joints = (len(values) - 1) // 3

@@ -78,8 +78,7 @@ def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
     FileError
         The file cannot be written.
     """
-    every = {field.name: getattr(measured.recording, field.name) for field in fields(Recording)}
-    arrays = {name: array for name, array in every.items() if array is not None}
+    arrays = measured.recording.arrays
     meta: dict[str, str | int] = {
         "format": FORMAT,
         "measurement": measured.measurement.model_dump_json(),
@@ -183,8 +182,7 @@ def _with_groups(measurement: RecordedMotion, recording: Recording) -> Recording
 
 def checksum_of(recording: Recording) -> str:
     """Digest of a recording's arrays alone, in hexadecimal."""
-    every = {field.name: getattr(recording, field.name) for field in fields(Recording)}
-    return _checksum({name: array for name, array in every.items() if array is not None}, {})
+    return _checksum(recording.arrays, {})
 
 
 def _checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:

@@ -137,8 +137,7 @@ def _plain(recordings: Sequence[Halves], around: Array) -> dict[str, TermValue]:
     if len(whole) == 1:
         return {}
     found = leave_one_out(whole[:, n:, n:], whole[:, n:, :n] @ around)
-    rows = zip(CLASSICAL, found.x, np.diag(found.covariance), strict=True)
-    return {name: TermValue.estimated(value, variance) for name, value, variance in rows}
+    return TermValue.named(CLASSICAL, found.x, found.covariance)
 
 
 def samples(robot: Robot, recordings: Sequence[Halves]) -> Blocks:

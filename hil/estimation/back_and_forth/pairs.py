@@ -71,8 +71,7 @@ class Pairs:
     def weights(self) -> Array:
         """Samples that each half is worth, shape (n_rows,): reciprocal variances for unit ones."""
         forth, back = map(np.bincount, self.rows)
-        found: Array = 4.0 / (1.0 / forth + 1.0 / back)
-        return found
+        return 4.0 / (1.0 / forth + 1.0 / back)
 
     def halves(self, x: Array) -> Array:
         """Half-sums and half-differences, shape (2, n_rows, k), of filtered columns, (n, k)."""

@@ -34,7 +34,6 @@ import numpy as np
 from scipy import special
 
 from hil.errors import NotRealisable
-from hil.estimation.absent_parameters import complete
 from hil.estimation.consistent.conditions import BodyBounds, conditions, tightened
 from hil.estimation.consistent.likely_bodies import likely_bodies
 from hil.estimation.consistent.result import BindingCondition, ConsistentRobot, LinkBody
@@ -81,7 +80,7 @@ def nearest_robot(
         No bodies meet the conditions, or none could be found in double precision.
     """
     bounds = bounds or BodyBounds()
-    whole = complete(robot)
+    whole = robot.with_whole_links()
     asked = tightened(whole, bounds)
     expected = likely_bodies(robot) if likely is None else likely
     space = Space.of(robot, whole, p, covariance, expected)

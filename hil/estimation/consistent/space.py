@@ -131,15 +131,11 @@ class Space:
         if condition.link is None:
             size = float(np.abs(condition.weights * self._unit).max())
             return Inequality(constant / size, weights / size)
-        back = _back(self.likely[condition.link])
+        # makes the body's pseudo-inertia the unit matrix
+        back = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(self.likely[condition.link])))
         return Inequality(
             back @ constant @ back.T, np.einsum("ij,jkn,lk->iln", back, weights, back)
         )
-
-
-def _back(body: Array) -> Array:
-    """Inverse of the root of a body's pseudo-inertia: makes this the unit matrix."""
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(pseudo_inertia(body))))
 
 
 def _units(likely: Array, n_added: int) -> Array:

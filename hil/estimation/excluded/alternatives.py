@@ -116,6 +116,8 @@ class Explained:
     ----------
     robot, evidence, reading
         What it is of; the evidence is without channels' own columns.
+    more : ndarray, shape (n, k), optional
+        Columns that stay free.
     misfit : float
         sum n_a log s_a^2: differences of it are chi squares.
     left : ndarray, shape (n_channels,)
@@ -134,6 +136,7 @@ class Explained:
     robot: Robot
     evidence: Evidence
     reading: Reading
+    more: Array | None
     misfit: float
     left: Array
     p: Array
@@ -141,6 +144,12 @@ class Explained:
     counts: Array
     residual: Array
     dispersion: float
+
+    def instead(self, reading: Reading, rounds: int = ROUNDS) -> Explained:
+        """What another reading makes of it."""
+        return explained(
+            self.robot, self.evidence, reading, self.more, rounds, dispersion=self.dispersion
+        )
 
     @cached_property
     def driven(self) -> Array:
@@ -229,6 +238,7 @@ def explained(
         robot=robot,
         evidence=evidence,
         reading=reading,
+        more=more,
         misfit=float(counts @ np.log(left)),
         left=left,
         p=x[:n_base],
@@ -242,11 +252,6 @@ def explained(
 def _beyond(n: int) -> float:
     """Square of a standard normal that is the greatest of `n` in one direction in 5 %."""
     return float(special.ndtri(LEVEL / n)) ** 2
-
-
-def roughly(robot: Robot, evidence: Evidence, reading: Reading, more: Array) -> float:
-    """Misfit of a reading, nearly."""
-    return explained(robot, evidence, reading, more, ROUGHLY).misfit
 
 
 def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:
@@ -275,26 +280,15 @@ def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable
 
 
 def alternatives(
-    robot: Robot,
-    thin: Evidence,
-    fitted: Array,
-    stated: Explained,
-    dispersion: float,
-    sizes: dict[tuple[str, int], float],
-    slipped: int,
+    stated: Explained, sizes: dict[tuple[str, int], float], slipped: int
 ) -> list[Alternative]:
     """All that could be instead of what is stated, and is possible.
 
     Parameters
     ----------
-    thin : Evidence
-        Some `ROWS` of each channel.
-    fitted : ndarray, shape (n, k)
-        Columns that stay free under each.
     stated : Explained
-        What is stated, on these.
-    dispersion : float
-        Of misfits, which noise that is not white makes greater.
+        What is stated, on some `ROWS` of each channel; its dispersion is that of misfits, which
+        noise that is not white makes greater.
     sizes : dict
         Sizes of causes to first order, which are tried too. Of a cause of one column that has none
         the estimate spans the column: what another size explains is the difference between
@@ -302,50 +296,37 @@ def alternatives(
     slipped : int
         Axis whose slip explains most to first order, the only one that is tried.
     """
+    robot = stated.robot
     found = [
-        Alternative(
-            cause,
-            axes,
-            np.nan,
-            np.nan,
-            explained(robot, thin, reading, fitted, dispersion=dispersion),
-        )
-        for cause, axes, reading in discrete(robot, thin)
+        Alternative(cause, axes, np.nan, np.nan, stated.instead(reading))
+        for cause, axes, reading in discrete(robot, stated.evidence)
     ]
     for cause, axis in _sized(robot, sizes, slipped):
-        instant = _instant(robot, thin, fitted, axis) if cause == "slip" else 0.0
+        instant = _instant(stated, axis) if cause == "slip" else 0.0
         read = sized(robot, cause, axis, instant)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
-        start = min(starts, key=lambda size, read=read: roughly(robot, thin, read(size), fitted))  # type: ignore[misc]
-        each = _searched(
-            lambda size, read=read: explained(  # type: ignore[misc]
-                robot, thin, read(size), fitted, dispersion=dispersion
-            ),
-            start,
-            starts,
-            stated.misfit,
-        )
+        each = _searched(stated, read, starts)
         if each is not None:
             size, bend, here = each
-            error = float(np.sqrt(2.0 * dispersion / bend)) if bend > 0 else np.nan
-            name = cause if axis >= 0 else "gravity"
-            found.append(
-                Alternative(name, (axis,) if axis >= 0 else (), size, error, here, instant)
-            )
+            error = float(np.sqrt(2.0 * stated.dispersion / bend)) if bend > 0 else np.nan
+            name, axes = (cause, (axis,)) if axis >= 0 else ("gravity", ())
+            found.append(Alternative(name, axes, size, error, here, instant))
     return [each for each in found if each.explained.possible]
 
 
-def _instant(robot: Robot, thin: Evidence, fitted: Array, axis: int) -> float:
+def _instant(stated: Explained, axis: int) -> float:
     """Instant at which a slip of an axis explains most, roughly and then between two."""
+    time = stated.evidence.time
 
     def best(tried: Sequence[float]) -> float:
         return min(
-            (roughly(robot, thin, sized(robot, "slip", axis, each)(size), fitted), each)
+            (stated.instead(read(size), ROUGHLY).misfit, each)
             for each in tried
+            for read in [sized(stated.robot, "slip", axis, each)]
             for size in STARTS["slip"]
         )[1]
 
-    rough = [float(thin.time.min()), *instants(thin), float(thin.time.max())]
+    rough = [float(time.min()), *instants(stated.evidence), float(time.max())]
     place = rough.index(best(rough[1:-1]))
     return best(np.linspace(rough[place - 1], rough[place + 1], len(rough)).tolist()[1:-1])
 
@@ -377,17 +358,18 @@ def _sized(
 
 
 def _searched(
-    read: Callable[[float], Explained], start: float, starts: list[float], stated: float
+    stated: Explained, read: Callable[[float], Reading], starts: list[float]
 ) -> tuple[float, float, Explained] | None:
-    """The size about `start` that explains most, the misfit's second derivative, what it explains.
+    """The size about the best start that explains most, the misfit's second derivative, and what.
 
     None if the start explains no more than what is stated.
     """
 
-    def misfit(size: float) -> float:
-        return read(size).misfit
+    def misfit(size: float, rounds: int = ROUNDS) -> float:
+        return stated.instead(read(size), rounds).misfit
 
-    if misfit(start) >= stated:
+    start = min(starts, key=lambda size: misfit(size, ROUGHLY))
+    if misfit(start) >= stated.misfit:
         return None
     every = sorted({*starts, 0.0})
     place = every.index(start)
@@ -400,6 +382,6 @@ def _searched(
             misfit, bounds=bounds, method="bounded", options={"xatol": 1e-3 * reach, "maxiter": 25}
         ).x
     )
-    here, step = read(size), 0.01 * reach
+    here, step = stated.instead(read(size)), 0.01 * reach
     bend = (misfit(size + step) + misfit(size - step) - 2.0 * here.misfit) / step**2
     return size, bend, here

@@ -110,6 +110,19 @@ class Common(NamedTuple):
     degrees: float
 
 
+class _AxisColumns(NamedTuple):
+    """Columns that show the noise of an axis, of all axes where it is none: which, and the rows.
+
+    Those are beside what is estimated; `alike` are the correlations of the columns' dispersions,
+    white noise within groups, and `n_groups` are the groups with rows of the axis.
+    """
+
+    columns: Indices
+    left: Array
+    alike: Array
+    n_groups: int
+
+
 class Battery:
     """Tests of all columns beside base parameters, channels' own columns and causes given."""
 
@@ -184,54 +197,34 @@ class Battery:
         return found
 
     def _by_group(self, rows: Array) -> Array:
-        found: Array = np.add.reduceat(rows, self._starts, axis=0)
-        return found
+        return np.add.reduceat(rows, self._starts, axis=0)
 
     @cached_property
     def common(self) -> dict[int, Common]:
         """What the causes of each axis have in common; those of no axis are as all are."""
         scores = self._by_group(self._left * self._enlarged[:, :1])
         return {
-            int(axis): self._shared(
-                int(axis), own, scores[:, own], self.shares[:, own], self.information[own]
+            axis: self._shared(
+                axis, own, scores[:, own], self.shares[:, own], self.information[own]
             )
-            for axis in np.unique(self._axis)
-            for own in [self._of(int(axis))]
+            for axis, (own, *_) in self._axes.items()
         }
 
     @cached_property
-    def _n_groups(self) -> dict[int, int]:
-        """Groups with rows of an axis; of all axes where it is none."""
+    def _axes(self) -> dict[int, _AxisColumns]:
+        return {axis: self._of(axis) for axis in np.unique(self._axis).tolist()}
+
+    def _of(self, axis: int) -> _AxisColumns:
         e = self.evidence
-        return {
-            int(axis): len(np.unique(e.group[(e.axis == axis) | (axis < 0)]))
-            for axis in np.unique(self._axis)
-        }
-
-    def _of(self, axis: int) -> Indices:
-        """Columns that show the noise of an axis; of all axes where it is none."""
-        return np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
-
-    @cached_property
-    def _columns(self) -> dict[int, Array]:
-        """Columns that show the noise of each axis, beside what is estimated."""
-        return {int(axis): self._left[:, self._of(int(axis))] for axis in np.unique(self._axis)}
-
-    @cached_property
-    def _alike(self) -> dict[int, Array]:
-        """Correlations of columns' dispersions, white noise within groups, by axis.
-
-        Dispersions are quadratic forms of the groups' scores, of which those of columns i and j
-        have the covariance I_kij.
-        """
-        found = {}
-        for axis in np.unique(self._axis):
-            own = self._of(axis)
-            unit = self._columns[int(axis)] / np.sqrt(self.information[own])
-            square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
-            length = np.sqrt(np.diag(square)) if len(own) else np.zeros(0)
-            found[int(axis)] = square / np.outer(length, length)
-        return found
+        columns = np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
+        left = self._left[:, columns]
+        unit = left / np.sqrt(self.information[columns])
+        # dispersions are quadratic forms of the groups' scores, of which those of columns i and j
+        # have the covariance I_kij
+        square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
+        length = np.sqrt(np.diag(square)) if len(columns) else np.zeros(0)
+        groups = np.unique(e.group[(e.axis == axis) | (axis < 0)])
+        return _AxisColumns(columns, left, square / np.outer(length, length), len(groups))
 
     def _basis(self, columns: Sequence[int]) -> tuple[Indices, Array]:
         """Visible ones of some columns, and by which they are orthonormal, shape (k, rank)."""
@@ -247,8 +240,7 @@ class Battery:
     def gram(self, columns: Sequence[int]) -> Array:
         """Inner products of some columns beside what is estimated, zero of those in its span."""
         left = self._left[:, columns] * self.visible[list(columns)]
-        found: Array = left.T @ left
-        return found
+        return left.T @ left
 
     def drop(self, columns: Sequence[int]) -> tuple[float, int]:
         """Part of the weighted sum of squares that a cause explains, and its rank."""
@@ -298,7 +290,7 @@ class Battery:
         degrees = max(float(common.degrees + d[0]), ALMOST_NONE)
         phi = (common.degrees * common.dispersion + d[0] * each.mean()) / degrees
         # noise that wanders is one and the same in all columns of a group
-        degrees = min(degrees, max(self._n_groups[axis] - 1.0, ALMOST_NONE))
+        degrees = min(degrees, max(self._axes[axis].n_groups - 1.0, ALMOST_NONE))
         drop, phi = float(along @ along), max(float(phi), white)
         return Test(
             columns=at,
@@ -321,9 +313,9 @@ class Battery:
 
     def _beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
         """What columns of an axis, but those `at`, have in common beside orthonormal columns U."""
-        own = self._of(axis)
+        own, D, *_ = self._axes[axis]
         other = ~np.isin(own, at)
-        own, D = own[other], self._columns[axis]
+        own = own[other]
         along = (U.T @ D)[:, other]
         # of D - U U'D all inner products within groups, from those of D and U
         beside = np.column_stack([enlarged, U])
@@ -352,11 +344,12 @@ class Battery:
         several = degrees >= ALMOST_NONE
         if not several.any():
             return Common(1.0, 0.0)
-        place = np.searchsorted(self._of(axis), own[seen][several])
-        return moderated(phi[several], degrees[several], self._alike[axis][np.ix_(place, place)])
+        place = np.searchsorted(self._axes[axis].columns, own[seen][several])
+        alike = self._axes[axis].alike[np.ix_(place, place)]
+        return moderated(phi[several], degrees[several], alike)
 
 
-CACHED = ("common", "_alike", "_columns", "_enlarged")
+CACHED = ("common", "_axes", "_enlarged")
 """Of a `Battery`, what belongs to the causes given."""
 
 

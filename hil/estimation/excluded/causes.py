@@ -13,7 +13,6 @@ from hil.model.drive_train_file import USUAL_BOUND
 if TYPE_CHECKING:
     from hil.model.robot import Robot
 
-SIGNS = "change it in the drives file or in the map, or turn its frame in the robot file"
 LEFT_OUT = (
     "take the load off, or state the missing parameters of that link in the robot file (hil"
     " diagnose ranks the parameters, hil payload finds a load)"

@@ -34,14 +34,14 @@ from hil.estimation.excluded.causes import CAUSES, FITTED
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
-from hil.model.robot import Robot
-from hil.model.robot_file import LINK_PARAMETERS, split_tie
+from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
+    from hil.model.robot import Robot
 
 Key = tuple[str, int]
 """A cause and its axis, from 0; -1 where it concerns none. Torques that repeat bear their order."""
@@ -104,8 +104,7 @@ class _Rows:
         self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
 
     def _own(self, x: Array) -> Array:
-        found: Array = np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
-        return found
+        return np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
 
     def torque(self, *motion: Array) -> Array:
         """Of the rigid bodies, each row that of its axis."""
@@ -239,7 +238,7 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
 def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:
     """Parameters of the last link: those that the robot file leaves out, all if it came later."""
     robot, evidence = rows.robot, rows.evidence
-    complete = with_whole_link(robot, robot.n_joints - 1)
+    complete = robot.with_whole_links([robot.n_joints - 1])
     stated, all_of_it = base_parameters(robot), base_parameters(complete)
     names = [head for head in all_of_it.heads if head not in stated.heads]
     directions = np.eye(len(all_of_it))[:, [all_of_it.heads.index(name) for name in names]]
@@ -255,13 +254,3 @@ def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:
             values[mine] = regressor(complete, q, qd, qdd, [axis])[:, 0] @ directions
     for name, column in zip(names, values.T, strict=True):
         yield Column("load", -1, name), column
-
-
-def with_whole_link(robot: Robot, link: int) -> Robot:
-    """The robot with all ten parameters of a link, free of ties."""
-    joints = list(robot.file.joints)
-    joints[link] = joints[link].model_copy(update={"parameters": LINK_PARAMETERS})
-    own = {f"{name}{link + 1}" for name in LINK_PARAMETERS}
-    ties = tuple(tie for tie in robot.file.ties if not own & set(split_tie(tie)))
-    file = robot.file.model_copy(update={"joints": tuple(joints), "ties": ties})
-    return Robot(file, robot.source, robot.text)

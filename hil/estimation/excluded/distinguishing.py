@@ -28,16 +28,15 @@ from scipy import special
 from hil.errors import NotIdentifiable, UnknownName
 from hil.estimation.excluded.battery import LEVEL, NOTHING, SPAN
 from hil.estimation.excluded.causes import CAUSES, FITTED, SHOWN_BY
-from hil.estimation.excluded.columns import Column, columns, with_whole_link
+from hil.estimation.excluded.columns import Column, columns
 from hil.estimation.excluded.finding import SAME, TOGETHER
 from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, recorded
 from hil.estimation.excluded.limits import POWER, noncentrality, smallest
 from hil.estimation.excluded.words import in_words, name_of, unit_of
 from hil.estimation.signals import signals
-from hil.planning.design.by_counts import TRAVEL
 from hil.planning.design.by_minutes import lasting, numbered, ordered
 from hil.planning.design.candidates import strokes
-from hil.planning.design.tour import guarded_tour
+from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.timetable import SETTLING, travel_times
 from hil.planning.workspace import narrowed
@@ -239,7 +238,7 @@ class _Search:
         guard = self.plan.workspace
         robot = narrowed(self.robot, guard)
         if any(cause == "load" for cause, _ in self.keys):
-            robot = with_whole_link(robot, robot.n_joints - 1)
+            robot = robot.with_whole_links([robot.n_joints - 1])
         return [measurement for _, measurement, _ in strokes(robot, guard, EACH)]
 
     def _products(self, measurement: ParameterMeasurement) -> Array:
@@ -263,8 +262,7 @@ class _Search:
         """Inner products of the named columns beside all that is estimated, shape (..., m, m)."""
         m = len(self.names)
         inner = N[..., m:, m:] + RIDGE * np.eye(N.shape[-1] - m)
-        found: Array = N[..., :m, :m] - N[..., :m, m:] @ np.linalg.solve(inner, N[..., m:, :m])
-        return found
+        return N[..., :m, :m] - N[..., :m, m:] @ np.linalg.solve(inner, N[..., m:, :m])
 
     def _left(self, S: Array) -> Array:
         """Information of each column beside each other cause, shape (..., m, n_causes).
@@ -370,8 +368,7 @@ class _Search:
 
 def _excess(wanted: Array, there: Array) -> Array:
     """Logarithm by which a size exceeds the one that is wanted, by information on both."""
-    found: Array = np.maximum(np.log(np.maximum(wanted, TINY) / there), 0.0) / 2
-    return found
+    return np.maximum(np.log(np.maximum(wanted, TINY) / there), 0.0) / 2
 
 
 def _with(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
@@ -379,5 +376,5 @@ def _with(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
     named = numbered(ordered(robot, more), {each.id for each in plan.measurements})
     every = [*plan.measurements, *named]
     if plan.workspace is not None:
-        every = guarded_tour(narrowed(robot, plan.workspace), plan.workspace, every, TRAVEL)
+        every = guarded_tour(narrowed(robot, plan.workspace), plan.workspace, every)
     return plan.model_copy(update={"measurements": tuple(every)})

@@ -118,10 +118,6 @@ def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key,
     }
 
 
-def _typical(battery: Battery) -> float:
-    return max(float(np.median([each.dispersion for each in battery.common.values()])), 1.0)
-
-
 @cache
 def chance(rank: int, n_tests: int) -> float:
     """Chi square that the best of so many tests of a rank has by chance."""
@@ -211,18 +207,16 @@ class _Instead:
     @property
     def found(self) -> tuple[Found, ...]:
         """What is found after all."""
-        scatter = self._scatter
-        large = any(each.left < LARGE for each in self.causes)
-        if not large and scatter < CONTRADICTS and self._stated.possible:
+        sound = self._scatter < CONTRADICTS and self._stated.possible
+        if sound and not any(each.left < LARGE for each in self.causes):
             return self.causes
         found = self._likeliest()
         if found is not None:
             return (found,)
-        if self.causes or (scatter < CONTRADICTS and self._stated.possible):
+        if self.causes or sound:
             return self.causes
-        words = (
-            f"measurements scatter {np.sqrt(scatter):.1f} times as much as noise in them explains"
-        )
+        times = np.sqrt(self._scatter)
+        words = f"measurements scatter {times:.1f} times as much as noise in them explains"
         if not self._stated.possible:
             words = "friction would drive an axis, or some motions would have a negative energy"
         return (Found(cause="unknown", axes=(), detail=words),)
@@ -250,7 +244,8 @@ class _Instead:
 
     @cached_property
     def _scatter(self) -> float:
-        return _typical(self.battery)
+        each = [common.dispersion for common in self.battery.common.values()]
+        return max(float(np.median(each)), 1.0)
 
     def _gain(self, each: Explained, n: int) -> float:
         """What a reading, or columns, with `n` unknowns explain."""
@@ -259,19 +254,9 @@ class _Instead:
 
     def _likeliest(self) -> Found | None:
         """The reading that explains most with its like, if columns do not explain more."""
-        thin, values = self._thin
-        fitted = values[:, self.battery.columns.fitted]
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
-            for each in alternatives(
-                self.robot,
-                thin,
-                fitted,
-                self._stated,
-                self._scatter,
-                self.first.sizes,
-                self._slipped,
-            )
+            for each in alternatives(self._stated, self.first.sizes, self._slipped)
         ]
         best = max((gain for gain, _ in every), default=-np.inf)
         if best < (chance(1, len(self.tests)) if self._stated.possible else -TOGETHER):

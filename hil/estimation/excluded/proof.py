@@ -17,7 +17,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Signals
     from hil.estimation.simultaneous import Joint, Prepared
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion, RecordedMotion
-    from hil.runs.recording import Recording
+    from hil.planning.measurement import ParameterMotion
+    from hil.runs.recording import Recorded, Recording
 
 LEAVES = 0.5
 """Share of the mean square of an axis that a cause leaves at most, where somebody else recorded:
@@ -42,7 +42,7 @@ APART = 60.0
 
 def proved(
     robot: Robot,
-    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    recorded: Recorded,
     p: Array | None = None,
     drive_train: DriveTrain | None = None,
     joint: Joint | None = None,
@@ -91,8 +91,8 @@ def proved(
 
 def changed(
     robot: Robot,
-    before: Iterable[tuple[RecordedMotion, Recording]],
-    after: Iterable[tuple[RecordedMotion, Recording]],
+    before: Recorded,
+    after: Recorded,
     known: Sequence[str] = (),
 ) -> Excluded | None:
     """What changed between recordings, by cause; None where too little was recorded.
@@ -129,7 +129,7 @@ def changed(
 
 
 def _prepared(
-    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    recorded: Recorded,
 ) -> Iterator[tuple[ParameterMotion, Signals]]:
     free: list[tuple[FreeMotion, Recording]] = []
     seen, every = 0, 1  # of free motions every so many

@@ -9,11 +9,8 @@ import numpy as np
 from hil.runs.recording import under_way
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from hil.arrays import Array
-    from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Recorded, Recording
 
 
 LEVEL = 0.01
@@ -23,9 +20,7 @@ NEXT = 5.0
 _WIDTH = 1e-6
 
 
-def saturated(
-    recorded: Iterable[tuple[RecordedMotion, Recording]], n_joints: int
-) -> tuple[int, float, float] | None:
+def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | None:
     """Axis whose torque is at its limit most often, from 0, the share of its samples, and it.
 
     Torques are those that were recorded: where a lag is taken back no two are the same.
@@ -48,8 +43,7 @@ def saturated(
 
 def _under_way(recording: Recording) -> Array:
     moving = under_way(recording.stroke, recording.group)
-    tau: Array = recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
-    return tau
+    return recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
 
 
 def share_at_top(size: Array) -> float:

@@ -210,19 +210,19 @@ def recorded_products(
     """
     shared = (*shared_names(robot, soft), ROTOR)
     m = 1 + len(shared) + len(terms)
-    cells = _Groups.empty(len(divided.states), robot.n_joints, m)
-    pieces: list[_Groups] = []
+    cells = Groups.empty(len(divided.states), robot.n_joints, m)
+    pieces: list[Groups] = []
     crossed: list[Array] = []
     origin: list[int] = []
     for number, motion in enumerate(motions):
-        parts = _parts(motion, divided.piece)
+        parts = pieces_of(motion, divided.piece)
         if not parts:
             continue
-        own = _Groups.empty(len(parts), robot.n_joints, m)
+        own = Groups.empty(len(parts), robot.n_joints, m)
         time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
         states = divided.cells(motion)[motion.used] if len(divided.states) else None
         speeds = np.digitize(motion.slowest[motion.used], SPEEDS)
-        every = _every_axis(robot, motion, first, motion.tau, terms, soft)
+        every = every_axis(robot, motion, first, motion.tau, terms, soft)
         for axis, rows in enumerate(each[motion.used] for each in every):
             own.add(axis, rows, time, speeds[:, axis])
             if states is not None:
@@ -234,7 +234,7 @@ def recorded_products(
     if not pieces:
         raise _too_short(motion.processing)
     columns = shared, terms
-    by_time = _Groups.joined(pieces).by_speed(*columns, {"recording": np.array(origin)})
+    by_time = Groups.joined(pieces).by_speed(*columns, {"recording": np.array(origin)})
     other = None
     if instruments:
         other = Blocks(*columns, np.concatenate(crossed), by_time[0].counts)
@@ -250,19 +250,21 @@ def _too_short(processing: Processing) -> NotEnoughData:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Groups:
+class Groups:
     """Inner products and counts by class of speed, group and axis, to which samples are added."""
 
     products: Array
     counts: Array
 
     @classmethod
-    def empty(cls, n: int, n_joints: int, m: int) -> _Groups:
-        lead = len(SPEEDS) + 1, n, n_joints
+    def empty(cls, n: int, n_joints: int, m: int, n_bounds: int = len(SPEEDS)) -> Groups:
+        """Groups of `m` columns, with classes of speed between so many bounds."""
+        lead = n_bounds + 1, n, n_joints
         return cls(np.zeros((*lead, m, m)), np.zeros(lead))
 
     @classmethod
-    def joined(cls, each: Sequence[_Groups]) -> _Groups:
+    def joined(cls, each: Sequence[Groups]) -> Groups:
+        """Groups of several motions, one after the other."""
         both = [(part.products, part.counts) for part in each]
         return cls(*(np.concatenate(parts, axis=1) for parts in zip(*both, strict=True)))
 
@@ -286,7 +288,7 @@ class _Groups:
         labels: Mapping[str, Indices] | None = None,
     ) -> tuple[Blocks, ...]:
         """Blocks of each class of speed and all that are faster."""
-        for k in reversed(range(len(SPEEDS))):
+        for k in reversed(range(len(self.counts) - 1)):
             self.products[k] += self.products[k + 1]
             self.counts[k] += self.counts[k + 1]
         both = zip(self.products, self.counts, strict=True)
@@ -303,12 +305,12 @@ def _crossed(
 ) -> Array:
     """Products of one half of the samples with the other, shape (n_parts, n_joints, m, m)."""
     both = (motion.half(half) for half in (1, 2))
-    axes = (_every_axis(robot, each, first, motion.tau, terms, soft) for each in both)
+    axes = (every_axis(robot, each, first, motion.tau, terms, soft) for each in both)
     found = [[Z[part].T @ W[part] for part in parts] for W, Z in zip(*axes, strict=True)]
     return np.stack(found, axis=1)
 
 
-def _every_axis(
+def every_axis(
     robot: Robot,
     motion: Motion,
     first: Array,
@@ -325,10 +327,10 @@ def _every_axis(
         yield np.hstack([y[: len(passed), axis, np.newaxis], passed[: len(y)]])
 
 
-def _parts(motion: Motion, length: float) -> list[slice]:
+def pieces_of(motion: Motion, length: float) -> list[slice]:
     """Pieces of about equal length of the samples that are used."""
     used = np.flatnonzero(motion.used)
     if len(used) < 2:
         return []
-    n = max(1, round(len(used) * motion.period * motion.rates.coarse / length))
+    n = max(1, round(motion.duration / length))
     return successive(int(used[0]), int(used[-1]) + 1, n)

@@ -34,22 +34,19 @@ import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.offsets import only_directions
-from hil.friction.terms import BENT, LAWS
+from hil.friction.search import TRIED, relative_errors
+from hil.friction.terms import BENT, LAWS, USUAL
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from hil.arrays import Array, Indices
     from hil.estimation.free_motion.accumulation import Products
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.layout import Layout
 
-USUAL = "Coulomb and viscous"
-"""Law that stands unless the data call for another."""
-TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
-"""Laws, from the usual one on."""
 MATERIAL = 0.05
 """Growth of a residual (rms) that nothing is worth, no dead zone and no positive mass matrix: by so
 much the default may leave more than weighted least squares."""
@@ -151,13 +148,15 @@ def choose(
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
             load = whole.layout.at("load", axis)
             halves = {law: error.sum() for law, error in by_halves.errors(kept).items()}
+            # a gear of which friction took more than the load would not move, and one of which it
+            # took less than nothing would push: such a solution makes up for something else
             found = held_out.errors({
                 law: each for law, each in kept.items()
                 if len(tried) == 1
-                or (halves[law] <= halves[tried[0]] and _is_friction(total.solution(each)[load]))
+                or (halves[law] <= halves[tried[0]] and 0.0 <= total.solution(each)[load] < 1.0)
             })  # fmt: skip
             laws[axis] = simplest(found, n)
-            errors.append(_relative(found, laws[axis]))
+            errors.append(relative_errors(found, laws[axis]))
         kept_laws = kept_by(whole.layout, laws)
         left = whole.mean_squares(total.solution(kept_laws))
         more = left / np.maximum(least, np.finfo(float).tiny)
@@ -167,15 +166,6 @@ def choose(
     return Choice(slowest, tuple(laws), tuple(errors), weights)
 
 
-def _is_friction(share: float) -> bool:
-    """Whether friction takes a share from 0 to 1 of the load.
-
-    A gear that took more would not move, and one that took less would push: such a solution makes
-    up for something else.
-    """
-    return 0.0 <= share < 1.0
-
-
 def dead_zone_of(products: Products, weights: Array) -> int:
     """First class of speed that is fitted, by what all terms predict of the fastest samples."""
     every = range(len(SPEEDS) + 1)
@@ -183,11 +173,6 @@ def dead_zone_of(products: Products, weights: Array) -> int:
     kept = kept_by(products.layout, ["all"] * products.n_joints)
     errors = {str(k): HeldOut(each, scored).error(kept) for k, each in enumerate(tried)}
     return int(simplest(errors))
-
-
-def _relative(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:
-    least = max(float(errors[chosen].sum()), np.finfo(float).tiny)
-    return {law: float(np.sqrt(error.sum() / least)) for law, error in errors.items()}
 
 
 def covariance_of_choices(products: Products, choice: Choice) -> Array:

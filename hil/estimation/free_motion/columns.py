@@ -104,5 +104,4 @@ def axis_columns(
 
 def rotor_torque(robot: Robot, motion: Motion, axis: int) -> Array:
     """Torque of one axis's rotor, whose inertia is known, shape (n,) [N m or N]."""
-    known: Array = motor_torque(robot, motion.q, motion.qd, motion.qdd)[:, axis]
-    return known
+    return motor_torque(robot, motion.q, motion.qd, motion.qdd)[:, axis]

@@ -10,12 +10,7 @@ import numpy as np
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.columns import coupled_names
 from hil.estimation.free_motion.offsets import only_directions
-from hil.estimation.free_motion.result import (
-    FEW_BLOCKS,
-    LOOSE,
-    POOR,
-    LagValue,
-)
+from hil.estimation.free_motion.result import FEW_BLOCKS, LOOSE, POOR
 from hil.estimation.nuisances import STEP, compliance_names
 from hil.friction.direction import Direction
 from hil.friction.law import AxisLaw, CoupledFriction, OneWay, TermValue
@@ -91,10 +86,10 @@ def _one_way(products: Products, fit: Fit) -> dict[int, OneWay]:
     return found
 
 
-def torque_lags(gathered: Gathered) -> tuple[LagValue, ...]:
+def torque_lags(gathered: Gathered) -> tuple[TermValue, ...]:
     """Lag of each axis's torque."""
     both = zip(gathered.processing.lag, gathered.lag_error, strict=True)
-    return tuple(LagValue(value=float(lag), standard_error=float(error)) for lag, error in both)
+    return tuple(TermValue(value=float(lag), standard_error=float(error)) for lag, error in both)
 
 
 def compliances(robot: Robot, soft: Sequence[int], fit: Fit) -> dict[int, TermValue]:

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.choice import (
-    TRIED,
     choose,
     covariance_of_choices,
     usual,
@@ -36,13 +35,14 @@ from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.solution import BLOCKS
 from hil.estimation.free_motion.survey import survey
 from hil.estimation.options import DEFAULTS
+from hil.friction.search import TRIED
 from hil.friction.terms import BENT, CLASSICAL
 from hil.least_squares.balance import Kind
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
@@ -55,32 +55,38 @@ if TYPE_CHECKING:
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Recorded, Recording
 
 
-class FreeMotions:
-    """Free motions among recordings, again and again, one at a time.
+class Selected:
+    """Some of all recordings, again and again, one at a time."""
+
+    def __init__(
+        self, recorded: Recorded, wanted: Callable[[RecordedMotion, Recording], bool]
+    ) -> None:
+        # what can be read but once is kept; a run is read anew each time
+        self._recorded = list(recorded) if isinstance(recorded, Iterator) else recorded
+        self._wanted = wanted
+
+    def __iter__(self) -> Iterator[tuple[RecordedMotion, Recording]]:
+        return (each for each in self._recorded if self._wanted(*each))
+
+
+def free_motions(recorded: Recorded) -> Iterable[tuple[FreeMotion, Recording]]:
+    """Free motions among recordings.
 
     Raises
     ------
     NotEnoughData
         There are none.
     """
-
-    none: ClassVar[str] = (
-        "no free motions among the recordings; import some with hil import, or leave --method out"
-    )
-
-    def __init__(self, recorded: Iterable[tuple[RecordedMotion, Recording]]) -> None:
-        # what can be read but once is kept; a run is read anew each time
-        self._recorded = list(recorded) if isinstance(recorded, Iterator) else recorded
-        if not any(True for _ in self):
-            raise NotEnoughData(self.none)
-
-    def __iter__(self) -> Iterator[tuple[FreeMotion, Recording]]:
-        for motion, recording in self._recorded:
-            if isinstance(motion, FreeMotion):
-                yield motion, recording
+    found = Selected(recorded, lambda motion, _: isinstance(motion, FreeMotion))
+    if not any(True for _ in found):
+        raise NotEnoughData(
+            "no free motions among the recordings; import some with hil import, or leave --method"
+            " out"
+        )
+    return cast("Iterable[tuple[FreeMotion, Recording]]", found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +144,7 @@ class Gathered:
 
 def gather(
     robot: Robot,
-    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    recorded: Recorded,
     variant: Variant,
     options: Options = DEFAULTS,
     *,
@@ -166,7 +172,7 @@ def gather(
     Mismatch
         The gain of an axis is known in some motions and unknown in others.
     """
-    motions = FreeMotions(recorded)
+    motions = free_motions(recorded)
     found = survey(motions)
     processing, reasons = processing_of(found)
     chosen = variant.terms == "chosen"
@@ -217,7 +223,7 @@ def gather(
 
 def gather_rates(
     robot: Robot,
-    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    recorded: Recorded,
     variant: Variant,
     options: Options = DEFAULTS,
     p: Array | None = None,
@@ -227,11 +233,11 @@ def gather_rates(
     A filter that suits one rate takes from another what it needs, or lets its noise pass.
     Parameters and errors are those of `gather`.
     """
-    motions = FreeMotions(recorded)
-    return [gather(robot, each, variant, options, p=p) for each in _by_rate(motions)]
+    rates = _by_rate(free_motions(recorded))
+    return [gather(robot, each, variant, options, p=p) for each in rates]
 
 
-def _by_rate(motions: FreeMotions) -> list[Iterable[tuple[RecordedMotion, Recording]]]:
+def _by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Recorded]:
     """Recordings of about one rate each; all of them where the gain of an axis is unknown.
 
     One gain then holds for all.
@@ -245,19 +251,10 @@ def _by_rate(motions: FreeMotions) -> list[Iterable[tuple[RecordedMotion, Record
     # ratio of sampling periods up to which recordings count as of one rate: a filter is chosen by
     # it, and clocks that ought to agree differ by less
     limits = [b for a, b in pairwise(firsts) if b > 1.5 * a]
-    return [_Between(motions, *ends) for ends in pairwise([0.0, *limits, np.inf])]
-
-
-class _Between:
-    """Recordings of sampling periods from `least` to less than `most`, again and again."""
-
-    def __init__(self, motions: FreeMotions, least: float, most: float) -> None:
-        self._motions, self._least, self._most = motions, least, most
-
-    def __iter__(self) -> Iterator[tuple[RecordedMotion, Recording]]:
-        for motion, recording in self._motions:
-            if self._least <= recording.period < self._most:
-                yield motion, recording
+    return [
+        Selected(motions, lambda _, each, a=a, b=b: a <= each.period < b)  # type: ignore[misc]
+        for a, b in pairwise([0.0, *limits, np.inf])
+    ]
 
 
 def as_kinds(gathered: Sequence[Gathered]) -> list[Kind]:

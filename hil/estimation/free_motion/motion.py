@@ -226,6 +226,11 @@ class Motion:
         """Between samples of the motion [s]."""
         return self.rates.period * self.rates.fine
 
+    @property
+    def duration(self) -> float:
+        """Of the samples that are used [s]."""
+        return int(self.used.sum()) * self.period * self.rates.coarse
+
     @cached_property
     def directions(self) -> tuple[Direction, ...]:
         """Direction of each axis's friction."""

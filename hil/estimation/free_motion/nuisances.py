@@ -25,19 +25,23 @@ import numpy as np
 
 from hil.estimation.condensed import ROTOR
 from hil.estimation.drive_train import MOST_TWIST
-from hil.estimation.free_motion.accumulation import SPEEDS, division, recorded_products
+from hil.estimation.free_motion.accumulation import (
+    SPEEDS,
+    Groups,
+    division,
+    every_axis,
+    pieces_of,
+    recorded_products,
+)
 from hil.estimation.free_motion.choice import dead_zone_of, usual
-from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_gears
+from hil.estimation.free_motion.columns import shared_names
 from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.nuisances import AROUND, Search, State, over_names, shift_names
 from hil.estimation.options import NUISANCES
 from hil.friction.terms import COLUMNS
-from hil.least_squares.blocks import Blocks
 from hil.least_squares.choice import FOLDS
-from hil.least_squares.normal_equations import successive
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -45,6 +49,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.free_motion.motion import Motion, Processing
     from hil.estimation.free_motion.survey import Survey
+    from hil.least_squares.blocks import Blocks
     from hil.model.robot import Robot
 
 SURE = 3.0
@@ -87,7 +92,7 @@ def find_nuisances(
     """
     none = Nuisances(processing, np.zeros(robot.n_joints))
     motions = [filtered_motion(each, processing) for each in found.stretches]
-    motions = [motion for motion in motions if motion.used.any()]
+    motions = [motion for motion in motions if motion.used.sum() > 1]
     if found.unknown_gains or not motions or not set(wanted) - {"drift"}:
         return none
     first = np.zeros(len(base_parameters(robot)))
@@ -166,41 +171,27 @@ def _condensed(
     soft: tuple[int, ...],
 ) -> tuple[Blocks, Blocks]:
     """Torques at all shifts, columns, directions over all distances: all samples, and fast ones."""
-    band, n = motions[0].processing.band, robot.n_joints
     shared = (*shared_names(robot, soft), ROTOR)
     own = (*shift_names(times), *COLUMNS, *over_names(DISTANCES))
-    m = 1 + len(shared) + len(own)
-    duration = sum(int(motion.used.sum()) / _rate(motion) for motion in motions)
-    products, counts = [], []
+    n, k = robot.n_joints, 1 + len(shared)
+    duration = sum(motion.duration for motion in motions)
+    found = []
     for motion in motions:
-        used = np.flatnonzero(motion.used)
-        n_parts = max(1, round(GROUPS * len(used) / _rate(motion) / duration))
+        parts = pieces_of(motion, duration / GROUPS)
+        found.append(Groups.empty(len(parts), n, k + len(own), n_bounds=1))
+        time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
+        fast = (motion.slowest[motion.used] >= SPEEDS[slowest - 1]).astype(np.intp)
         every = motion.rates.fine * motion.rates.coarse
-        recorded, period = motion.recording.tau, motion.recording.period
-        tau = np.stack(
-            [low_passed(recorded, period, band, every, ahead=np.full(n, s))[0] for s in times]
-        )
-        gears = soft_gears(robot, motion, first, soft)
-        A = regressor(robot, motion.q, motion.qd, motion.qdd)
-        share, count = np.zeros((2, n_parts, n, m, m)), np.zeros((2, n_parts, n))
-        for axis in range(n):
+        of = motion.recording.tau, motion.recording.period, motion.processing.band, every
+        tau = np.stack([low_passed(*of, ahead=np.full(n, s))[0] for s in times], axis=-1)
+        for axis, rows in enumerate(every_axis(robot, motion, first, tau[..., 0], COLUMNS, soft)):
             ways = DISTANCES * motion.processing.speed[axis]
             z = np.column_stack([motion.direction_after(axis, way) for way in ways])
-            own_columns = axis_columns(robot, motion, axis, A[:, axis], first, gears=gears)
-            columns = motion.passed(np.hstack([own_columns, z]))
-            y = tau[:, : len(columns), axis].T
-            k = len(shared)
-            rows = np.hstack([y[:, :1], columns[:, :k], y[:, 1:], columns[:, k:]])
-            is_fast = motion.slowest[: len(rows), axis] >= SPEEDS[slowest - 1]
-            for number, part in enumerate(successive(int(used[0]), int(used[-1]) + 1, n_parts)):
-                for kind, taken in enumerate((rows[part], rows[part][is_fast[part]])):
-                    share[kind, number, axis] = taken.T @ taken
-                    count[kind, number, axis] = len(taken)
-        products.append(share)
-        counts.append(count)
-    both = zip(np.concatenate(products, axis=1), np.concatenate(counts, axis=1), strict=True)
-    whole, fast = (Blocks(shared, own, *each).grouped(GROUPS) for each in both)
-    return whole, fast
+            each = rows[:, :k], tau[:, axis, 1:], rows[:, k:], motion.passed(z)
+            whole = np.hstack([part[: len(rows)] for part in each])[motion.used]
+            found[-1].add(axis, whole, time, fast[:, axis])
+    of_all, of_fast = (each.grouped(GROUPS) for each in Groups.joined(found).by_speed(shared, own))
+    return of_all, of_fast
 
 
 def _times(band: float, most: float) -> Array:
@@ -209,8 +200,3 @@ def _times(band: float, most: float) -> Array:
     # the torque at it within 1e-4
     n = int(np.ceil(most * 8.0 * band))
     return np.arange(-n - AROUND, n + AROUND + 1) * most / n
-
-
-def _rate(motion: Motion) -> float:
-    """Samples that are used in a second."""
-    return 1.0 / (motion.period * motion.rates.coarse)

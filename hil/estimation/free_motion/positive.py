@@ -92,8 +92,7 @@ def _scaled(robot: Robot, p: Array, q: Array) -> tuple[Array, Array]:
 def _energy(robot: Robot, q: Array, u: Array) -> Array:
     """u'M(q)u per unit of each base parameter, shape (n_base,)."""
     still = np.zeros_like(q)
-    row: Array = u @ (regressor(robot, q, still, u) - regressor(robot, q, still, still))
-    return row
+    return u @ (regressor(robot, q, still, u) - regressor(robot, q, still, still))
 
 
 def _multipliers(S: Array, short: Array) -> Array:
@@ -101,5 +100,4 @@ def _multipliers(S: Array, short: Array) -> Array:
     values, vectors = np.linalg.eigh(S)
     kept = values > 1e-12 * values.max()
     root = vectors[:, kept] * np.sqrt(values[kept])
-    found: Array = nnls(root.T, (vectors[:, kept] / np.sqrt(values[kept])).T @ short)[0]
-    return found
+    return nnls(root.T, (vectors[:, kept] / np.sqrt(values[kept])).T @ short)[0]

@@ -62,16 +62,6 @@ class BiasTest(FileModel):
         return self.p_value < SIGNIFICANT and self.shift > NOTICEABLE
 
 
-class LagValue(FileModel):
-    """By how much the torque of one axis was recorded after its position, and the standard error.
-
-    Both 0 where no lag was found [s].
-    """
-
-    value: float
-    standard_error: float
-
-
 class FreeMotionFit(FileModel):
     """Friction and the settings behind an estimate from free motions.
 
@@ -109,9 +99,10 @@ class FreeMotionFit(FileModel):
         What restricts the estimate.
     gains : tuple of GainValue
         Of axes whose gain the map left unknown.
-    lag : tuple of LagValue
-        Of each axis, taken back before anything was fitted and wherever the model predicts a
-        recording; empty in models that were written without.
+    lag : tuple of TermValue
+        By how much the torque of each axis was recorded after its position [s], 0 where no lag was
+        found; taken back before anything was fitted and wherever the model predicts a recording;
+        empty in models that were written without.
     compliance : dict of str to TermValue
         Of gears that give way, by axis from 1 [rad/(N m) or m/N], taken into account wherever the
         model predicts a recording.
@@ -136,7 +127,7 @@ class FreeMotionFit(FileModel):
     unusual: tuple[int, ...] = ()
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()
-    lag: tuple[LagValue, ...] = ()
+    lag: tuple[TermValue, ...] = ()
     compliance: dict[int, TermValue] = Field(default_factory=dict)
 
     @property

@@ -43,8 +43,9 @@ import numpy as np
 from hil.errors import NotIdentifiable
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.accumulation import Products
-from hil.estimation.free_motion.choice import USUAL, kept_by, usual
+from hil.estimation.free_motion.choice import kept_by, usual
 from hil.estimation.free_motion.result import GainValue
+from hil.friction.terms import USUAL
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
@@ -52,7 +53,7 @@ from hil.least_squares.solving import IDENTIFIABLE, solved, undetermined
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from hil.arrays import Array
     from hil.estimation.free_motion.choice import Choice
@@ -116,15 +117,18 @@ class Scaling:
 
     def columns(self, layout: Layout) -> dict[str, Array]:
         """Columns of the unknown gains as combinations, shape (n_joints, m) each."""
-        found = {gain_name(axis): np.zeros_like(self.signal(layout)) for axis in self.unknown}
-        for axis in self.unknown:
-            found[gain_name(axis)][axis] = -modelled(layout, self.x, axis)
-        return found
+        return _alone(layout, {axis: -modelled(layout, self.x, axis) for axis in self.unknown})
 
 
 def gain_name(axis: int) -> str:
     """Name of the unknown change of an axis's gain."""
     return f"gain {axis + 1}"
+
+
+def _alone(layout: Layout, rows: Mapping[int, Array]) -> dict[str, Array]:
+    """Columns of axes' gains from the one row that each has, shape (n_joints, m) each."""
+    own = np.eye(layout.n_channels)[:, :, np.newaxis]
+    return {gain_name(axis): own[axis] * row for axis, row in rows.items()}
 
 
 def modelled(layout: Layout, x: Array, axis: int) -> Array:
@@ -188,9 +192,7 @@ def _beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
     model = np.zeros_like(torque)
     model[:, recorded.place(*base)] = p
     model[:, 1 + layout.at(ROTOR)] = 1.0
-    columns = {gain_name(axis): np.zeros_like(torque) for axis in unknown}
-    for axis in unknown:
-        columns[gain_name(axis)][axis] = model[axis]
+    columns = _alone(layout, {axis: model[axis] for axis in unknown})
     # axes of known gain say nothing of others
     torque[[axis for axis in range(len(torque)) if axis not in unknown]] = 0.0
     found = usual(recorded.recast(torque, columns, (*base, ROTOR)))
@@ -249,9 +251,7 @@ def _by_linear_problem(recorded: Blocks, unknown: tuple[int, ...], of_usual_size
     """Gains by the linear problem, not too far from usual ones, shape (n_joints,)."""
     axes, layout = list(unknown), recorded.layout
     torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
-    signals = {gain_name(axis): np.zeros_like(torque) for axis in axes}
-    for axis in axes:
-        signals[gain_name(axis)][axis, 0] = -1.0
+    signals = _alone(layout, {axis: -torque[axis] for axis in axes})
     torque[axes, 0] = 0.0
     torque[:, 1 + layout.at(ROTOR)] = -1.0
     linear = recorded.recast(torque, signals, (ROTOR,))

@@ -71,7 +71,8 @@ class Reasons:
 def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     """Settings for all recordings, and why they are what they are."""
     period = found.stretches[0].period
-    each = [bandwidth(part.q[:, axis], period) for part in _long(found) for axis in _moving(found)]
+    moving = [axis for axis in range(len(found.speed)) if axis not in found.still]
+    each = [bandwidth(part.q[:, axis], period) for part in _long(found) for axis in moving]
     cut_off, reason = cut_off_of(each, period, found.cut_off)
     sources = velocity_sources(_long(found), cut_off)
     recorded = np.array([source.recorded for source in sources])
@@ -116,10 +117,6 @@ def _chosen(bandwidths: Sequence[float], period: float) -> tuple[float, str]:
 def _long(found: Survey) -> list[Recording]:
     """Longest stretches, which show most."""
     return sorted(found.stretches, key=lambda part: -part.n_samples)[:10]
-
-
-def _moving(found: Survey) -> list[int]:
-    return [axis for axis in range(len(found.speed)) if axis not in found.still]
 
 
 def bandwidth(x: Array, period: float) -> float:

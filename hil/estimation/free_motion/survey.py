@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -167,5 +167,4 @@ def _middle(recording: Recording, length: float) -> Recording:
     n = round(length / recording.period)
     first = max(0, (recording.n_samples - n) // 2)
     part = slice(first, first + n)
-    arrays = {each.name: getattr(recording, each.name) for each in fields(recording)}
-    return replace(recording, **{k: x[part] for k, x in arrays.items() if x is not None})
+    return replace(recording, **{name: each[part] for name, each in recording.arrays.items()})

@@ -21,18 +21,14 @@ from hil.friction.terms import COLUMNS
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from hil.arrays import Array, Mask
     from hil.estimation.condensed import Stacked
     from hil.estimation.free_motion.gathering import Gathered
-    from hil.estimation.signals import Signals
-    from hil.estimation.simultaneous import SimultaneousFit
+    from hil.estimation.simultaneous import Prepared, SimultaneousFit
     from hil.least_squares.blocks import Blocks
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion
-
-    Prepared = Iterable[tuple[ParameterMotion, Signals]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,18 +15,26 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.intervals import combined_degrees, half_width
-from hil.model.load import FIRST_MOMENTS, MASS
+from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
 
 
 LOOSE = 0.001
 """Chance of what a rigid load leaves, from which on it is not rigid."""
-_STEINER = {"Ixx": (7, 8), "Iyy": (6, 8), "Izz": (6, 7)}
-"""First moments whose squares belong to each moment of inertia."""
-_DEVIATION = {"Ixy": (6, 7), "Ixz": (6, 8), "Iyz": (7, 8)}
+_NAMES = (
+    *LINK_PARAMETERS[:MASS],
+    "mass",
+    *(f"centre {axis}" for axis in "xyz"),
+    *(f"{name} about the centre" for name in LINK_PARAMETERS[:6]),
+)
+_UNITS = *6 * ["kg m2"], *3 * ["kg m"], "kg", *3 * ["m"], *6 * ["kg m2"]
+_CENTRE, _CENTRAL = 10, 13
+"""Where the centre of mass and inertias about it begin among these."""
 
 
 class Figure(FileModel):
@@ -64,15 +72,6 @@ class Chance(NamedTuple):
     square: float
     directions: int
     p_value: float
-
-
-class _Estimated(NamedTuple):
-    """A quantity, and its gradient by the ten parameters, shape (10,)."""
-
-    name: str
-    value: float
-    gradient: Array
-    unit: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +127,7 @@ class Load:
     @property
     def mass(self) -> Figure:
         """Mass [kg]; a stated one has no standard error."""
-        return self._figure(self._quantity("mass", MASS, "kg"))
+        return self._figures([MASS])[0]
 
     @property
     def rigid_chance(self) -> float:
@@ -155,31 +154,21 @@ class Load:
         level : float
             Of the intervals.
         """
-        return [self._figure(each, level) for each in self._estimated()]
-
-    def _estimated(self) -> list[_Estimated]:
         present = [k for k in range(10) if self.covariance[k, k] > 0]
         known = MASS in present or self.stated_mass is not None
-        found = [self._quantity("mass", MASS, "kg")] if known else []
-        heavy = bool(found) and self.phi[MASS] > 0
-        first = [(k, axis) for k, axis in zip(FIRST_MOMENTS, "xyz", strict=True) if k in present]
-        found += [self._quantity(LINK_PARAMETERS[k], k, "kg m") for k, _ in first]
-        found += [self._centre(k, axis) for k, axis in first if heavy]
-        for k in (k for k in range(6) if k in present):
-            found.append(self._quantity(LINK_PARAMETERS[k], k, "kg m2"))
-            found += [self._central(k)] if heavy and self._central_at(k) else []
-        return found
+        heavy = known and self.phi[MASS] > 0
+        first = [k for k in FIRST_MOMENTS if k in present]
+        listed = [*[MASS] * known, *first]
+        listed += [_CENTRE + FIRST_MOMENTS.index(k) for k in first if heavy]
+        for k in (k for k in INERTIAS if k in present):
+            listed += [k, _CENTRAL + k] if heavy and self._central_at(k) else [k]
+        return self._figures(listed, level)
 
     def _central_at(self, k: int) -> bool:
         """Whether all first moments that shift an inertia to the centre are determined."""
-        name = LINK_PARAMETERS[k]
-        moments = (LINK_PARAMETERS[j] for j in _STEINER.get(name, _DEVIATION.get(name, ())))
-        return not any(moment in self.unidentifiable for moment in moments)
-
-    def _centre(self, k: int, axis: str) -> _Estimated:
-        m = self.phi[MASS]
-        gradient = _unit(k, 10) / m - _unit(MASS, 10) * self.phi[k] / m**2
-        return _Estimated(f"centre {axis}", float(self.phi[k] / m), gradient, "m")
+        axes = set(LINK_PARAMETERS[k][1:])
+        shifted_by = axes if len(axes) > 1 else set("xyz") - axes
+        return not any(f"s{axis}" in self.unidentifiable for axis in shifted_by)
 
     def least_inertia(self) -> tuple[Figure, float] | None:
         """Moment about the centre that is least likely a body's, and its chance of being one.
@@ -189,57 +178,46 @@ class Load:
         """
         if not (np.all(np.diag(self.covariance)[:6] > 0) and self.phi[MASS] > 0):
             return None
+        values, gradients = _derived(self.phi)
         found = []
-        for name in _DEVIATION:
-            (across, by), *both = (
-                self._about_centre(LINK_PARAMETERS.index(each), each)
-                for each in (name, f"I{2 * name[1]}", f"I{2 * name[2]}")
-            )
-            (first, by_first), (second, by_second) = both
-            sign = np.sign(across) or 1.0
-            value = (first + second) / 2 - sign * across
-            gradient = (by_first + by_second) / 2 - sign * by
-            figure = self._figure(_Estimated("least inertia", value, gradient, "kg m2"))
+        for across, *both in ((1, 0, 3), (2, 0, 5), (4, 3, 5)):
+            weights = np.zeros(len(_NAMES))
+            weights[_CENTRAL + np.array(both)] = 0.5
+            weights[_CENTRAL + across] = -(np.sign(values[_CENTRAL + across]) or 1.0)
+            value, gradient = float(weights @ values), weights @ gradients
+            figure = self._figure("least inertia", value, gradient, "kg m2")
             chance = special.stdtr(self._degrees_of(gradient), value / figure.standard_error)
-            found.append((figure, min(1.0, len(_DEVIATION) * float(chance))))
+            found.append((figure, min(1.0, 3 * float(chance))))
         return min(found, key=lambda each: each[1])
 
-    def _central(self, k: int) -> _Estimated:
-        """About the centre of mass, axes parallel to the frame's."""
-        name = LINK_PARAMETERS[k]
-        return _Estimated(f"{name} about the centre", *self._about_centre(k, name), "kg m2")
+    def _figures(self, listed: Sequence[int], level: float = 0.95) -> list[Figure]:
+        """Figures by their places among `_NAMES`."""
+        values, gradients = _derived(self.phi)
+        return [
+            self._figure(_NAMES[k], float(values[k]), gradients[k], _UNITS[k], level)
+            for k in listed
+        ]
 
-    def _about_centre(self, k: int, name: str) -> tuple[float, Array]:
-        """An inertia about the centre of mass, and its gradient by phi."""
-        m, gradient, value = self.phi[MASS], _unit(k, 10), self.phi[k]
-        pairs = [(a, a, -1.0) for a in _STEINER.get(name, ())]
-        pairs += [(*_DEVIATION[name], 1.0)] if name in _DEVIATION else []
-        for a, b, sign in pairs:
-            product = self.phi[a] * self.phi[b] / m
-            value = value + sign * product
-            gradient = gradient + sign * (
-                _unit(a, 10) * self.phi[b] / m
-                + _unit(b, 10) * self.phi[a] / m
-                - _unit(MASS, 10) * product / m
-            )
-        return float(value), gradient
-
-    def _quantity(self, name: str, k: int, unit: str) -> _Estimated:
-        return _Estimated(name, float(self.phi[k]), _unit(k, 10), unit)
-
-    def _figure(self, each: _Estimated, level: float = 0.95) -> Figure:
-        error = float(np.sqrt(each.gradient @ self.covariance @ each.gradient))
-        freedom = self._degrees_of(each.gradient)
+    def _figure(
+        self, name: str, value: float, gradient: Array, unit: str, level: float = 0.95
+    ) -> Figure:
+        error = float(np.sqrt(gradient @ self.covariance @ gradient))
+        freedom = self._degrees_of(gradient)
         half = float(half_width(np.array(error**2), np.zeros(()), freedom, level))
-        return Figure(
-            name=each.name, value=each.value, standard_error=error, half_width=half, unit=each.unit
-        )
+        return Figure(name=name, value=value, standard_error=error, half_width=half, unit=unit)
 
     def _degrees_of(self, gradient: Array) -> Array:
         return combined_degrees(gradient, np.diag(self.covariance), self.degrees)
 
 
-def _unit(k: int, n: int) -> Array:
-    vector: Array = np.zeros(n)
-    vector[k] = 1.0
-    return vector
+def _derived(phi: Array) -> tuple[Array, Array]:
+    """All that has a name, of a load's ten parameters, and its gradients by these, (19, 10)."""
+    # steps along the imaginary axis, so small that only rounding is left of the error
+    phi = phi + 1e-100j * np.vstack([np.zeros(10), np.eye(10)])
+    # without a mass nothing is asked about a centre
+    m = np.where(phi[0, MASS].real > 0, phi[:, MASS], 1.0)[:, np.newaxis]
+    s = phi[:, FIRST_MOMENTS]
+    away = s[:, :, np.newaxis] * s[:, np.newaxis] - np.eye(3) * (s**2).sum(axis=1)[:, None, None]
+    central = phi[:, INERTIAS] + away[:, *np.triu_indices(3)] / m
+    found = np.hstack([phi, s / m, central])
+    return found[0].real, found[1:].imag.T / 1e-100

@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
 """Measurements of each kind unless asked for: as long as the 64, 92 and 9 of section 8."""
-TRAVEL: float = Plan.model_fields["travel"].default
-"""Share of the limits used between configurations."""
 LEAST_SHARE = 4
 """Measurements that an element gets at least, however few parameters its row holds."""
 
@@ -85,13 +83,13 @@ def design(
             usual = max(COUNTS[name], 3 * len(columns))
             chosen = _choose(guarded, elements, (counts or {}).get(name), usual, workspace)
             middle = (guarded.q_min + guarded.q_max) / 2
-            order = nearest_first(guarded, middle, np.array([q for _, q, _ in chosen]), TRAVEL)
+            order = nearest_first(guarded, middle, np.array([q for _, q, _ in chosen]))
             measurements += [
                 element.measure(f"{kind.letter}{k:02d}", q, number)
                 for k, (element, q, number) in enumerate((chosen[i] for i in order), start=1)
             ]
     if workspace:
-        measurements = guarded_tour(guarded, workspace, measurements, TRAVEL)
+        measurements = guarded_tour(guarded, workspace, measurements)
     return as_plan(robot, measurements, warm_up, workspace)
 
 

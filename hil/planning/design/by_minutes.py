@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.design.by_counts import TRAVEL, greedy, places
+from hil.planning.design.by_counts import greedy, places
 from hil.planning.design.candidates import pool, trajectories, weighed
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour, nearest_first
@@ -88,7 +88,7 @@ def design_within(
     core = _core(guarded, options, CORE_BESIDE_TRAJECTORIES if with_trajectories else CORE)
     if with_trajectories:
         options += trajectories(guarded, workspace, SAMPLE_PERIOD, noise, minutes)
-    selection = Selection(guarded, options, TRAVEL)
+    selection = Selection(guarded, options)
     for number in core:
         selection.take(number)
     if not with_trajectories:  # every period of which moves all axes
@@ -130,7 +130,7 @@ def refine(
     guarded = narrowed(robot, run.workspace)
     options = pool(guarded, run.workspace, run.sample_period, noise)
     worth = weighed(known.matrix, known.scatter)
-    selection = Selection(guarded, options, TRAVEL, "torque", worth)
+    selection = Selection(guarded, options, "torque", worth)
     _reserve(robot, selection, run.measurements)
     least = max(1, len(selection.chosen))
     order = _filled(robot, selection, 60 * minutes, least, run.workspace)
@@ -185,7 +185,7 @@ def _filled(
         return _tour(robot, chosen[:fits])
     guarded = narrowed(robot, workspace)
     while True:
-        order = guarded_tour(guarded, workspace, _merged(chosen[:fits]), TRAVEL)
+        order = guarded_tour(guarded, workspace, _merged(chosen[:fits]))
         excess = lasting(robot, order) - budget
         if excess <= 0 or fits <= least:
             return order
@@ -243,7 +243,7 @@ def ordered(
 ) -> list[ParameterMeasurement]:
     """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
     starts = np.array([measurement.start for measurement in measurements])
-    order = nearest_first(robot, np.zeros(robot.n_joints), starts, TRAVEL)
+    order = nearest_first(robot, np.zeros(robot.n_joints), starts)
     return [measurements[number] for number in order]
 
 

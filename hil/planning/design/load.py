@@ -27,10 +27,9 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.design.by_counts import TRAVEL
 from hil.planning.design.by_minutes import lasting, numbered, ordered
 from hil.planning.design.candidates import judged, keeps_clear, pool
-from hil.planning.design.tour import guarded_tour
+from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.plan import as_plan
 from hil.planning.prediction.information import forecast
@@ -403,10 +402,7 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         best = int(np.argmax(np.where(free, gains / (durations + ways), -np.inf)))
         free[best] = False
         tried = [options[k].measurement for k in (*chosen, best)]
-        tried = (
-            guarded_tour(robot, workspace, tried, TRAVEL)
-            if workspace else ordered(robot, tried)
-        )  # fmt: skip
+        tried = guarded_tour(robot, workspace, tried) if workspace else ordered(robot, tried)
         if lasting(robot, tried) > seconds:
             break
         chosen.append(best)

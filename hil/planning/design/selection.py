@@ -24,6 +24,7 @@ import numpy as np
 from hil.friction.equation import n_unknowns
 from hil.least_squares.solving import solved
 from hil.model.base_parameters import base_parameters
+from hil.planning.design.tour import TRAVEL
 from hil.planning.prediction.precision import torque_scale
 from hil.planning.timetable import SETTLING, travel_times
 
@@ -46,8 +47,6 @@ class Selection:
     ----------
     robot : Robot
     options : sequence of Option
-    fraction : float
-        Share of the limits used between configurations.
     criterion : {"det", "torque"}
     known : ndarray, shape (n, n), optional
         Worth of earlier measurements.
@@ -57,11 +56,10 @@ class Selection:
         self,
         robot: Robot,
         options: Sequence[Option],
-        fraction: float,
         criterion: SelectionCriterion = "det",
         known: Array | None = None,
     ) -> None:
-        self._robot, self._criterion, self._fraction = robot, criterion, fraction
+        self._robot, self._criterion = robot, criterion
         self._n_base = len(base_parameters(robot))
         self._scale = torque_scale(robot)
         self._starts = np.array([option.measurement.start for option in options])
@@ -90,7 +88,7 @@ class Selection:
         self.duration += float(self._costs()[number])
         for at, worth in self._worth[number]:
             self._information[np.ix_(at, at)] += worth
-        way = travel_times(self._robot, self._starts[number], self._starts, self._fraction)
+        way = travel_times(self._robot, self._starts[number], self._starts, TRAVEL)
         self._way = np.minimum(self._way, way)
         self._free[number] = False
         if not self._free.any():
@@ -144,8 +142,7 @@ class Selection:
     def _costs(self) -> Array:
         """Duration of each option with the way to it [s]."""
         way = np.where(np.isfinite(self._way), self._way, 0.0)
-        costs: Array = self._durations + way + SETTLING
-        return costs
+        return self._durations + way + SETTLING
 
 
 def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from hil.planning.clearance import are_clear
+from hil.planning.plan import Plan
 from hil.planning.timetable import travel_times, travels
 
 if TYPE_CHECKING:
@@ -26,25 +27,25 @@ if TYPE_CHECKING:
 
 
 M = TypeVar("M", bound="Measurement")
+TRAVEL: float = Plan.model_fields["travel"].default
+"""Share of the limits used between configurations."""
 
 
-def nearest_first(robot: Robot, here: Array, places: Array, fraction: float) -> list[int]:
+def nearest_first(robot: Robot, here: Array, places: Array) -> list[int]:
     """Numbers of `places` (n, n_joints), each the nearest in travel time to the one before.
 
     The first is the one that is nearest to `here`.
     """
     left, tour = list(range(len(places))), list[int]()
     while left:
-        times = travel_times(robot, here, places[left], fraction)
+        times = travel_times(robot, here, places[left], TRAVEL)
         tour.append(left.pop(int(np.argmin(times))))
         here = places[tour[-1]]
     return tour
 
 
-def guarded_tour(
-    robot: Robot, workspace: Workspace, measurements: Sequence[M], fraction: float
-) -> list[M]:
-    """Order `measurements` so that travels at `fraction` of the limits are clear.
+def guarded_tour(robot: Robot, workspace: Workspace, measurements: Sequence[M]) -> list[M]:
+    """Order `measurements` so that travels are clear.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def guarded_tour(
         A measurement that no clear travel leads to.
     """
     starts = np.array([measurement.start for measurement in measurements])
-    ways = _Ways(robot, workspace, starts, fraction)
+    ways = _Ways(robot, workspace, starts)
     tour: list[int] = []
     # as the first one 8 measurements are tried
     for first in range(min(8, len(measurements))):
@@ -76,7 +77,6 @@ class _Ways:
     robot: Robot
     workspace: Workspace
     starts: Array
-    fraction: float
 
     def greedy(self, first: int) -> list[int]:
         """Go from `first` to the nearest that is left, as long as a clear travel leads there."""
@@ -112,4 +112,4 @@ class _Ways:
         return are_clear(self.robot, self.workspace, self._travels(begins, ends))
 
     def _travels(self, begins: list[int], ends: list[int]) -> Travels:
-        return travels(self.starts[begins], self.starts[ends], self.fraction, self.robot)
+        return travels(self.starts[begins], self.starts[ends], TRAVEL, self.robot)

@@ -262,9 +262,9 @@ def units(robot: Robot) -> Array:
     return np.outer(robot.torque_limit, torque_scale(robot))
 
 
-def condition(robot: Robot, trajectory: Trajectory, samples: int = 1000) -> float:
-    """Condition number of the scaled observation matrix along one period."""
-    t = np.arange(samples) * trajectory.period / samples
+def condition(robot: Robot, trajectory: Trajectory) -> float:
+    """Condition number of the scaled observation matrix along one period, at 1000 instants."""
+    t = np.arange(1000) * trajectory.period / 1000
     return float(np.linalg.cond(_stacked(regressor(robot, *trajectory.motion(t)) / units(robot))))
 
 

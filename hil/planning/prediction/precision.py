@@ -95,23 +95,11 @@ class Precision:
 
 
 def predict(
-    robot: Robot,
-    measurements: Sequence[Measurement],
-    period: float,
-    noise: Noise,
-    known: Information | None = None,
+    robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Precision:
-    """Predict the standard deviations that `measurements` lead to.
-
-    Parameters
-    ----------
-    period : float
-        Between samples [s].
-    known : Information, optional
-        Of earlier measurements.
-    """
+    """Predict the standard deviations that `measurements`, sampled every `period` [s], lead to."""
     found = information(robot, measurements, period, noise)
-    return precision(robot, found + known if known else found, noise.sampled(robot, period).source)
+    return precision(robot, found, noise.sampled(robot, period).source)
 
 
 def precision(robot: Robot, known: Information, source: str) -> Precision:

@@ -10,7 +10,6 @@ from possible_models import bodies
 from synthetic import TABLE_3_A
 
 from hil.errors import InvalidValue
-from hil.estimation.absent_parameters import complete
 from hil.estimation.consistent.conditions import BodyBounds, tightened
 from hil.estimation.consistent.likely_bodies import likely_bodies
 from hil.estimation.consistent.nearest import nearest_robot, thickness_of
@@ -42,7 +41,7 @@ def possible(name, seed=0):
 
 def seen(robot, found):
     """Base parameters of the robot with all link parameters: of the bodies, and of p'."""
-    whole, own = base_parameters(complete(robot)), base_parameters(robot)
+    whole, own = base_parameters(robot.with_whole_links()), base_parameters(robot)
     phi = np.concatenate([found.bodies.ravel(), [*found.added.values()]])
     return whole.matrix @ phi, whole.matrix @ own.placement @ found.p
 
@@ -122,7 +121,7 @@ def test_least_squares_under_the_conditions_is_the_projection_in_its_own_informa
     y = X @ (p * rng.uniform(-1.0, 1.0, len(p)))
     unconstrained, information = np.linalg.lstsq(X, y, rcond=None)[0], X.T @ X
     found = nearest_robot(robot, unconstrained, np.linalg.inv(information))
-    whole = complete(robot)
+    whole = robot.with_whole_links()
     space = Space.of(robot, whole, 0 * p, np.eye(len(p)), likely_bodies(robot))
     columns = np.hstack([space.placement, space.free])
     asked = [Inequality(c.constant, c.weights @ columns) for c in tightened(whole, BodyBounds())]

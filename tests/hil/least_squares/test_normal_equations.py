@@ -90,7 +90,7 @@ def test_weights_settle_or_end_with_the_rounds() -> None:
         calls.append(weights)
         return (weights + 3.0) / 2.0
 
-    assert reweighted(halfway, np.array([1.0]), 100, 1e-6) == pytest.approx(3.0, rel=1e-5)
+    assert reweighted(halfway, np.array([1.0]), 100) == pytest.approx(3.0, rel=1e-5)
     assert len(calls) < 30
     assert reweighted(halfway, np.array([1.0]), 2).tolist() == [2.5]
 

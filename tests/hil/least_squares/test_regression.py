@@ -120,16 +120,6 @@ def test_two_channels_of_one_axis_share_its_own_unknowns(rng: np.random.Generato
     np.testing.assert_allclose(found.solution, expected, rtol=1e-9)
 
 
-def test_coefficients_of_a_group_alone_are_eliminated(rng: np.random.Generator) -> None:
-    W, y = samples(rng, 5, noise=0.0)
-    drifting = rng.normal(size=5)
-    y = y + drifting[:, np.newaxis, np.newaxis] * W[..., 3]
-    found = Regression.weighed(blocks(W, y).eliminated("Coulomb"), rounds=1)
-    assert found.layout.own == ("offset",)
-    np.testing.assert_allclose(found.solution, TRUTH[[0, 1, 2, 4]], atol=1e-6)
-    np.testing.assert_array_equal(found.blocks.counts, 29.0)
-
-
 def test_other_columns_cost_no_pass_over_samples(rng: np.random.Generator) -> None:
     W, y = samples(rng, 5)
     T = np.eye(5)

@@ -7,10 +7,11 @@ import pytest
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design import by_minutes, candidates
-from hil.planning.design.by_counts import TRAVEL, design
+from hil.planning.design.by_counts import design
 from hil.planning.design.by_minutes import CORE, design_within, refine
 from hil.planning.design.candidates import pool
 from hil.planning.design.selection import Selection
+from hil.planning.design.tour import TRAVEL
 from hil.planning.design.trajectories import Search
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import without_law
@@ -177,7 +178,7 @@ def test_in_a_guarded_workspace_every_way_is_clear(manutec, noise):
 @pytest.mark.parametrize("criterion", ["det", "torque"])
 def test_gains_are_what_adding_the_measurement_changes(manutec, options, criterion):
     n_base = len(base_parameters(manutec))
-    selection = Selection(manutec, options, TRAVEL, criterion)
+    selection = Selection(manutec, options, criterion)
     for number in range(0, len(options), 2):
         selection.take(number)
     before = selection._information.copy()

@@ -13,7 +13,6 @@ from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import load_yaml
 from hil import cli
-from hil.estimation.absent_parameters import complete
 from hil.estimation.gravity_phase import Sinusoid
 from hil.model.base_parameters import base_parameters
 from hil.report.page import report
@@ -46,7 +45,7 @@ def hil(*arguments):
 def runs(manutec, tmp_path_factory):
     """A run without load, one with it, and one of a robot whose file leaves something out."""
     place = tmp_path_factory.mktemp("findings")
-    base, whole = base_parameters(manutec), complete(manutec)
+    base, whole = base_parameters(manutec), manutec.with_whole_links()
     phi = np.array([LOAD.get(name, 0.0) for name in manutec.standard_parameters])
     write_run(place / "bare", manutec)
     write_run(place / "loaded", manutec, (manutec, TABLE_3_A + base.matrix @ phi), seed=2)

@@ -12,7 +12,6 @@ from hil import cli
 from hil.cli.payload import LEAST_MINUTES
 from hil.errors import InvalidValue, Mismatch, NoLoad, NotEnoughData
 from hil.model.base_parameters import base_parameters
-from hil.model.load import with_whole_last_link
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.design.load import HOLD, SLOW_SHARE, allowed, fast_plan, holds, slow_plan
@@ -153,7 +152,7 @@ def test_a_load_that_is_rigid_is_said_to_be(found):
 @pytest.fixture(scope="module")
 def beside(bare, stages, robot, tmp_path_factory):
     """The load found that is mounted beside the axis, and its first moments and mass."""
-    machine = with_whole_last_link(robot)
+    machine = robot.with_whole_links([robot.n_joints - 1])
     mass, centre = 4.0, np.array([0.06, -0.03, 0.1])
     about = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre)) + 0.01 * np.eye(3)
     load = {"m6": mass, "sx6": mass * 0.06, "sy6": mass * -0.03, "sz6": mass * 0.1,
