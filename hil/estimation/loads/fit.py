@@ -274,14 +274,9 @@ class _Joint:
         if not runs.alike and terms.name == "load":
             shares, of = self._shares()
             c = shares.factors()
-            self._factors, self._beside = (
-                c[of],
-                embedded(
-                    shares.beside(c),
-                    np.array([self.layout.at(name) for name in self._shared]),
-                    self.layout.size,
-                ),
-            )
+            at = np.array([self.layout.at(name) for name in self._shared])
+            self._factors = c[of]
+            self._beside = embedded(shares.beside(c), at, self.layout.size)
             self._solve(self._joined(self._totals))
         self.whole = self._regression(self._joined([run.blocks for run in self._every]))
 
@@ -295,8 +290,8 @@ class _Joint:
         for _ in range(ROUNDS):
             before, square = left, blocks.products[:n, :, 0, 0] / counts
             least = np.maximum(left, np.finfo(float).eps * square)
-            weights = self._factors[:, np.newaxis] / np.where(square > 0, least, np.inf)
-            self.weights[:n] = weights
+            least[square == 0] = np.inf
+            self.weights[:n] = self._factors[:, np.newaxis] / least
             x = replace(self._regression(blocks), kept=kept).solution
             left = blocks.squares_left(x)[:n] / counts
             change = np.clip(x[own], -STRIDE, STRIDE)
