@@ -14,6 +14,7 @@ from hil.cli.plan_view import render_robot
 from hil.errors import UnknownName
 from hil.model.polynomial import parse
 from hil.model.robot import available_robots, load_robot, parse_robot
+from hil.terminal.console import out
 
 
 @pytest.fixture
@@ -194,7 +195,7 @@ def test_polynomials_multiply_add_and_evaluate():
 
 
 def test_the_view_shows_table_1_equation_22_by_group_and_table_2(manutec, monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setattr(out, "_width", 120)
     render_robot(manutec)
     shown = capsys.readouterr().out
     for piece in (
