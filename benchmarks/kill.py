@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from figures import Figure, keep
 
-from drivers.canopen import drive_bus  # noqa: F401 - loaded once, before the sessions are forked
+from drivers.session import servo_axes  # noqa: F401 - loaded once, before the sessions are forked
 from hil.cli import main as hil
 from hil.cli import plan_files, run_session  # noqa: F401 - likewise
 from hil.model.robot import load_robot

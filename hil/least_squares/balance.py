@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from hil.least_squares.blocks import Blocks
 
 
+MOST = 100.0
+"""Greatest factor of one kind over another: beyond it nothing is gained, and numbers are lost."""
+
+
 class Kind(NamedTuple):
     """A regression, and what else its own samples leave uncertain.
 
@@ -126,8 +130,10 @@ class Shares:
         def spread(logarithms: Array) -> float:
             return float(np.log(max(self._variance(_factors(logarithms)), np.finfo(float).tiny)))
 
-        start = np.zeros(len(self._groups) - 1)
-        return _factors(optimize.minimize(spread, start, method="Nelder-Mead").x)
+        start, most = np.zeros(len(self._groups) - 1), np.log(MOST)
+        bounds = [(-most, most)] * len(start)
+        found = optimize.minimize(spread, start, method="Nelder-Mead", bounds=bounds)
+        return _factors(found.x)
 
     def beside(self, c: Array) -> Array:
         """Covariance of the shared unknowns from what no group shows, shape (n, n)."""

@@ -110,3 +110,12 @@ def test_what_no_group_shows_makes_a_kind_count_less_and_stays_in_the_covariance
     left = balanced(both, SHARED).beside
     assert (np.diag(left) > 0).all()
     assert (np.diag(left) < np.diag(beside)).all()
+
+
+def test_a_kind_beside_which_the_other_is_worth_nothing_leaves_it_in_the_equations(
+    rng: np.random.Generator,
+) -> None:
+    exact, poor = kind(rng, "a", noise=1e-9), kind(rng, "b", noise=1.0)
+    forth, back = factors([exact, poor])[0], factors([poor, exact])[0]
+    assert 1.0 <= forth <= 100.001
+    assert 0.00999 <= back <= 1.0
