@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.local_values import LocalFit
-    from hil.estimation.two_step_methods import Prepared
+    from hil.estimation.signals import Prepared
     from hil.model.robot import Robot
     from hil.runs.run import Run
 

@@ -140,8 +140,9 @@ def _against_truth(
 
 
 def _judge(model: Model, model_path: Path, run: Run) -> None:
-    from hil.results.validation import scores, write_validation
     from hil.results.validation import validate as judge
+    from hil.results.validation import write_validation
+    from hil.results.validation_tables import scores
 
     with working("predicting the torques of the recordings"):
         found = judge(model, run)

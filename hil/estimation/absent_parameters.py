@@ -39,7 +39,7 @@ from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
     from hil.arrays import Array
-    from hil.estimation.simultaneous import Prepared
+    from hil.estimation.signals import Prepared
     from hil.model.robot import Robot
 
 

@@ -57,14 +57,12 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Indices, Mask
     from hil.estimation.condensed import Stacked
-    from hil.estimation.signals import Signals
+    from hil.estimation.signals import Prepared, Signals
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.normal_equations import Normal
     from hil.least_squares.regression import Regression
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
-
-    Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 EARLIEST, LATEST = -0.002, 0.012
 """Range of lags that is searched [s]: drives queue a current for a few samples of the bus."""

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.local_values import LocalFit
-    from hil.estimation.simultaneous import Prepared, SimultaneousFit
+    from hil.estimation.signals import Prepared
+    from hil.estimation.simultaneous import SimultaneousFit
     from hil.model.robot import Robot
 
 BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"

@@ -39,14 +39,17 @@ from hil.least_squares.window import correlated, half_window, smooth, widened
 from hil.runs.recording import under_way
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable
+    from collections.abc import Callable, Hashable, Sequence
 
     from numpy.typing import NDArray
 
     from hil.arrays import Array, Mask
     from hil.model.robot import Robot
+    from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recording
 
+    Prepared = Sequence[tuple[ParameterMotion, "Signals"]]
+    """Measurements with their signals."""
 
 Kept = TypeVar("Kept")
 

@@ -20,26 +20,21 @@ import numpy as np
 from hil.errors import NotIdentifiable
 from hil.estimation.condensed import ROTOR, condensed_blocks, of_steps, stack
 from hil.estimation.drive_train import LoadFriction
-from hil.friction.equation import COMMON, LOAD, place
+from hil.friction.equation import ASYMMETRIC, COMMON, LOAD, place
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
 from hil.least_squares.solving import inverse, solved, undetermined_beside
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
-    from hil.estimation.signals import Signals
+    from hil.estimation.signals import Prepared
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion
-
-    Prepared = Sequence[tuple[ParameterMotion, Signals]]
 
 
 SIGNIFICANT = 2.0
@@ -148,10 +143,10 @@ class SimultaneousFit:
         """All unknowns: base parameters and, axis by axis, the common terms."""
         return self.regression.solution
 
-    def without_terms(self, terms: Sequence[int]) -> Array:
-        """Base parameters where some of the axes' common terms are ignored, shape (n_base,)."""
+    def without_asymmetry(self) -> Array:
+        """Base parameters where friction is taken for the same both ways, shape (n_base,)."""
         places = [place(self._robot, axis)[self._n_base :] for axis in range(self._n_joints)]
-        ignored = np.concatenate([own[list(terms)] for own in places])
+        ignored = np.concatenate([own[list(ASYMMETRIC)] for own in places])
         regression = replace(self.regression, kept=np.setdiff1d(self.regression.kept, ignored))
         return regression.solution[: self._n_base]
 

@@ -45,18 +45,15 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_element, shows_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_values import LocalFit, LocalValue
-    from hil.estimation.signals import Signals
+    from hil.estimation.signals import Prepared, Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion, RecordedMotion
-    from hil.runs.recording import Recording
-
-    Prepared = Sequence[tuple[ParameterMotion, Signals]]
-    Recorded = Iterable[tuple[RecordedMotion, Recording]]
+    from hil.runs.recording import Recorded
 
 TwoStepMethod = Literal["improved", "published"]
 TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")

@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.estimation.excluded.evidence import Evidence
-    from hil.estimation.signals import Signals
-    from hil.estimation.simultaneous import Prepared
+    from hil.estimation.signals import Prepared, Signals
     from hil.imports.evidence import Excerpt
     from hil.model.robot import Robot
 

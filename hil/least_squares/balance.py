@@ -48,25 +48,17 @@ class Kind(NamedTuple):
     regression : Regression
     cells : Blocks, optional
         The same samples in cells of states, where the model's lacks show.
-    beside : ndarray, shape (n_shared, n_shared), optional
-        Covariance of the shared unknowns, were they found from this kind alone, that no group
-        shows, such as from one law of friction to another.
+    beside : ndarray, shape (n, n)
+        Covariance of the first shared unknowns, were they found from this kind alone, that no group
+        shows, such as from one law of friction to another; none where n is 0.
     """
 
     regression: Regression
     cells: Blocks | None = None
-    beside: Array | None = None
+    beside: Array = np.zeros((0, 0))
 
 
-class Balanced(NamedTuple):
-    """One regression over kinds that count by factors; cells and covariance as of `Kind`."""
-
-    regression: Regression
-    cells: Blocks | None
-    beside: Array
-
-
-def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
+def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Kind:
     """One regression over the blocks of all, each with the unknowns that it kept.
 
     Weights within a kind are residual variances of the solution of all; factors say how much a kind
@@ -94,7 +86,7 @@ def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
     joined = cells[0].joined(*cells[1:]) if cells else None
     if joined is not None:
         joined = joined.expanded(blocks.shared, blocks.own, blocks.channels)
-    return Balanced(replace(found, weights=np.concatenate(scaled)), joined, shares.beside(c))
+    return Kind(replace(found, weights=np.concatenate(scaled)), joined, shares.beside(c))
 
 
 def _places(of: Blocks, kept: Indices, among: Blocks) -> Indices:
@@ -111,7 +103,7 @@ class Shares:
     kinds : sequence of Kind
         Weighted.
     shared : sequence of str
-        Names of the unknowns that they share; those of `Kind.beside` come first.
+        Names of the unknowns that they share.
     """
 
     def __init__(self, kinds: Sequence[Kind], shared: Sequence[str]) -> None:
@@ -140,9 +132,8 @@ class Shares:
         N = self._information(c)
         total = np.zeros_like(N)
         for ck, own, B in zip(c, self._whole, self._beside, strict=True):
-            if B is not None:
-                moved = solved(N, ck * own[:, : len(B)])
-                total += moved @ B @ moved.T
+            moved = solved(N, ck * own[:, : len(B)])
+            total += moved @ B @ moved.T
         return total
 
     def _information(self, c: Array) -> Array:

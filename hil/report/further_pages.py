@@ -30,7 +30,7 @@ from hil.results.rounding import unit
 from hil.results.tables.load import quantities as load_quantities
 from hil.results.tables.table import Column, Table, table
 from hil.results.tracking import PASSES
-from hil.results.validation import scores
+from hil.results.validation_tables import scores
 from hil.results.watch import alarms, watched
 from hil.runs.pooling import recorded
 from hil.view.along_motion import beside

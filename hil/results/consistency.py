@@ -23,7 +23,7 @@ from hil.results.tables.parameters import NAMED
 from hil.results.tables.table import Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from hil.arrays import Array
     from hil.estimation.consistent.conditions import BodyBounds
@@ -32,9 +32,7 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.results.tables.table import Row
-    from hil.runs.recording import Recording
-
-    Recorded = Iterable[tuple[RecordedMotion, Recording]]
+    from hil.runs.recording import Recorded, Recording
 
 
 def with_consistent_robot(

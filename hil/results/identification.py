@@ -31,7 +31,7 @@ from hil.runs.pooling import Pooled, pooled
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from hil.arrays import Array
@@ -40,12 +40,9 @@ if TYPE_CHECKING:
     from hil.estimation.noise_levels import Levels
     from hil.estimation.options import Options
     from hil.estimation.prior import Prior
-    from hil.planning.measurement import RecordedMotion
     from hil.results.tables.terminal import Summary
-    from hil.runs.recording import Recording
+    from hil.runs.recording import Recorded, Recording
     from hil.runs.run import Run
-
-    Recorded = Iterable[tuple[RecordedMotion, Recording]]
 
 
 @dataclass(frozen=True, eq=False)

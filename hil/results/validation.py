@@ -42,8 +42,6 @@ from hil.results.model import Model, loaded
 from hil.results.outcome import OF_DATA
 from hil.results.predicted_torques import predicted_torques
 from hil.results.provenance import RunStamp, recordings_in_common
-from hil.results.rounding import significant
-from hil.results.tables.table import Column, Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import pooled
@@ -56,7 +54,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.results.judgement import Rule
     from hil.results.recorded_torque import PredictedTorque
-    from hil.results.tables.table import Row
     from hil.runs.run import Run
 
     Scores = Sequence["AxisScore"]
@@ -443,61 +440,3 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
     others = tuple(each for each in model.validations if each.run != where)
     replace(model, validations=(*others, kept)).save(model_path)
     return path
-
-
-def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
-    """Scores of all axes that the recording moves."""
-    heads = ["torque", "residual", "residual, %", "mean, %", "inside, %", "gain"]
-    explained, fitted = "", any(each.refitted is not None for each in found.axes)
-    if fitted:
-        heads += ["friction fitted, %", "inside, %"]
-        explained = (
-            " All with the friction that the model states, but the gain and the last two columns:"
-            " ratio and share inside with friction fitted in this recording."
-        )
-    return table(
-        "Torques predicted of this recording",
-        ("axis", *figures(*heads)),
-        (
-            (
-                str(each.axis),
-                f"{significant(each.torque, 3)} {each.unit}",
-                f"{significant(each.residual, 3)} {each.unit}",
-                significant(100 * each.relative, 2),
-                f"{100 * each.naive:.0f}",
-                f"{100 * each.inside:.0f}",
-                f"{each.gain:.3f}",
-                *(_refitted(each) if fitted else ()),
-            )
-            for each in found.axes
-        ),
-        "Root mean squares of torque and residual, and their ratio; the same ratio where the"
-        " axis's mean torque is the prediction; share of samples inside the predicted intervals"
-        " of 95 %; factor of what the model states that would fit best." + explained,
-        notes,
-    )
-
-
-def _refitted(score: AxisScore) -> Row:
-    if score.refitted is None or score.refitted_inside is None:
-        return "", ""
-    return significant(100 * score.refitted, 2), f"{100 * score.refitted_inside:.0f}"
-
-
-def judgements(kept: Sequence[KeptJudgement]) -> Table:
-    """What a model was worth on other recordings."""
-    return table(
-        "Judged by other recordings",
-        ("run", "judgement", *figures("off by, %"), Column("reason", folds=True)),
-        (
-            (
-                each.run,
-                each.word if each.word == "good" else Marked(each.word),
-                "" if each.relative is None else significant(100 * each.relative, 2),
-                each.clause,
-            )
-            for each in kept
-        ),
-        "By hil validate: judgement, error of the predicted torques, and the worst of what was"
-        " found.",
-    )

@@ -273,7 +273,7 @@ def _trajectory(
 ) -> Designed:
     """One periodic trajectory within the limits, as often as there is time for."""
     from hil.planning.design import trajectories
-    from hil.planning.plan import Plan, PlannedRobot, WarmUp
+    from hil.planning.plan import as_plan
     from hil.tasks.robot_drives import following_of, known_drives
 
     robot = _required(robot)
@@ -285,11 +285,7 @@ def _trajectory(
         robot, period, cycles, criterion, seed,
         harmonics=harmonics, speed=following.speed if following else None,
     )  # fmt: skip
-    plan = Plan(
-        robot=PlannedRobot(name=robot.name, digest=robot.digest),
-        warm_up=WarmUp(duration=warm_up) if warm_up else None,
-        measurements=(found,),
-    )
+    plan = as_plan(robot, (found,), warm_up)
     condition = trajectories.condition(robot, found)
     return Designed(
         plan, robot, (f"{cycles} periods of {period:g} s, condition number {condition:.3g}",)

@@ -20,7 +20,6 @@ from hil.estimation.drive_train import CERTAIN, compliance_units
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.friction.equation import ASYMMETRIC
 from hil.least_squares.differences import SECOND
 from hil.least_squares.window import HALF_WIDTH, weights
 from hil.model.dynamics import mass_matrix
@@ -130,7 +129,7 @@ def _fitted(
     if failed := {axis: test.asymmetry for axis, test in tests if not test.passed}:
         each = ", ".join(f"{100 * asymmetry:.2g}" for asymmetry in failed.values())
         detail = f"{each} % of it, or offsets of the current"
-        yield "friction that differs by direction", failed, detail, fit.without_terms(ASYMMETRIC)
+        yield "friction that differs by direction", failed, detail, fit.without_asymmetry()
 
 
 def _with_errors(factor: float, value: Array, error: Array, axes: Indices) -> str:

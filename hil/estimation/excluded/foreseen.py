@@ -33,7 +33,7 @@ from hil.runs.recording import IDLE, Recording
 if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
-    from hil.estimation.simultaneous import Prepared
+    from hil.estimation.signals import Prepared
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMeasurement
     from hil.planning.plan import Plan

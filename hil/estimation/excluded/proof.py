@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.excluded.result import Excluded
-    from hil.estimation.signals import Signals
-    from hil.estimation.simultaneous import Joint, Prepared
+    from hil.estimation.signals import Prepared, Signals
+    from hil.estimation.simultaneous import Joint
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded, Recording

@@ -8,7 +8,7 @@ axis's friction. So every gain and every load is a combination of columns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.estimation.condensed import Stacked
     from hil.estimation.free_motion.gathering import Gathered
-    from hil.estimation.simultaneous import Prepared, SimultaneousFit
+    from hil.estimation.signals import Prepared
+    from hil.estimation.simultaneous import SimultaneousFit
     from hil.least_squares.blocks import Blocks
     from hil.model.robot import Robot
 
@@ -52,7 +53,7 @@ class Evidence:
         Axes, from 0, whose gain the map leaves open.
     scale_open : bool
         Whether one more gain is, which was held at random.
-    beside : ndarray, shape (n_base, n_base), optional
+    beside : ndarray
         As of `hil.least_squares.balance.Kind`.
     """
 
@@ -64,7 +65,7 @@ class Evidence:
     cells: Blocks | None = None
     unknown: tuple[int, ...] = ()
     scale_open: bool = False
-    beside: Array | None = None
+    beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def of_strokes(blocks: Blocks, loaded: Mask) -> Evidence:

@@ -1,99 +1,34 @@
-"""A load is up to ten more columns beside a robot, from a run without it and one with it.
-
-With s = 0 and 1 for runs without and with the load,
-
-    g_i y_i - Qm_i - s A_i K phi_known = A_i p + s A_i K phi + F_i a_is - d_i (model)_present,
-
-in which y is the torque as it was read, Qm that of the motors' rotors, K phi what a load adds to
-the base parameters (`hil.model.load`), F friction and d the relative change of an unknown gain g,
-linearised about the present solution (Gauss and Newton). All columns are combinations of those that
-a run of any kind gives (`evidence`), so runs of any kinds and number make one regression, each axis
-of each run weighted by what the solution leaves there, and runs of different kinds by what leaving
-out their groups does to the torque (`hil.least_squares.balance`). No run need identify anything by
-itself.
-
-A gain that is off by a share makes all torques of its axis wrong by that share, and shows in no
-residual of a run: the base parameters take it up. The change that a known mass brings about is
-known too, so with the mass all gains may be found. One that the load does not show stays as stated,
-within `GAIN_STATED`.
-
-Covariances come from what differs between groups, of which few carry phi: scores are corrected for
-the solution's having come to meet them (CR2). What repeats with the motion differs between cells of
-states (`hil.least_squares.regression`); noise is in both, so that the larger variance
-counts. Errors of torque constants and rotor inertias are the same in both runs, and enter by what
-they do to the solution.
+"""A load is up to ten more columns beside a robot, from runs without it and with it (`joint`).
 
 Whether anything but a rigid load changed is asked with a change dp of all base parameters in its
 place: what of dp no load explains should be no larger than its covariance (Hotelling's T^2). In the
 same way a load that is nothing but error is found. A short run does not determine dp.
-Of every measurement of an axis remains its score about the base
-parameters, e. Had they to be found from this measurement alone, in as many directions r as it
-determines, they would differ from those found by
-
-    T = e'I^+ e,
-
-with the information I of the measurement. Noise and friction that wanders leave some T in any run.
-A load that gives way, slides or drags a cable along leaves more of it in the run with the load, as
-does friction that the load changed. So the mean T / r of an axis with the load is compared with
-that without: their ratio, were nothing else different, has about an F distribution with as many
-degrees of freedom as there are measurements of the axis in each run. What T adds within a
-measurement is alike in all of its directions, so r does not count them.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, special
 
-from hil.estimation.condensed import ROTOR
-from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling, gain_name
 from hil.estimation.intervals import MANY
-from hil.estimation.loads.figures import AxisMisfit, Chance, Load
-from hil.least_squares.balance import Kind, Shares
-from hil.least_squares.blocks import Blocks
-from hil.least_squares.layout import embedded
-from hil.least_squares.regression import Regression
-from hil.least_squares.solving import inverse, inverse_root, solved, undetermined_beside
-from hil.least_squares.uncertainty import correlation_of, scatter
-from hil.model.base_parameters import base_parameters
+from hil.estimation.loads.figures import Chance, Load
+from hil.estimation.loads.joint import JointRuns, Runs, Terms
+from hil.least_squares.solving import inverse
 from hil.model.load import MASS, load_columns
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from hil.arrays import Array, Indices, Mask
+    from hil.arrays import Array
     from hil.estimation.loads.evidence import Evidence
     from hil.least_squares.regression import Covariance
     from hil.model.robot import Robot
 
-GAIN_STATED = 0.5
-"""Standard deviation of the logarithm of a stated gain before any measurement: wide enough to sway
-none that a load shows, and none is undetermined."""
-STEADY = 1e-6
-"""Relative change of weights that is none."""
 PASSES = 2
 """Times that friction of the transmitted torque is made of what the load adds to it."""
-
-
-class Runs(NamedTuple):
-    """Evidence of runs without a load, and with it; of each at most one of a kind."""
-
-    bare: Sequence[Evidence]
-    loaded: Sequence[Evidence]
-
-    @property
-    def every(self) -> list[Evidence]:
-        """Of all runs, those without the load first."""
-        return [*self.bare, *self.loaded]
-
-    @property
-    def alike(self) -> bool:
-        """Whether all are of one kind."""
-        return len({run.kind for run in self.every}) == 1
 
 
 def fit_load(
@@ -130,7 +65,7 @@ def fit_load(
     known, free = np.zeros(10), load.free
     if mass is not None:
         known[MASS], free = mass, load.without_mass
-    terms = _Terms(load.K @ known, load.K @ free, "load")
+    terms = Terms(load.K @ known, load.K @ free, "load")
     change = terms.known
     before: list[Evidence] = []
     for _ in range(PASSES):
@@ -145,7 +80,7 @@ def fit_load(
 
 
 def _described(
-    joint: _Joint,
+    joint: JointRuns,
     wanted: list[int],
     mass: float | None,
     known: Array,
@@ -182,8 +117,8 @@ def _described(
 
 
 def _determined(
-    robot: Robot, runs: Runs, terms: _Terms, mass: float | None, wanted: Sequence[int]
-) -> _Joint:
+    robot: Robot, runs: Runs, terms: Terms, mass: float | None, wanted: Sequence[int]
+) -> JointRuns:
     """Regression with those of the wanted gains that are determined."""
     start, kinds = np.array([run.gains for run in runs.every]), [run.kind for run in runs.every]
     for kind in dict.fromkeys(kinds):
@@ -192,21 +127,21 @@ def _determined(
     if mass is not None and wanted and any(run.scale_open for run in runs.every):
         # one gain was held at random: scaled so that the mass is right
         load = load_columns(robot)
-        whole = _Terms(np.zeros(len(load.K)), load.shown, "load")
-        found = float((load.free @ _Joint(robot, runs, whole, (), start).of("load"))[MASS])
+        whole = Terms(np.zeros(len(load.K)), load.shown, "load")
+        found = float((load.free @ JointRuns(robot, runs, whole, (), start).of("load"))[MASS])
         start *= mass / found if found > 0 else 1.0
-    joint = _Joint(robot, runs, terms, wanted, start)
+    joint = JointRuns(robot, runs, terms, wanted, start)
     lost = joint.undetermined("gain")
     if not lost.any():
         return joint
-    return _Joint(robot, runs, terms, np.array(wanted)[~lost].tolist(), start)
+    return JointRuns(robot, runs, terms, np.array(wanted)[~lost].tolist(), start)
 
 
-def _rigid(joint: _Joint, covariance: Covariance) -> Chance:
+def _rigid(joint: JointRuns, covariance: Covariance) -> Chance:
     """Test a change of all base parameters against those that a load makes."""
     known, columns, _ = joint.terms
-    any_change = _Terms(known, np.eye(len(known)), "change")
-    free = _Joint(joint.robot, joint.runs, any_change, (), joint.gains)
+    any_change = Terms(known, np.eye(len(known)), "change")
+    free = JointRuns(joint.robot, joint.runs, any_change, (), joint.gains)
     if free.undetermined("change").any():
         return Chance(0.0, 0, 1.0)
     at, other = free.places("change"), linalg.null_space(columns.T)
@@ -224,274 +159,3 @@ def _test(x: Array, V: Array, groups: int) -> Chance:
     rest = max(groups - k, 1)
     p_value = float(special.fdtrc(k, rest, square * rest / (k * max(groups - 1, 1))))
     return Chance(square, k, p_value)
-
-
-class _Terms(NamedTuple):
-    """How a load enters the base parameters, ``known + columns theta``, and what theta is named."""
-
-    known: Array
-    columns: Array
-    name: str
-
-
-class _Joint:
-    """All runs in one regression, solved.
-
-    Parameters
-    ----------
-    axes : tuple of int
-        From 0, whose gains are found.
-    start : ndarray, shape (n_runs, n_joints)
-        Gains of each run, to begin with.
-    """
-
-    def __init__(
-        self, robot: Robot, runs: Runs, terms: _Terms, axes: Sequence[int], start: Array
-    ) -> None:
-        self.robot, self.runs, self.terms = robot, runs, terms
-        self.axes, self._start, self.gains = list(axes), start, start.copy()
-        self._every = runs.every
-        self._carry = [0.0] * len(runs.bare) + [1.0] * len(runs.loaded)
-        self._open = [[a for a in axes if runs.alike or a in run.unknown] for run in self._every]
-        self._names = {
-            "base": base_parameters(robot).names,
-            terms.name: tuple(f"{terms.name} {k + 1}" for k in range(terms.columns.shape[1])),
-            "gain": tuple(gain_name(axis) for axis in axes),
-        }
-        self._found: dict[str, float] = {}
-        self._totals = [run.blocks.total for run in self._every]
-        blocks = self._joined(self._totals)
-        self.layout = blocks.layout
-        self.weights = np.ones((1 + len(self._every), robot.n_joints))
-        self._factors = np.ones(len(self._every))
-        self._beside: Array | float = 0.0
-        self._kept = self.layout.kept([
-            list({self._named(s, name) for s, run in enumerate(self._every)
-                  for name in run.terms[axis]})
-            for axis in range(robot.n_joints)
-        ])  # fmt: skip
-        self._solve(blocks)
-        if not runs.alike and terms.name == "load":
-            shares, of = self._shares()
-            c = shares.factors()
-            at = np.array([self.layout.at(name) for name in self._shared])
-            self._factors = c[of]
-            self._beside = embedded(shares.beside(c), at, self.layout.size)
-            self._solve(self._joined(self._totals))
-        self.whole = self._regression(self._joined([run.blocks for run in self._every]))
-
-    def _solve(self, blocks: Blocks) -> None:
-        """Gains, weights and solution from each other."""
-        n, own = len(self._every), self.places("gain")
-        counts = np.maximum(blocks.counts[:n], 1.0)
-        left = blocks.products[:n, :, 0, 0] / counts
-        # until there is a solution the columns of gains are not those of one
-        kept = np.setdiff1d(self._kept, own)
-        for _ in range(ROUNDS):
-            before, square = left, blocks.products[:n, :, 0, 0] / counts
-            least = np.maximum(left, np.finfo(float).eps * square)
-            least[square == 0] = np.inf
-            self.weights[:n] = self._factors[:, np.newaxis] / least
-            x = replace(self._regression(blocks), kept=kept).solution
-            left = blocks.squares_left(x)[:n] / counts
-            change = np.clip(x[own], -STRIDE, STRIDE)
-            for gains, is_open in zip(self.gains, self._open, strict=True):
-                gains[is_open] *= np.exp(change[np.isin(self.axes, is_open)])
-            x[own] = 0.0
-            self.x, self._found = x, dict(zip(self.layout.names, x.tolist(), strict=True))
-            steady = np.allclose(before, left, rtol=STEADY) and len(kept) == len(self._kept)
-            if steady and np.all(np.abs(change) < CONVERGED):
-                break
-            kept, blocks = self._kept, self._joined(self._totals)
-
-    def _shares(self) -> tuple[Shares, list[int]]:
-        """What runs of each kind say of the unknowns that all share, and the kind of each run."""
-        kinds = list(dict.fromkeys(run.kind for run in self._every))
-        of = [kinds.index(run.kind) for run in self._every]
-        found = []
-        for number in range(len(kinds)):
-            own = [(run, k == number) for run, k in zip(self._every, of, strict=True)]
-            blocks = self._joined([run.blocks if mine else None for run, mine in own])
-            cells = [run.cells if mine else None for run, mine in own]
-            of_states = self._regression(self._joined(cells)).blocks if any(cells) else None
-            beside = next(run.beside for run, mine in own if mine)
-            found.append(Kind(self._regression(blocks), of_states, beside))
-        return Shares(found, self._shared), of
-
-    @property
-    def _shared(self) -> list[str]:
-        return [name for names in self._names.values() for name in names]
-
-    def places(self, kind: str) -> Indices:
-        """Where unknowns stand: of "base" parameters, of the "load" or "change", of each "gain"."""
-        return np.array([self.layout.at(name) for name in self._names[kind]], dtype=np.intp)
-
-    def of(self, kind: str) -> Array:
-        """Solution for them."""
-        return self.x[self.places(kind)]
-
-    def undetermined(self, kind: str) -> Mask:
-        """Which of them the runs leave open."""
-        own = self.places(kind)
-        order = np.concatenate([own, np.setdiff1d(self._kept, own)])
-        N = embedded(self.whole.normal.information, self._kept, self.layout.size)
-        return undetermined_beside(N[np.ix_(order, order)], len(own))
-
-    def uncertainty(self, covariance: Covariance) -> tuple[Array, Array]:
-        """Covariance of all unknowns and its degrees of freedom."""
-        found, n = self.whole.uncertainty(covariance), self.layout.size
-        V, cells = found.covariance, [run.cells for run in self._every]
-        if any(cells):
-            scores = self._regression(self._joined(cells)).normal.scores(self.x[self._kept])
-            of_states = scatter(scores @ inverse(self.whole.normal.information), few=True)
-            largest = np.maximum(np.diag(V), np.diag(of_states))
-            V = correlation_of(V + of_states) * np.sqrt(np.outer(largest, largest))
-        scattered = embedded(np.diag(V), self._kept, n)
-        V = embedded(V, self._kept, n) + self._of_drives() + self._beside
-        # stated errors have as many degrees of freedom as one likes, and scatter has few
-        ratio = np.divide(np.diag(V), scattered, out=np.ones(n), where=scattered > 0)
-        return V, embedded(found.degrees_of_freedom, self._kept, n) * ratio**2
-
-    def _of_drives(self) -> Array:
-        """Covariance from torque constants and rotor inertias, as uncertain as stated."""
-        n, stated = self.robot.n_joints, self.robot.stated_uncertainty.copy()
-        stated[self.axes] = 0.0
-        effect = np.zeros((self.layout.size, len(stated)))
-        for k in np.flatnonzero(stated):
-            shifted = self._regression(self._joined(self._totals, "" if k < n else ROTOR)).blocks
-            v = shifted.normal(np.eye(n)[k % n]).vector[self._kept]
-            effect[self._kept, k] = stated[k] * solved(self.whole.normal.information, v)
-        return effect @ effect.T
-
-    @property
-    def n_groups(self) -> int:
-        """Groups that scatter: of time, and of states."""
-        return sum(len(run.blocks) + (len(run.cells) if run.cells else 0) for run in self._every)
-
-    def misfit(self) -> tuple[AxisMisfit, ...]:
-        """Compare strokes with and without the load, where all runs are of strokes."""
-        if any(run.kind != "strokes" for run in self._every):
-            return ()
-        blocks = self._joined([run.blocks for run in self._every])
-        without, with_load = (blocks.where(blocks.labels["run"] == s) for s in (0, 1))
-        return tuple(_misfit(without, with_load, self.x, len(self._names["base"])))
-
-    def _regression(self, blocks: Blocks) -> Regression:
-        """Regression of blocks, each axis of each run weighted."""
-        # cells of one run alone lack columns of the other
-        layout = self.layout
-        whole = blocks.expanded(layout.shared, layout.own, layout.channels)
-        weights = self.weights[blocks.labels["run"], :, np.newaxis, np.newaxis]
-        weighted = replace(whole, products=weights * whole.products)
-        return Regression(weighted, np.ones(blocks.n_channels), self._kept)
-
-    def _joined(self, parts: Sequence[Blocks | None], torque: str | None = None) -> Blocks:
-        """Blocks of all runs, and what is known of stated gains; `torque` as of `_of_run`."""
-        made = [self._of_run(s, part, torque) for s, part in enumerate(parts) if part is not None]
-        n, k = self.robot.n_joints, len(self.axes)
-        products = np.zeros((1, n, 1 + k, 1 + k))
-        unknown = {axis for run in self._every for axis in run.unknown}
-        is_open = any(run.scale_open for run in self._every)
-        for at, axis in enumerate(self.axes, start=1):
-            if axis not in unknown and not is_open and torque is None:
-                row = np.zeros(1 + k)
-                row[0] = -np.log(self.gains[-1, axis] / self._start[-1, axis]) / GAIN_STATED
-                row[at] = 1.0 / GAIN_STATED
-                products[0, axis] = np.outer(row, row)
-        label = _label(1, len(self._every))
-        known = Blocks(self._names["gain"], (), products, np.zeros((1, n)), labels=label)
-        return made[0].joined(*made[1:], known)
-
-    def _of_run(self, s: int, recorded: Blocks, torque: str | None) -> Blocks:
-        """Blocks of a run with the columns of gains and load.
-
-        Parameters
-        ----------
-        torque : str, optional
-            What stands in place of the torque less what is known: the column of this name, or if
-            it is empty the torque alone.
-        """
-        (known, columns, kind), carried = self.terms, self._carry[s]
-        scaling = Scaling(self.gains[s], tuple(self._open[s]), self._solution(s))
-        if torque is None:
-            blocks = scaling.applied(recorded)
-        else:
-            alone = scaling.signal(recorded.layout)
-            if torque:
-                alone = np.eye(1, alone.shape[1], recorded.place(torque)[0])
-            added = scaling.columns(recorded.layout)
-            blocks = recorded.recast(alone, added, (ROTOR,))
-        base = blocks.place(*self._names["base"])
-        left = np.eye(1, blocks.products.shape[-1])
-        load = np.zeros((len(self._names[kind]), *left.shape))
-        load[:, 0, base] = carried * columns.T
-        if torque is None:
-            left[:, base] = -carried * known
-        blocks = blocks.recast(left, dict(zip(self._names[kind], load, strict=True)))
-        shared, own = self._columns(s, blocks.shared), self._columns(s, blocks.own)
-        return replace(blocks, shared=shared, own=own, labels=_label(len(blocks), s))
-
-    def _solution(self, s: int) -> Array:
-        """What the solution is to one run, its load among the base parameters."""
-        layout, base = self._every[s].blocks.layout, self._names["base"]
-        names = replace(
-            layout, shared=self._columns(s, layout.shared), own=self._columns(s, layout.own)
-        ).names
-        found = {name: self._found.get(name, 0.0) for name in names if name != ROTOR}
-        if self._found:
-            added = self._carry[s] * (
-                self.terms.known + self.terms.columns @ self.of(self.terms.name)
-            )
-            for name, more in zip(base, added.tolist(), strict=True):
-                found[name] += more
-        return np.array(list(found.values()))
-
-    def _columns(self, s: int, names: Sequence[str]) -> tuple[str, ...]:
-        return tuple(self._named(s, name) for name in names)
-
-    def _named(self, s: int, name: str) -> str:
-        """What a column of a run is named beside those of the others."""
-        run, first = self._every[s], self._every[0]
-        if s and name in run.apart:
-            return f"{name} of run {s}"
-        other = run.kind != first.kind and name in run.blocks.own
-        return f"{name} of {run.kind}" if other else name
-
-
-def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[AxisMisfit]:
-    """Compare both runs, axis by axis; axes that the load's run hardly moves are left out.
-
-    Parameters
-    ----------
-    without, with_load : Blocks
-        Measurements, the base parameters' columns first.
-    x : ndarray, shape (n,)
-        What was found of all unknowns.
-    """
-    found = []
-    for axis in range(with_load.n_channels):
-        before, after = (_left(blocks, axis, x, n_base) for blocks in (without, with_load))
-        # measurements of an axis in a run from which on it is tested
-        if min(len(before), len(after)) >= 2:
-            (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
-            ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
-            chance = special.fdtrc(len(after), len(before), ratio)
-            found.append(AxisMisfit(axis=axis + 1, ratio=ratio, p_value=float(chance)))
-    return found
-
-
-def _left(blocks: Blocks, axis: int, x: Array, n_base: int) -> Array:
-    """T and r of every measurement of an axis, shape (n, 2)."""
-    around, base = np.concatenate([[1.0], -x[blocks.layout.place(axis)]]), slice(1, 1 + n_base)
-    found = []
-    for product in blocks.products[blocks.counts[:, axis] > 0, axis]:
-        # share of the information's largest eigenvalue from which on a measurement shows a
-        # direction
-        t = inverse_root(product[base, base], 1e-4).T @ (product[base] @ around)
-        if len(t):
-            found.append((t @ t, len(t)))
-    return np.array(found).reshape(-1, 2)
-
-
-def _label(n: int, run: int) -> dict[str, Indices]:
-    return {"run": np.full(n, run, dtype=np.intp)}

@@ -25,7 +25,7 @@ from hil.results.diagnosis import load_diagnosis
 from hil.results.load_file import DRAWN, read_load
 from hil.results.rounding import signed
 from hil.results.tables.load import quantities
-from hil.results.validation import judgements
+from hil.results.validation_tables import judgements
 from hil.runs.atomic_file import own_folder, write_file
 
 if TYPE_CHECKING:
