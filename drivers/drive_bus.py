@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
+LATE_FOR = 0.5
+"""Time after a late SYNC in which it is the first cause to look at for whatever goes wrong [s]."""
+
 
 class DriveError(HilError):
     """What the operator must know about a drive or the bus; the message names the remedy."""

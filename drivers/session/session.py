@@ -22,7 +22,7 @@ from drivers.cia402.set_point_limits import check_move, refuse_outside
 from drivers.cia402.states import State
 from drivers.cia402.stream_limits import check_feed_forward, check_path
 from drivers.cia402.unwrapping import unwrapped
-from drivers.drive_bus import DriveError, DriveRefused, MoveFailed, Tripped
+from drivers.drive_bus import LATE_FOR, DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import offsets
 from drivers.safety.missing_telegrams import MissingTelegrams
 from drivers.safety.trips import Trips
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 LEFT_OUT = 1.5
 """Periods between two SYNCs from which on one was left out, by its deadline's tolerance."""
-LATE = 0.5
-"""Time after a late SYNC in which it is the first cause to look at where the axes must stop [s]."""
 UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
@@ -216,7 +214,7 @@ class Session:
             if words != self._words or self._supervision.emergency or self._life_sign.trouble:
                 self._attend(words)
             if data.irregular or self._missing.open:
-                busy = time - self._late[0] <= LATE
+                busy = time - self._late[0] <= LATE_FOR
                 blind = self._missing.look(data.flags, busy=busy)
                 if blind:
                     self._fail(blind)
@@ -331,7 +329,7 @@ class Session:
         """Stop all axes; where SYNCs were late just before, that is said first."""
         at, gap = self._late
         ago = self._process_data.now() - at
-        if ago <= LATE:
+        if ago <= LATE_FOR:
             trouble = type(trouble)(
                 f"{1e3 * ago:.2g} ms before this a SYNC came {1e3 * gap:.3g} ms after the last one"
                 f" instead of {1e3 * self._period:.3g} ms: this computer was late, so relieve it of"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from checked_files.yaml_file import FileError
 from drivers.drives_file import load_drives
 from drivers.opening import open_fieldbus
 from hil.cli.arguments import bus_options, refuse_no_channel
-from hil.cli.realtime import real_time
+from hil.cli.realtime import real_time, short_slices
 from hil.model.robot import ROBOTS
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
@@ -108,14 +108,16 @@ def opened(interface: str, channel: str, bitrate: int | None, pairs: list[str] |
 
 @contextmanager
 def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
-    """Run in real time where that is wanted and SYNC has deadlines; yields what was granted."""
-    if not wanted:
-        yield ()
-    elif lock_step:
-        yield ("real time: left out, SYNC is in lock-step and has no deadlines",)
-    else:
-        with real_time() as measures:
-            yield measures
+    """Run in real time where that is wanted and SYNC has deadlines; yields what was granted.
+
+    Where it is not wanted, or not granted, this thread is at least woken up soon.
+    """
+    if lock_step:
+        left_out = "real time: left out, SYNC is in lock-step and has no deadlines"
+        yield (left_out,) if wanted else ()
+        return
+    with short_slices(), real_time() if wanted else nullcontext(()) as measures:
+        yield measures
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drivers.drive_bus import SampleFlag
+from drivers.drive_bus import LATE_FOR, SampleFlag
 from hil.measuring.checks.stroke_checks import half_sums, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
 from hil.runs.recording import CHANCE, Finding
@@ -63,8 +63,7 @@ def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[
 def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     del measurement, robot
     missing = int(np.any(recording.flags & SampleFlag.MISSING, axis=1).sum())
-    periods = np.diff(recording.time) / np.median(np.diff(recording.time))
-    left_out = int(np.sum(np.maximum(0, np.rint(periods) - 1)))
+    left_out = int(_left_out(recording).sum())
     bound = max(1, int(TOLERATED * (recording.n_samples + left_out)))
     if missing + left_out > bound:
         axes = _axes(recording, SampleFlag.MISSING)
@@ -92,18 +91,34 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
 
 def _saturation(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     del measurement, robot
-    moving = recording.under_way[:, None]
-    saturated = int(
-        np.any((recording.flags & SampleFlag.LIMIT).astype(bool) & moving, axis=1).sum()
+    at = np.any(recording.flags & SampleFlag.LIMIT, axis=1) & recording.under_way
+    saturated = int(at.sum())
+    if not saturated:
+        return
+    # a drive whose set-points stay out stops at once, with all the torque that it has
+    late, t = recording.time[_left_out(recording) > 0], recording.time[at]
+    after = int((np.searchsorted(late, t, "right") > np.searchsorted(late, t - LATE_FOR)).sum())
+    plan = "plan a smaller acceleration or another configuration"
+    when, remedy = "", plan
+    if after:
+        when = f", {after} of them" * (after < saturated) + " after SYNCs that came too late"
+        remedy = "relieve this computer, run with --realtime or sample more slowly"
+        remedy += f"; {plan}" * (after < saturated)
+    yield Finding(
+        "saturation",
+        f"axis {_axes(recording, SampleFlag.LIMIT)} is at its internal limit in {saturated}"
+        f" samples{when}, must be 0; {remedy}",
+        saturated,
+        0,
     )
-    if saturated:
-        yield Finding(
-            "saturation",
-            f"axis {_axes(recording, SampleFlag.LIMIT)} is at its internal limit in {saturated}"
-            " samples, must be 0; plan a smaller acceleration or another configuration",
-            saturated,
-            0,
-        )
+
+
+def _left_out(recording: Recording) -> Array:
+    """Return how many SYNCs were left out right before each sample, shape (n,)."""
+    intervals = np.diff(recording.time, prepend=np.nan)
+    periods = np.nan_to_num(intervals / np.nanmedian(intervals), nan=1.0)
+    left_out: Array = np.maximum(0.0, np.rint(periods) - 1)
+    return left_out
 
 
 def _axes(recording: Recording, flag: int) -> str:

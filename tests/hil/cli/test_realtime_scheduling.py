@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from hil.cli import realtime
-from hil.cli.realtime import PRIORITY, Linux, real_time
+from hil.cli.realtime import PRIORITY, SLICE, Linux, real_time, short_slices
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,6 +28,9 @@ class Machine(Linux):
 
     def schedule(self, priority: int) -> Callable[[], None]:
         return self._ask("scheduling", f"FIFO {priority}")
+
+    def slice(self, duration: int) -> Callable[[], None]:
+        return self._ask("slice", f"slice {duration}")
 
     def lock_memory(self) -> Callable[[], None]:
         return self._ask("memory", "lock")
@@ -115,6 +119,43 @@ def test_a_system_without_these_calls_grants_nothing_and_runs_all_the_same(
     monkeypatch.setattr(realtime, "_ISOLATED", Path("/nowhere"))
     with real_time() as measures:
         assert not any(map(granted, measures))
+
+
+def test_a_short_slice_is_given_back_and_missed_by_nobody() -> None:
+    machine = Machine("slice")
+    with short_slices(machine):
+        assert machine.log == [f"slice {SLICE}"]
+    assert machine.log[1:] == [f"undo slice {SLICE}"]
+    with short_slices(Machine()):  # a system that refuses
+        pass
+
+
+def test_a_processor_whose_calls_are_not_known_is_asked_for_no_slice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(realtime.platform, "machine", lambda: "z80")
+    with short_slices():
+        pass
+
+
+def slice_of_this_thread() -> int | None:
+    """Return what the kernel says [ns], None where it does not."""
+    scheduling = Path("/proc/self/sched")
+    if not scheduling.exists():
+        return None
+    found = re.search(r"se.slice +: +(\d+)", scheduling.read_text(encoding="ascii"))
+    return int(found[1]) if found else None
+
+
+@pytest.mark.skipif(slice_of_this_thread() is None, reason="this kernel shows no slices")
+def test_this_machine_gives_short_slices_to_users_without_rights() -> None:
+    before = slice_of_this_thread()
+    nice = os.getpriority(os.PRIO_PROCESS, 0)
+    with short_slices():
+        asked = slice_of_this_thread()
+    assert asked in {SLICE, before}  # the latter before Linux 6.12
+    assert slice_of_this_thread() == before
+    assert os.getpriority(os.PRIO_PROCESS, 0) == nice
 
 
 @pytest.mark.parametrize(

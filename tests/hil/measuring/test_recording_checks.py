@@ -178,3 +178,21 @@ def test_a_limit_counts_while_the_axis_moves_alone() -> None:
     flags[100:103, 0] = SampleFlag.LIMIT
     found = {each.check: each for each in check(held, MEASUREMENT, ROBOT)}
     assert found["saturation"].value == 3
+
+
+def test_a_limit_after_a_late_set_point_is_the_computers() -> None:
+    """A drive whose set-points stay out stops at once, with all the torque that it has."""
+    sound = recording()
+    flags = sound.flags.copy()
+    flags[100:103, 0] = SampleFlag.LIMIT
+    late = replace(sound, flags=flags, time=sound.time + 0.1 * (np.arange(len(flags)) > 98))
+    found = {each.check: each for each in check(late, MEASUREMENT, ROBOT)}
+    assert found["saturation"].value == 3
+    assert (
+        "in 3 samples after SYNCs that came too late, must be 0; relieve this computer"
+        in found["saturation"].message
+    )
+    flags[300, 0] = SampleFlag.LIMIT
+    found = {each.check: each for each in check(late, MEASUREMENT, ROBOT)}
+    assert "in 4 samples, 3 of them after SYNCs that came too late" in found["saturation"].message
+    assert "plan a smaller acceleration" in found["saturation"].message
