@@ -15,3 +15,12 @@ Integers = NDArray[np.int64]
 """Whole numbers: rows of a file, or what compiled code counts by."""
 Numbers = NDArray[np.int16]
 """Numbers of strokes and groups, as recordings hold them."""
+
+
+def side_by_side(*parts: Array) -> Array:
+    """Columns of several arrays, shape (n, k) or (n,), each column in one piece of memory.
+
+    What goes on in time goes fastest so: filters, and sums over samples.
+    """
+    n = len(parts[0])
+    return np.concatenate([part.T if part.ndim > 1 else part.reshape(1, n) for part in parts]).T

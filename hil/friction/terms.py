@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.arrays import side_by_side
 from hil.friction.ripple import RIPPLE_ORDERS, multiples
 
 if TYPE_CHECKING:
@@ -145,9 +146,9 @@ def friction_columns(
             seen = wave if rate is None else np.where(order * np.abs(rate) < 1.0, wave, 0.0)
             waves |= {f"cosine {order}": seen.real, f"sine {order}": seen.imag}
     shapes = OF_SPEED | _OTHERS
-    return np.column_stack([
+    return side_by_side(*(
         shapes[term].column(samples) if term in shapes else waves.get(term, none) for term in terms
-    ])  # fmt: skip
+    ))  # fmt: skip
 
 
 def motor_angle(robot: Robot, q: Array, axis: int) -> Array:

@@ -23,9 +23,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.arrays import side_by_side
 from hil.errors import NotEnoughData
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_gears
+from hil.estimation.free_motion.motion import changing
 from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.normal_equations import successive
@@ -222,8 +224,9 @@ def recorded_products(
         time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
         states = divided.cells(motion)[motion.used] if len(divided.states) else None
         speeds = np.digitize(motion.slowest[motion.used], SPEEDS)
+        used = slice(parts[0].start, parts[-1].stop)
         every = every_axis(robot, motion, first, motion.tau, terms, soft)
-        for axis, rows in enumerate(each[motion.used] for each in every):
+        for axis, rows in enumerate(each[used] for each in every):
             own.add(axis, rows, time, speeds[:, axis])
             if states is not None:
                 cells.add(axis, rows, states, speeds[:, axis])
@@ -273,13 +276,16 @@ class Groups:
         shape = self.counts.shape[:2]
         number = speed * shape[1] + group
         order = np.argsort(number, kind="stable")
-        heard = np.flatnonzero(rows.any(axis=0))
-        rows = rows[order][:, heard]
+        heard = np.flatnonzero(changing(rows) | (rows[0] != 0.0))
+        columns = np.empty((len(heard), len(rows)))
+        for column, k in zip(columns, heard, strict=True):
+            np.take(rows[:, k], order, out=column, mode="clip")  # other modes copy once more
         ends = np.searchsorted(number[order], np.arange(shape[0] * shape[1] + 1))
         self.counts[:, :, axis] += np.diff(ends).reshape(shape)
-        for k in np.flatnonzero(np.diff(ends)):
-            part, at = rows[ends[k] : ends[k + 1]], np.unravel_index(k, shape)
-            self.products[*at, axis][np.ix_(heard, heard)] += part.T @ part
+        at = np.ix_(heard, heard)
+        for k in np.flatnonzero(np.diff(ends)).tolist():
+            part = columns[:, ends[k] : ends[k + 1]]
+            self.products[*divmod(k, shape[1]), axis][at] += part @ part.T
 
     def by_speed(
         self,
@@ -324,7 +330,7 @@ def every_axis(
     for axis in range(robot.n_joints):
         columns = axis_columns(robot, motion, axis, A[:, axis], first, terms, gears)
         passed = motion.passed(columns)
-        yield np.hstack([y[: len(passed), axis, np.newaxis], passed[: len(y)]])
+        yield side_by_side(y[: len(passed), axis], passed[: len(y)])
 
 
 def pieces_of(motion: Motion, length: float) -> list[slice]:

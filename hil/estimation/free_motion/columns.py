@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.arrays import side_by_side
 from hil.estimation.free_motion.motion import low_passed
 from hil.estimation.nuisances import compliance_names, gear_columns
 from hil.friction.terms import COLUMNS, coupled_friction, friction_columns, motor_angle
@@ -97,9 +98,9 @@ def axis_columns(
         motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
         terms=terms,
     )
-    rotor = rotor_torque(robot, motion, axis)[:, np.newaxis]
+    rotor = rotor_torque(robot, motion, axis)
     soft = q[:, :0] if gears is None else gears[:, axis]
-    return np.hstack([rows, coupled_friction(robot, qd, axis), soft, rotor, friction])
+    return side_by_side(rows, coupled_friction(robot, qd, axis), soft, rotor, friction)
 
 
 def rotor_torque(robot: Robot, motion: Motion, axis: int) -> Array:

@@ -27,7 +27,7 @@ from scipy import fft, ndimage
 from hil.friction.direction import bent, friction_direction, sign_of_velocity
 
 if TYPE_CHECKING:
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Indices, Mask
     from hil.friction.direction import Direction
     from hil.runs.recording import Recording
 
@@ -95,23 +95,32 @@ def low_passed(
     n, pad = len(x), _padding(len(x), period, cut_off, every)
     whole = every * fft.next_fast_len(-(-(n + 2 * pad) // every), real=True)
     # what does not change passes as it is
-    changes = np.flatnonzero((x != x[0]).any(axis=0))
+    changes = np.flatnonzero(changing(x))
     kept, n_kept = whole // every, -(-n // every)
     frequencies, gain = _response(whole, kept, period, cut_off)
-    continued = _continued(x[:, changes], pad, whole)
+    continued = _continued(x, changes, pad, whole)
     spectrum = fft.rfft(continued, overwrite_x=True)[:, : kept // 2 + 1]
-    spectrum *= gain
+    spectrum *= gain / every
     if ahead is not None:
         spectrum *= np.exp(2j * np.pi * np.outer(ahead[changes], frequencies))
     found = []
     for order in range(derivatives + 1):
         if order:
             spectrum *= 2j * np.pi * frequencies
-        passed = np.tile(x[0] * (order == 0), (n_kept, 1))
-        y = fft.irfft(spectrum, kept)[:, pad // every :][:, :n_kept]
-        passed[:, changes] = y.T / every
-        found.append(passed)
+        passed = np.empty((x.shape[1], n_kept))
+        passed[:] = x[:1].T * (order == 0)
+        passed[changes] = fft.irfft(spectrum, kept)[:, pad // every :][:, :n_kept]
+        found.append(passed.T)
     return tuple(found)
+
+
+def changing(x: Array) -> Mask:
+    """Whether columns of samples, shape (n, k), are anything else than constant, shape (k,)."""
+    columns = x.T
+    found: Mask = (columns[:, ::50] != columns[:, :1]).any(axis=1)  # most show it at once
+    others = np.flatnonzero(~found)
+    found[others] = (columns[others] != columns[others, :1]).any(axis=1)
+    return found
 
 
 @lru_cache(maxsize=16)
@@ -131,12 +140,13 @@ def _padding(n: int, period: float, cut_off: float, every: int) -> int:
     return every * (min(2 * reach(period, cut_off), n - 1) // every)
 
 
-def _continued(x: Array, pad: int, whole: int) -> Array:
+def _continued(x: Array, columns: Indices, pad: int, whole: int) -> Array:
     """Point reflections at both ends, and a ramp from the last value to the first: (k, whole)."""
     n = len(x)
-    body = np.empty((x.shape[1], whole))
+    body = np.empty((len(columns), whole))
     inner = body[:, pad : pad + n]
-    inner[:] = x.T
+    for row, k in zip(inner, columns, strict=True):
+        row[:] = x[:, k]
     first, last = inner[:, :1], inner[:, -1:]
     body[:, :pad] = 2 * first - inner[:, pad:0:-1]
     body[:, pad + n : 2 * pad + n] = 2 * last - inner[:, -2 : -2 - pad : -1]

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.arrays import side_by_side
 from hil.estimation.condensed import ROTOR
 from hil.estimation.drive_train import MOST_TWIST
 from hil.estimation.free_motion.accumulation import (
@@ -181,15 +182,14 @@ def _condensed(
         found.append(Groups.empty(len(parts), n, k + len(own), n_bounds=1))
         time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
         fast = (motion.slowest[motion.used] >= SPEEDS[slowest - 1]).astype(np.intp)
-        every = motion.rates.fine * motion.rates.coarse
+        used, every = slice(parts[0].start, parts[-1].stop), motion.rates.fine * motion.rates.coarse
         of = motion.recording.tau, motion.recording.period, motion.processing.band, every
         tau = np.stack([low_passed(*of, ahead=np.full(n, s))[0] for s in times], axis=-1)
         for axis, rows in enumerate(every_axis(robot, motion, first, tau[..., 0], COLUMNS, soft)):
             ways = DISTANCES * motion.processing.speed[axis]
-            z = np.column_stack([motion.direction_after(axis, way) for way in ways])
+            z = side_by_side(*(motion.direction_after(axis, way) for way in ways))
             each = rows[:, :k], tau[:, axis, 1:], rows[:, k:], motion.passed(z)
-            whole = np.hstack([part[: len(rows)] for part in each])[motion.used]
-            found[-1].add(axis, whole, time, fast[:, axis])
+            found[-1].add(axis, side_by_side(*(x[used] for x in each)), time, fast[:, axis])
     of_all, of_fast = (each.grouped(GROUPS) for each in Groups.joined(found).by_speed(shared, own))
     return of_all, of_fast
 

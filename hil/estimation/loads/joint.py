@@ -18,10 +18,9 @@ known too, so with the mass all gains may be found. One that the load does not s
 within `GAIN_STATED`.
 
 Covariances come from what differs between groups, of which few carry phi: scores are corrected for
-the solution's having come to meet them (CR2). What repeats with the motion differs between cells of
-states (`hil.least_squares.regression`); noise is in both, so that the larger variance
-counts. Errors of torque constants and rotor inertias are the same in both runs, and enter by what
-they do to the solution.
+the solution's having come to meet them (CR2). What repeats with the motion scatters over cells of
+states besides (`hil.least_squares.regression`). Errors of torque constants and rotor inertias are
+the same in both runs, and enter by what they do to the solution.
 
 Of every measurement of an axis remains its score about the base parameters, e. Had they to be found
 from this measurement alone, in as many directions r as it determines, they would differ from those
@@ -52,8 +51,7 @@ from hil.least_squares.balance import Kind, Shares
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
-from hil.least_squares.solving import inverse, inverse_root, solved, undetermined_beside
-from hil.least_squares.uncertainty import correlation_of, scatter
+from hil.least_squares.solving import inverse_root, solved, undetermined_beside
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -201,13 +199,10 @@ class JointRuns:
 
     def uncertainty(self, covariance: Covariance) -> tuple[Array, Array]:
         """Covariance of all unknowns and its degrees of freedom."""
-        found, n = self.whole.uncertainty(covariance), self.layout.size
-        V, cells = found.covariance, [run.cells for run in self._every]
-        if any(cells):
-            scores = self._regression(self._joined(cells)).normal.scores(self.x[self._kept])
-            of_states = scatter(scores @ inverse(self.whole.normal.information), few=True)
-            largest = np.maximum(np.diag(V), np.diag(of_states))
-            V = correlation_of(V + of_states) * np.sqrt(np.outer(largest, largest))
+        n, cells = self.layout.size, [run.cells for run in self._every]
+        of_states = self._regression(self._joined(cells)).blocks if any(cells) else None
+        found = self.whole.uncertainty(covariance, of_states)
+        V = found.covariance
         scattered = embedded(np.diag(V), self._kept, n)
         V = embedded(V, self._kept, n) + self._of_drives() + self._beside
         # stated errors have as many degrees of freedom as one likes, and scatter has few
