@@ -278,8 +278,8 @@ class Groups:
         order = np.argsort(number, kind="stable")
         heard = np.flatnonzero(changing(rows) | (rows[0] != 0.0))
         columns = np.empty((len(heard), len(rows)))
-        for column, k in zip(columns, heard, strict=True):
-            np.take(rows[:, k], order, out=column, mode="clip")  # other modes copy once more
+        for column, row in zip(columns, rows.T[heard], strict=True):
+            np.take(row, order, out=column, mode="clip")  # other modes copy once more
         ends = np.searchsorted(number[order], np.arange(shape[0] * shape[1] + 1))
         self.counts[:, :, axis] += np.diff(ends).reshape(shape)
         at = np.ix_(heard, heard)
