@@ -84,7 +84,7 @@ def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> 
             for what, share in zip(("slowed", "flagged"), shares.T, strict=False):
                 kept[f"{key}-{what}"] = Figure(share.mean(), "%", scatter=share.std())
     keep(
-        "streams", kept, depends=("hil/measuring", "drivers"),
+        "streams", kept, depends=("hil/measuring", "drivers", "hil/cli/realtime.py"),
         command=f"python benchmarks/streams.py {runs} {interface} {channel}",
     )  # fmt: skip
 

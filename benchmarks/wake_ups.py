@@ -22,7 +22,7 @@ from plant_process import load, plant
 from drivers.drive_bus import SampleFlag
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
-from hil.cli.realtime import real_time
+from hil.cli.bus_access import real_time_if
 from hil.model.robot import ROBOTS
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def measured(samples: int, *, realtime: bool) -> list[float]:
     """Sample axes that hold their position; return what became of SYNC, as in `KEPT`."""
     with (
         open_drive_bus(DRIVES, INTERFACE, CHANNEL) as axes,
-        real_time() if realtime else nullcontext(()),
+        real_time_if(realtime, lock_step=False),
     ):
         gc.collect()
         gc.freeze()
@@ -65,7 +65,7 @@ def all_cores() -> AbstractContextManager[None]:
 
 def main(samples: int = 5000) -> None:
     """Print and keep a line for each case."""
-    with real_time() as measures:
+    with real_time_if(True, lock_step=False) as measures:
         print(*measures, sep="\n")
     kept: dict[str, Figure] = {}
     with plant(INTERFACE, CHANNEL, lambda: measured(WARM_UP, realtime=False)):
