@@ -144,7 +144,10 @@ def choose(
         by_halves = HeldOut(pieces.grouped(2), scored.grouped(2))
         laws, errors = [tried[0]] * n, []
         for axis in range(n):
-            others = {law: (*laws[:axis], law, *laws[axis + 1 :]) for law in tried}
+            others = {
+                law: (*laws[:axis], law, *laws[axis + 1 :])
+                for law in _different(tried, products, axis)
+            }
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
             load = whole.layout.at("load", axis)
             halves = {law: error.sum() for law, error in by_halves.errors(kept).items()}
@@ -164,6 +167,18 @@ def choose(
             break
     weights = Regression.weighed(fitted, kept_laws).weights
     return Choice(slowest, tuple(laws), tuple(errors), weights)
+
+
+def _different(tried: Sequence[str], products: Products, axis: int) -> list[str]:
+    """Laws that differ by terms that one axis shows: ripple of an unknown gear shows none."""
+    whole = products.pieces[0]
+    squares = np.einsum("gii->i", whole.products[:, axis])
+    shown = {law: squares[whole.place(*law_terms(law))] > 0 for law in tried}
+    of_terms: dict[frozenset[str], str] = {}
+    for law, heard in shown.items():
+        terms = (term for term, is_heard in zip(law_terms(law), heard, strict=True) if is_heard)
+        of_terms.setdefault(frozenset(terms), law)
+    return list(of_terms.values())
 
 
 def dead_zone_of(products: Products, weights: Array) -> int:
