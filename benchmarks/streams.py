@@ -11,6 +11,7 @@ periods of 10 s once, whatever is found wrong with them, from power-on to power-
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -68,7 +69,9 @@ def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> 
             "-o", str(plan),
         )  # fmt: skip
         subprocess.run(command, check=True, capture_output=True)
-        plan.write_text(plan.read_text().replace("attempts: 3", "attempts: 1"))
+        text = plan.read_text()
+        assert "\nattempts: " in text
+        plan.write_text(re.sub(r"(?m)^attempts: \d+$", "attempts: 1", text))
         for name, options in (("normal", ()), ("real time", ("--realtime",))):
             found: list[Streamed] = []
             for number in range(runs):

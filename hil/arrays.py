@@ -1,4 +1,7 @@
-"""Arrays of NumPy by what they hold, as annotations name them; shapes stand in docstrings."""
+"""Arrays of NumPy by what they hold, as annotations name them, and columns as they are filtered.
+
+Shapes stand in docstrings.
+"""
 
 from __future__ import annotations
 
@@ -22,5 +25,4 @@ def side_by_side(*parts: Array) -> Array:
 
     What goes on in time goes fastest so: filters, and sums over samples.
     """
-    n = len(parts[0])
-    return np.concatenate([part.T if part.ndim > 1 else part.reshape(1, n) for part in parts]).T
+    return np.vstack([part.T for part in parts]).T

@@ -15,13 +15,12 @@ most: it overruns that set-point, by v^2 / 2a where it comes to rest. When set-p
 the pace has lost what the axes have: a t / |q'| in a time t, so that they are led on as they move.
 
 Where this has happened it may happen again, so a path is passed with caution for a while: no axis
-overruns by more than half its following error window w,
+overruns by more than its following error window w,
 
-    r |q'| <= sqrt(a w),
+    r |q'| <= sqrt(2 a w).
 
-the other half being for its lag and for what it is behind where it is led on. At a quarter of the
-pace that the whole window allows a late set-point does no harm. So however often they are late,
-nothing else than the limits of acceleration keeps the pace from growing to that again.
+At a quarter of such a pace a late set-point does no harm. So however often they are late, nothing
+else than the limits of acceleration keeps the pace from growing to that again.
 
 What is fed forward is passed alike: velocity by r; of the torque, what holds the axes counts as it
 is and the rest, by acceleration and speed, by r^2.
@@ -52,10 +51,6 @@ GENTLE = 0.25
 """Share of the pace at which an axis overruns by its window: of 0.15 to 1, the one that passes an
 exciting trajectory soonest while torques are beyond 95 % of their limit for less than a sixth of
 the time, 5 to 42 % of the SYNCs being late by 10 ms on average; a share of 1 is ended by trips."""
-
-CAREFUL = math.sqrt(0.5)
-"""Share of that pace at which it overruns by half its window. With the whole one, 1 of 20 streams
-on a busy computer was ended by a following error (`benchmarks/streams.py`)."""
 
 CAUTION, TRUST = 0.9, 1.0
 """Factor of the pace that is aimed at for each period by which set-points are late, and time in
@@ -213,7 +208,7 @@ class Path:
         harmless = min(GENTLE * stopping, 1.0)
         aim = max(self._aim, harmless)
         if self.caution > 0.0:
-            aim = min(aim, CAREFUL * stopping)
+            aim = min(aim, stopping)
         if calm:
             aim = 0.0
         recovery = math.inf if self.pace < harmless else 1 / RECOVERY

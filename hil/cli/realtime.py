@@ -40,6 +40,8 @@ _SET_ATTRIBUTES = {"x86_64": 314, "i686": 351, "armv7l": 380, "aarch64": 274, "r
 """Numbers of Linux's call sched_setattr, for which older C libraries have no function."""
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")
 """Its argument: size, policy, flags, nice, priority; runtime, deadline and period [ns]."""
+_RESET_ON_FORK = 1
+"""Its flag for what `os.SCHED_RESET_ON_FORK` is to sched_setscheduler."""
 
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 """Flags of mlockall: what is mapped, what will be; each page once it is used."""
@@ -50,7 +52,7 @@ _AWAKE = Path("/dev/cpu_dma_latency")
 class Linux:
     """Linux's own calls; other systems refuse all of them.
 
-    Each raises `OSError` where it is refused; the first four return what undoes them.
+    Each raises `OSError` where it is refused; the first five return what undoes them.
     """
 
     def schedule(self, priority: int) -> Callable[[], None]:
@@ -58,19 +60,28 @@ class Linux:
         before, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         os.sched_setscheduler(0, policy, os.sched_param(priority))
-        return lambda: os.sched_setscheduler(0, before, parameters)
+
+        def undo() -> None:
+            # who has no right but that of rtprio may not take the flag back: a normal thread with
+            # it is as good
+            os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, parameters)
+            with suppress(PermissionError):
+                os.sched_setscheduler(0, before, parameters)
+
+        return undo
 
     def slice(self, duration: int) -> Callable[[], None]:
         """Give the calling thread, if it is a normal one, and those that it starts a slice [ns]."""
-        policy, nice = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
-        if policy != os.SCHED_OTHER:
-            return lambda: None
         number = _SET_ATTRIBUTES[platform.machine()]
         library = ctypes.CDLL(None, use_errno=True)
 
         def ask(slice_: int) -> None:
-            asked = _ATTRIBUTES.pack(_ATTRIBUTES.size, policy, 0, nice, 0, slice_, 0, 0)
-            if library.syscall(number, 0, asked, 0):
+            policy, nice = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+            flagged = bool(policy & os.SCHED_RESET_ON_FORK)
+            if policy & ~os.SCHED_RESET_ON_FORK != os.SCHED_OTHER:
+                return
+            of = os.SCHED_OTHER, _RESET_ON_FORK * flagged, nice, 0
+            if library.syscall(number, 0, _ATTRIBUTES.pack(_ATTRIBUTES.size, *of, slice_, 0, 0), 0):
                 raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 
         ask(duration)

@@ -12,10 +12,10 @@ changes the torque of the recorded motions least,
 the jackknife's variance of that torque (`hil.least_squares.uncertainty`). It also counts what
 single groups carry: a kind with few of them for an unknown is worth less than its residuals say.
 What repeats with the motion shows in no group of time, but in cells of states; noise is in both, so
-of a kind that has cells the larger variance counts. And what a kind alone
-would leave uncertain besides, B_k, comes to N^-1 c_k N_k B_k (N^-1 c_k N_k)' of all. Q has the
-inner products of the recorded columns, each channel over the square of its torque. The own unknowns
-of each kind are eliminated first.
+of a kind that has cells the larger variance counts; intervals add both, to be too wide rather than
+too narrow. And what a kind alone would leave uncertain besides, B_k, comes to
+N^-1 c_k N_k B_k (N^-1 c_k N_k)' of all. Q has the inner products of the recorded columns, each
+channel over the square of its torque. The own unknowns of each kind are eliminated first.
 """
 
 from __future__ import annotations

@@ -32,13 +32,15 @@ TRUTH = np.array([6.0, 8.0, 0.4, 1.2, 2.0, -0.3])
 """Base parameters of `arm`: inertia and first moments of each link."""
 
 
-def arm(**drive: float) -> Robot:
-    """Two parallel revolute axes across gravity; `drive`: what else their drives state."""
+def arm(*, geared: bool = True, **drive: float) -> Robot:
+    """Two parallel revolute axes across gravity; `drive`: what else their drives state, if any."""
     joint = {
         "q_min": -3.0, "q_max": 3.0, "velocity_limit": 3.0, "acceleration_limit": 20.0,
         "torque_limit": 90.0,
-        "drive": {"gear_ratio": 50.0, "rotor_inertia": 1e-4, "torque_constant": 0.1} | drive,
     }  # fmt: skip
+    if geared:
+        stated = {"gear_ratio": 50.0, "rotor_inertia": 1e-4, "torque_constant": 0.1}
+        joint["drive"] = stated | drive
     return Robot.from_values(
         "arm",
         [

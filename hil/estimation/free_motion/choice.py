@@ -28,6 +28,7 @@ taken.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -173,11 +174,11 @@ def _different(tried: Sequence[str], products: Products, axis: int) -> list[str]
     """Laws that differ by terms that one axis shows: ripple of an unknown gear shows none."""
     whole = products.pieces[0]
     squares = np.einsum("gii->i", whole.products[:, axis])
-    shown = {law: squares[whole.place(*law_terms(law))] > 0 for law in tried}
     of_terms: dict[frozenset[str], str] = {}
-    for law, heard in shown.items():
-        terms = (term for term, is_heard in zip(law_terms(law), heard, strict=True) if is_heard)
-        of_terms.setdefault(frozenset(terms), law)
+    for law in tried:
+        terms = law_terms(law)
+        shown = compress(terms, squares[whole.place(*terms)] > 0)
+        of_terms.setdefault(frozenset(shown), law)
     return list(of_terms.values())
 
 

@@ -115,10 +115,8 @@ def _saturation(recording: Recording, measurement: Measurement, robot: Robot) ->
 
 def _left_out(recording: Recording) -> Array:
     """Return how many SYNCs were left out right before each sample, shape (n,)."""
-    intervals = np.diff(recording.time, prepend=np.nan)
-    periods = np.nan_to_num(intervals / np.nanmedian(intervals), nan=1.0)
-    left_out: Array = np.maximum(0.0, np.rint(periods) - 1)
-    return left_out
+    intervals = np.diff(recording.time)
+    return np.append(0.0, np.maximum(0.0, np.rint(intervals / np.median(intervals)) - 1))
 
 
 def _axes(recording: Recording, flag: int) -> str:

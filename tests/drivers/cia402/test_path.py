@@ -77,14 +77,14 @@ def test_what_is_fed_forward_goes_with_the_pace_and_what_holds_the_axes_stays() 
     assert path.fed == [[0, 20]] * 2
 
 
-def test_as_long_as_set_points_are_late_axes_overrun_by_no_more_than_half_their_windows() -> None:
+def test_as_long_as_set_points_are_late_axes_overrun_by_no_more_than_their_windows() -> None:
     path, overrun = Path(swing(T), LIMITS, WINDOWS, PERIOD), []
     for number in range(1, 2000):
         if number % 20 == 0:
             path.late(2)
         overrun.append(np.abs(path.overrun[0]) / WINDOWS)
         path.step()
-    assert np.max(overrun[60:]) < 0.55
+    assert np.max(overrun[:20]) < np.max(overrun[60:]) < 1.1
     free = Path(swing(T), LIMITS, WINDOWS, PERIOD)
     assert max((free.step(), np.abs(free.overrun[0] / WINDOWS).max())[1] for _ in T) > 10
 

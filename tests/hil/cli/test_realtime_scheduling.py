@@ -121,6 +121,26 @@ def test_a_system_without_these_calls_grants_nothing_and_runs_all_the_same(
         assert not any(map(granted, measures))
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="this system has no such calls")
+def test_a_user_with_the_right_to_rtprio_alone_gets_a_normal_thread_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Linux lets nobody without CAP_SYS_NICE take back that threads do not inherit the class."""
+    policies = [os.SCHED_OTHER]
+
+    def put(_pid: int, policy: int, _parameters: os.sched_param) -> None:
+        if policies[-1] & ~policy & os.SCHED_RESET_ON_FORK:
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+        policies.append(policy)
+
+    monkeypatch.setattr(os, "sched_setscheduler", put)
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _pid: policies[-1])
+    give_back = Linux().schedule(PRIORITY)
+    assert policies[-1] == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    give_back()
+    assert policies[-1] == os.SCHED_OTHER | os.SCHED_RESET_ON_FORK
+
+
 def test_a_short_slice_is_given_back_and_missed_by_nobody() -> None:
     machine = Machine("slice")
     with short_slices(machine):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,20 @@ def test_intervals_hold_the_load(twin: TwinRecorder) -> None:
         assert found.present.p_value < 1e-6
         assert found.rigid.p_value > 1e-3
     assert np.mean(held) >= 0.85
+
+
+def test_what_scatters_over_states_comes_to_what_scatters_over_time(twin: TwinRecorder) -> None:
+    pair = [
+        gathered(twin, twin.recorded(seed, load, n=1)) for seed, load in ((50, None), (51, LOAD))
+    ]
+    bare, loaded = of_free_motions(twin.robot, pair)
+    whole, in_time = (
+        fit_load(twin.robot, [runs[0]], lambda _, runs=runs: [runs[1]])
+        for runs in ((bare, loaded), [replace(run, cells=None) for run in (bare, loaded)])
+    )
+    assert whole.phi == pytest.approx(in_time.phi)
+    seen = np.diag(in_time.covariance) > 0
+    assert (np.diag(whole.covariance)[seen] > 1.01 * np.diag(in_time.covariance)[seen]).all()
 
 
 def test_a_known_mass_fixes_the_gains_of_all_axes_though_nothing_else_does(

@@ -14,6 +14,7 @@ from hypothesis.extra import numpy as arrays
 from hil.estimation.identify import estimate
 from hil.friction.terms import LAWS, TERMS
 from hil.least_squares.choice import folds, simplest
+from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 
 if TYPE_CHECKING:
@@ -133,6 +134,16 @@ def test_friction_as_simple_as_it_is_keeps_the_simple_law() -> None:
         assert axis.terms["Coulomb"].value == pytest.approx(COULOMB[k], rel=0.02)
         assert axis.terms["offset"].value == pytest.approx(OFFSET[k], abs=0.05)
         assert axis.terms["viscous"].value / axis.speed == pytest.approx(VISCOUS[k], rel=0.03)
+
+
+def test_a_law_whose_terms_an_axis_does_not_show_is_not_tried() -> None:
+    """Behind an unknown gear there is no ripple, so laws with it are those without."""
+    robot = arm(geared=False)
+    p = np.ones(len(base_parameters(robot)))
+    found = estimate(robot, recorded(robot, p), "free motion").free
+    assert found is not None
+    for axis in found.axes:
+        assert not {"Coulomb, viscous and ripple", "all"} & set(axis.held_out)
 
 
 def test_a_degressive_friction_gets_a_law_that_is() -> None:
