@@ -152,20 +152,29 @@ class WallClock(SyncClock):
 
     def due(self) -> float:
         """How long until the next deadline [s], 0 if it is now; passes over missed deadlines."""
-        late = self._clock() - self._deadline
+        late = self._late(self._clock())
+        return max(0.0, -late)
+
+    def sent(self) -> float:
+        """Move on to the next deadline; return the SYNC's true instant [s].
+
+        Who woke too late for this one has missed it, or the next would follow right behind.
+        """
+        now = self._clock()
+        self._late(now)
+        self._deadline += self._period
+        self._window_ends = now + WINDOW * self._period
+        return now - self._start
+
+    def _late(self, now: float) -> float:
+        """How long the deadline is past [s]; those that were missed are passed over."""
+        late = now - self._deadline
         if late > TOO_LATE * self._period:
             missed = math.ceil(late / self._period - TOO_LATE)
             self.skipped += missed if late < PAUSE else 0
             self._deadline += missed * self._period
             late -= missed * self._period
-        return max(0.0, -late)
-
-    def sent(self) -> float:
-        """Move on to the next deadline; return the SYNC's true instant [s]."""
-        now = self._clock()
-        self._deadline += self._period
-        self._window_ends = now + WINDOW * self._period
-        return now - self._start
+        return late
 
     def window(self) -> float:
         """How long answers may still take [s]."""
