@@ -140,13 +140,25 @@ def test_answers_have_a_share_of_the_period() -> None:
     assert pacing.window() == 0.0
 
 
-@given(st.lists(st.floats(0, 0.6), min_size=2, max_size=50))
-def test_however_long_the_caller_takes_syncs_never_come_in_bursts(stays: list[float]) -> None:
+def test_a_sync_that_its_sender_woke_too_late_for_takes_the_place_of_the_next() -> None:
+    clock = Clock()
+    pacing = WallClock(PERIOD, clock=clock)
+    clock.time += pacing.due() + 0.8 * PERIOD
+    assert pacing.sent() == pytest.approx(0.8 * PERIOD)
+    assert pacing.due() == pytest.approx(1.2 * PERIOD)
+    assert pacing.skipped == 1
+
+
+@given(st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 0.6)), min_size=2, max_size=50))
+def test_however_late_the_caller_comes_or_wakes_syncs_never_come_in_bursts(
+    late: list[tuple[float, float]],
+) -> None:
     clock = Clock()
     pacing = WallClock(PERIOD, clock=clock)
     instants = []
-    for stay in stays:
-        clock.time += pacing.due()
+    for overslept, stay in late:
+        due = pacing.due()
+        clock.time += due + overslept * (due > 0)
         instants.append(pacing.sent())
         clock.time += stay
     gaps = [after - before for before, after in pairwise(instants)]
