@@ -209,10 +209,15 @@ class CyclicPosition:
             return self._creeping(path.at)
         return self._settle() if self.moving else None
 
-    def left_out(self, elapsed: float) -> None:
-        """Take note that no SYNC came for so long [s]: axes overrun their last set-points."""
-        path, now, periods = self._path, self._process_data.time, elapsed / self._period - 1
-        if periods > STILL:
+    def late(self, time: float) -> None:
+        """Take note by how much a SYNC was late, and with it the set-points [s]."""
+        if self._path is not None and not self._path.ended:
+            self._path.late(time)
+
+    def left_out(self, late: float) -> None:
+        """Take note that a SYNC was left out, before `late` [s]: axes overrun their set-points."""
+        path, now = self._path, self._process_data.time
+        if late > STILL * self._period:
             self._stalled = now
         if path is None or path.ended:
             return
@@ -222,7 +227,6 @@ class CyclicPosition:
             ways = [max(a, b, key=abs) for a, b in zip(ways, self._overrun, strict=True)]
         self._overrun = ways
         self._overruns_until = max(self._overruns_until, now + STOP_MARGIN * back)
-        path.late(periods)
         self._let_pass()
 
     @property

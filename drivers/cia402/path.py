@@ -14,7 +14,14 @@ A drive whose set-points stay out stops at the last one at once, but its axis sl
 most: it overruns that set-point, by v^2 / 2a where it comes to rest. When set-points come again,
 the pace has lost what the axes have: a t / |q'| in a time t, so that they are led on as they move.
 
-Where this has happened it may happen again, so a path is passed with caution for a while: no axis
+While set-points stay out drives brake, and what they brake they must regain, with torque that the
+path may need. So the pace is no more than is left of a share of the time for which they may,
+
+    r <= S / s,
+
+s being the share for which they did lately, however little each was late.
+
+Where axes have come to rest it may happen again, so a path is passed with caution for a while: no axis
 overruns by more than its following error window w,
 
     r |q'| <= sqrt(2 a w).
@@ -52,9 +59,10 @@ GENTLE = 0.25
 exciting trajectory soonest while torques are beyond 95 % of their limit for less than a sixth of
 the time, 5 to 42 % of the SYNCs being late by 10 ms on average; a share of 1 is ended by trips."""
 
-CAUTION, TRUST = 0.9, 1.0
-"""Factor of the pace that is aimed at for each period by which set-points are late, and time in
-which it grows by the path's own [s]: one of 250 that is late costs little, one of 20 a third."""
+OUT, LATELY = 0.04, 1.0
+"""Share of the time for which set-points may stay out, and time over which it is taken [s]. SYNCs
+that come up to half a period late add up to 6 to 10 %: at its own pace an exciting trajectory then
+lags by up to 0.9 of the windows, and 1 of 30 is ended by a trip; at this pace by 0.6 and none."""
 
 STILL = 1.5
 """Periods by which set-points may be late before drives have come to rest at the last ones."""
@@ -90,6 +98,8 @@ class Path:
         Set-points passed in a period, 0 to 1.
     slowed : int
         Periods in which it was below 1.
+    out : float
+        Time for which set-points stayed out lately [s]; what is long past counts less.
     caution : float
         Time for which set-points may be expected to stay out again [s].
     """
@@ -103,9 +113,9 @@ class Path:
         offsets: Array | None = None,
     ) -> None:
         self.at = 0.0
-        self.pace = self._aim = 1.0
+        self.pace = 1.0
         self.slowed = 0
-        self.caution = 0.0
+        self.out = self.caution = 0.0
         self._period = period
         self._exact = np.vstack([points[:1], points, points[-1:], points[-1:]])
         self._offsets = None if offsets is None else np.vstack([offsets, offsets[-1:]])
@@ -152,8 +162,8 @@ class Path:
 
     def go_on(self, before: Path, at: float) -> None:
         """Go on at a place of this path as one before it was passed."""
-        self.at, self.pace, self._aim = at, before.pace, before._aim
-        self.caution = before.caution
+        self.at, self.pace = at, before.pace
+        self.out, self.caution = before.out, before.caution
 
     @property
     def targets(self) -> list[int]:
@@ -183,19 +193,18 @@ class Path:
             Slow down to rest; otherwise the path's own pace is taken up again.
         """
         before = self.pace
-        if calm or self.caution > 0.0 or self._aim < 1.0 or before < 1.0:
-            self._aim = min(1.0, self._aim + self._period / TRUST)
+        self.out -= self.out * self._period / LATELY
+        if calm or self.caution > 0.0 or self.out > OUT * LATELY or before < 1.0:
             self._change(calm=calm)
             self.caution -= self._period
             self.slowed += min(before, self.pace) < 1.0
         self.at = min(self.at + (before + self.pace) / 2, self._last)
 
-    def late(self, periods: float) -> None:
-        """Take note that set-points were late: axes have slowed down, or rest at the last ones."""
-        self._aim *= CAUTION**periods
-        if periods > STILL:
-            braked = self._quickest * periods * self._period
-            self.pace, self.caution = max(self.pace - braked, 0.0), MEMORY
+    def late(self, time: float) -> None:
+        """Take note by how much set-points were late [s]: axes have slowed down, or rest there."""
+        self.out = min(self.out + time, LATELY)
+        if time > STILL * self._period:
+            self.pace, self.caution = max(self.pace - self._quickest * time, 0.0), MEMORY
 
     def _change(self, *, calm: bool) -> None:
         """Let the pace approach the one that is aimed at as fast as all axes can follow."""
@@ -206,7 +215,7 @@ class Path:
             slower, faster = (SHARE * (self._limits + s * bend) / np.abs(speed) for s in (1, -1))
             stopping = (self._stops_within / np.abs(speed)).min()
         harmless = min(GENTLE * stopping, 1.0)
-        aim = max(self._aim, harmless)
+        aim = max(OUT * LATELY / max(self.out, OUT * LATELY), harmless)
         if self.caution > 0.0:
             aim = min(aim, stopping)
         if calm:

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move, Sample
     from drivers.session.connection import Connection
 
-LEFT_OUT = 1.5
-"""Periods between two SYNCs from which on one was left out, by its deadline's tolerance."""
+LEFT_OUT = 0.5
+"""Periods by which a SYNC is late from which on one was left out, by its deadline's tolerance."""
 UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
@@ -205,9 +205,12 @@ class Session:
         before = data.time
         try:
             time = data.sync()
-            if time - before > LEFT_OUT * self._period:
-                self._late = time, time - before
-                cyclic.left_out(time - before)
+            late = time - before - self._period
+            if late > 0.0:
+                if late > LEFT_OUT * self._period:
+                    self._late = time, time - before
+                    cyclic.left_out(late)
+                cyclic.late(late)
             if time >= self._life_sign.due:
                 self._life_sign.service()
             words = data.words

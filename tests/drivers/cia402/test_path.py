@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.cia402.path import RECOVERY, Path
+from drivers.cia402.path import OUT, RECOVERY, Path
 
 PERIOD = 0.004
 LIMITS = (2e5, 1e5)
@@ -73,7 +73,7 @@ def test_what_is_fed_forward_goes_with_the_pace_and_what_holds_the_axes_stays() 
     path.step()
     path.pace = 0.5
     assert path.fed == [[50, 20 + 50 // 4]] * 2
-    path.late(3)
+    path.late(3 * PERIOD)
     assert path.fed == [[0, 20]] * 2
 
 
@@ -81,7 +81,7 @@ def test_as_long_as_set_points_are_late_axes_overrun_by_no_more_than_their_windo
     path, overrun = Path(swing(T), LIMITS, WINDOWS, PERIOD), []
     for number in range(1, 2000):
         if number % 20 == 0:
-            path.late(2)
+            path.late(2 * PERIOD)
         overrun.append(np.abs(path.overrun[0]) / WINDOWS)
         path.step()
     assert np.max(overrun[:20]) < np.max(overrun[60:]) < 1.1
@@ -95,7 +95,7 @@ def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> N
         path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
         for number in range(1, 1200):
             if number % every == 0:
-                path.late(1)
+                path.late(PERIOD)
             path.step()
         paces.append(path.at / 1199)
     assert paces[0] == 1.0
@@ -104,13 +104,22 @@ def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> N
     assert 0.1 < paces[3] < 0.5
 
 
+def test_set_points_that_are_all_a_little_late_slow_a_path_down_by_the_time_they_stay_out() -> None:
+    path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
+    for number in range(1200):
+        path.late(0.2 * PERIOD * (number % 2))
+        path.step()
+        path.at = min(path.at, 600.0)  # where the swing is quick
+    assert path.pace == pytest.approx(OUT / 0.1, rel=0.02)
+
+
 def test_stalls_that_never_end_slow_a_path_down_no_further_than_they_are_harmless() -> None:
     progress = []
     for stalled in (3, 12, 50):
         path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
         for number in range(1, 1200):
             if number % 25 == 0:
-                path.late(stalled)
+                path.late(stalled * PERIOD)
             path.step()
         progress.append(path.at / 1199)
     assert progress == sorted(progress, reverse=True)
@@ -125,9 +134,9 @@ def test_a_short_stall_takes_of_the_pace_what_the_limits_let_the_axes_lose_meanw
     for _ in range(150):
         path.step()
     before, speeds = path.pace, np.abs(np.diff(swing(T)[149:152:2], axis=0)[0]) / (2 * PERIOD)
-    path.late(periods)
+    path.late(periods * PERIOD)
     lost = (before - path.pace) * speeds
     assert (lost <= np.array(LIMITS) * periods * PERIOD * (1 + 1e-6)).all()
     assert path.pace > 0.5
-    path.late(1000)
+    path.late(1000 * PERIOD)
     assert path.pace == 0.0

@@ -181,6 +181,14 @@ def test_a_host_that_stalls_slows_a_path_down_and_never_ends_it(
     assert "path slowed down for " in note
 
 
+def test_a_host_that_is_always_a_little_late_slows_a_path_down() -> None:
+    """By less than makes a SYNC be left out; but drives brake for as long, and must regain it."""
+    times, note = stalled(0, 0.6, 0.0019)
+    assert np.diff(times).max() < 1.5 * PERIOD
+    assert 3.5 < times[-1] - times[0] < 6.0
+    assert "path slowed down for " in note
+
+
 def test_a_path_that_hardly_goes_on_any_more_is_ended_with_the_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
