@@ -21,7 +21,7 @@ path may need. So the pace is no more than is left of a share of the time for wh
 
 s being the share for which they did lately, however little each was late.
 
-Where axes have come to rest it may happen again, so a path is passed with caution for a while: no axis
+Where axes have come to rest they may again, so a path is passed with caution for a while: no axis
 overruns by more than its following error window w,
 
     r |q'| <= sqrt(2 a w).

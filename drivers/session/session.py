@@ -205,12 +205,8 @@ class Session:
         before = data.time
         try:
             time = data.sync()
-            late = time - before - self._period
-            if late > 0.0:
-                if late > LEFT_OUT * self._period:
-                    self._late = time, time - before
-                    cyclic.left_out(late)
-                cyclic.late(late)
+            if time - before > self._period:
+                self._came_late(time - before)
             if time >= self._life_sign.due:
                 self._life_sign.service()
             words = data.words
@@ -339,6 +335,14 @@ class Session:
                 f" other work or use --realtime first; then: {trouble}"
             )
         self.stopping.fail(trouble)
+
+    def _came_late(self, elapsed: float) -> None:
+        """Take note that a SYNC came so long after the one before [s], more than a period."""
+        late = elapsed - self._period
+        if late > LEFT_OUT * self._period:
+            self._late = self._process_data.time, elapsed
+            self._cyclic_position.left_out(late)
+        self._cyclic_position.late(late)
 
     def _unattended(self, elapsed: float) -> Tripped:
         return Tripped(
