@@ -2,9 +2,10 @@
 
 The plant and `hil run` are processes of their own. The plant stands for drives, which are never
 late, so it has the real-time class; eight others compute without a pause. Every run streams three
-periods of 10 s once, whatever is found wrong with them, from power-on to power-off::
+periods of 10 s once, whatever is found wrong with them, from power-on to power-off; first as a
+normal process, then in real time::
 
-    python benchmarks/streams.py [RUNS] [INTERFACE] [CHANNEL]
+    python benchmarks/streams.py [RUNS] [INTERFACE] [CHANNEL] [normal] [real-time]
     python tools/can_guest.py .venv/bin/python benchmarks/streams.py 20 socketcan vcan0
 """
 
@@ -27,14 +28,20 @@ from hil.runs.run import Run
 HIL = (sys.executable, "-m", "hil")
 BUSY = 8
 """Processes that compute without a pause."""
+MANNERS = {"normal": (), "real-time": ("--realtime",)}
+"""Options of `hil run`."""
 PATIENCE = 600.0
 """Time after which a run that has neither ended nor come to its end is left [s]."""
 
 
+FIGURES, UNITS = ("lasted", "slowed", "flagged"), ("s", "%", "%")
+
+
 class Streamed(NamedTuple):
-    """What became of a run: a line, and the shares of its samples; NaN where it has none."""
+    """What became of a run: a line, its time [s] and shares of its samples; NaN where none are."""
 
     line: str
+    lasted: float = np.nan
     slowed: float = np.nan
     flagged: float = np.nan
 
@@ -53,15 +60,16 @@ def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) ->
     if done.returncode:
         return Streamed(f"ENDED ({done.returncode}): {done.stderr.strip()}")
     recordings = [measured.recording for measured in Run.open(folder)]
+    lasted = sum(each.time[-1] - each.time[0] for each in recordings)
     slowed = np.concatenate([each.slowed for each in recordings]).mean()
     flagged = (np.concatenate([each.flags for each in recordings]) != 0).any(axis=-1).mean()
-    return Streamed(f"{slowed:.2%} slowed down, {flagged:.2%} flagged", slowed, flagged)
+    line = f"{lasted:.0f} s, {slowed:.2%} slowed down, {flagged:.2%} flagged"
+    return Streamed(line, lasted, slowed, flagged)
 
 
-def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> None:
+def main(runs: int = 20, interface: str = "local", channel: str = "streams", *asked: str) -> None:
     """Print a line for each run, and keep what became of all."""
     place = ("--interface", interface, "--channel", channel)
-    kept: dict[str, Figure] = {}
     with tempfile.TemporaryDirectory() as scratch:
         plan = Path(scratch) / "trajectory.yaml"
         command = (
@@ -72,24 +80,24 @@ def main(runs: int = 20, interface: str = "local", channel: str = "streams") -> 
         text = plan.read_text()
         assert "\nattempts: " in text
         plan.write_text(re.sub(r"(?m)^attempts: \d+$", "attempts: 1", text))
-        for name, options in (("normal", ()), ("real time", ("--realtime",))):
+        for name in asked or MANNERS:
             found: list[Streamed] = []
             for number in range(runs):
                 folder = Path(scratch) / f"{name}-{number}"
                 with plant(interface, channel), load(BUSY):
-                    found.append(streamed(plan, folder, place, *options))
+                    found.append(streamed(plan, folder, place, *MANNERS[name]))
                 print(f"{name:10s} {number + 1:3d}: {found[-1].line}", flush=True)
             ended = sum(each.line.startswith("ENDED") for each in found)
             print(f"{name}: {ended} of {runs} ended", flush=True)
-            key = name.replace(" ", "-")
-            kept |= {f"{key}-ended": Figure.count(ended), f"{key}-runs": Figure.count(runs)}
-            shares = 100 * np.array([each[1:] for each in found if np.isfinite(each.slowed)])
-            for what, share in zip(("slowed", "flagged"), shares.T, strict=False):
-                kept[f"{key}-{what}"] = Figure(share.mean(), "%", scatter=share.std())
-    keep(
-        "streams", kept, depends=("hil/measuring", "drivers", "hil/cli/realtime.py"),
-        command=f"python benchmarks/streams.py {runs} {interface} {channel}",
-    )  # fmt: skip
+            kept = {"ended": Figure.count(ended), "runs": Figure.count(runs)}
+            done = np.array([each[1:] for each in found if np.isfinite(each.lasted)])
+            for what, unit, each in zip(FIGURES, UNITS, done.T * [[1], [100], [100]], strict=True):
+                kept[what] = Figure(each.mean(), unit, scatter=each.std())
+            keep(
+                f"streams-{name}", kept,
+                depends=("hil/measuring", "drivers", "hil/cli/realtime.py"),
+                command=f"python benchmarks/streams.py {runs} {interface} {channel} {name}",
+            )  # fmt: skip
 
 
 if __name__ == "__main__":
