@@ -61,12 +61,11 @@ the time, 5 to 42 % of the SYNCs being late by 10 ms on average; a share of 1 is
 
 OUT, LATELY = 0.04, 1.0
 """Share of the time for which set-points may stay out, and time over which it is taken [s]. A
-computer in real time stays far below (0.16 ms of each 4); at 0.1 and its own pace an exciting
-trajectory that needs most of an axis's torque leaves its window (`benchmarks/streams.py`)."""
+computer in real time stays far below (0.16 ms of each 4). At 0.1 and its own pace an axis of the
+virtual plant that needed most of its torque fell behind by its window, and was ended for it."""
 
 STILL = 1.5
 """Periods by which set-points may be late before drives have come to rest at the last ones."""
-
 
 MEMORY = 10.0
 """Time for which a path is passed with caution [s]: what keeps a computer busy comes back within
