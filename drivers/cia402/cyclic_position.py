@@ -215,7 +215,7 @@ class CyclicPosition:
             self._path.late(time)
 
     def left_out(self, late: float) -> None:
-        """Take note that a SYNC was left out, before `late` [s]: axes overrun their set-points."""
+        """Take note of one that came too `late` for its deadline [s]: axes overrun set-points."""
         path, now = self._path, self._process_data.time
         if late > STILL * self._period:
             self._stalled = now
