@@ -14,12 +14,11 @@ A drive whose set-points stay out stops at the last one at once, but its axis sl
 most: it overruns that set-point, by v^2 / 2a where it comes to rest. When set-points come again,
 the pace has lost what the axes have: a t / |q'| in a time t, so that they are led on as they move.
 
-While set-points stay out drives brake, and what they brake they must regain, with torque that the
-path may need. So the pace is no more than is left of a share of the time for which they may,
+While set-points stay out drives brake, and must regain that with torque that the path may need. So
+the path is passed the more slowly the greater the share s of the time is for which they did lately,
+however little each was late,
 
-    r <= S / s,
-
-s being the share for which they did lately, however little each was late.
+    r <= S / s.
 
 Where axes have come to rest they may again, so a path is passed with caution for a while: no axis
 overruns by more than its following error window w,
@@ -200,7 +199,7 @@ class Path:
         self.at = min(self.at + (before + self.pace) / 2, self._last)
 
     def late(self, time: float) -> None:
-        """Take note by how much set-points were late [s]: axes have slowed down, or rest there."""
+        """Take note by how much set-points were late [s]: axes have braked, or come to rest."""
         self.out = min(self.out + time, LATELY)
         if time > STILL * self._period:
             self.pace, self.caution = max(self.pace - self._quickest * time, 0.0), MEMORY
