@@ -30,7 +30,7 @@ the velocity. Directions over some distances are condensed, too.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,6 +59,8 @@ AROUND = 3
 WORST = 0.2
 """Growth of the residual (rms) of one axis that no gain of others is worth: by so much the default
 may leave more than weighted least squares on any axis (`benchmarks/real_machines.py`)."""
+KEPT = 4
+"""States of an axis whose inner products are kept: what is, and what is tried beside it."""
 LAG = "lag"
 _SHIFT, _OVER, _SOFT = "shift", "over", "compliance {}"
 
@@ -154,6 +156,8 @@ class Search:
         self._terms = tuple(x for x in blocks.own if not x.startswith((f"{_SHIFT} ", f"{_OVER} ")))
         self._over = blocks.place(*over_names(self._distances))
         self._names = tuple(name for name in blocks.shared if name != ROTOR)
+        # states that are compared differ on one axis
+        self._combined = lru_cache(KEPT * blocks.n_channels)(partial(self._combine, blocks))
         self.weights = self.weighed(State.of(blocks.n_channels))
 
     def weighed(self, state: State) -> Array:
@@ -307,18 +311,24 @@ class Search:
 
     def _at(self, of: Blocks, state: State) -> Blocks:
         """Blocks of torques as early as positions, directions over the state's distances."""
-        T, own = np.tile(self._unchanged, (of.n_channels, 1, 1)), (*self._terms, LAG)
+        combined = self._combined if of is self._blocks else partial(self._combine, of)
+        each = enumerate(zip(state.lag.tolist(), state.direction.tolist(), strict=True))
+        products = np.stack([combined(axis, *one) for axis, one in each], axis=1)
+        return replace(of, shared=self._names, own=(*self._terms, LAG), products=products)
+
+    def _combine(self, of: Blocks, axis: int, lag: float, distance: int) -> Array:
+        """Inner products of one axis with its lag and distance, shape (n_groups, m', m')."""
+        T, own = self._unchanged.copy(), (*self._terms, LAG)
         torques = np.append(0, of.place(*shift_names(self._times)))
-        for axis, (lag, distance) in enumerate(zip(state.lag, state.direction, strict=True)):
-            T[axis, torques, 0], T[axis, torques, -1] = self._interpolated(float(lag))
-            if distance:
-                low, high = max(distance - 2, 0), min(distance, len(self._over) - 1)
-                coulomb, bend = (1 + len(self._names) + own.index(x) for x in ("Coulomb", BENT))
-                bent = 1.0 / np.log(self._distances[high] / self._distances[low])
-                T[axis, :, coulomb] = 0.0
-                T[axis, self._over[distance - 1], coulomb] = 1.0
-                T[axis, self._over[[high, low]], bend] = bent, -bent
-        return of.combined(T, self._names, own)
+        T[torques, 0], T[torques, -1] = self._interpolated(lag)
+        if distance:
+            low, high = max(distance - 2, 0), min(distance, len(self._over) - 1)
+            coulomb, bend = (1 + len(self._names) + own.index(x) for x in ("Coulomb", BENT))
+            bent = 1.0 / np.log(self._distances[high] / self._distances[low])
+            T[:, coulomb] = 0.0
+            T[self._over[distance - 1], coulomb] = 1.0
+            T[self._over[[high, low]], bend] = bent, -bent
+        return np.asarray(T.T @ of.products[:, axis] @ T)
 
     def _interpolated(self, lag: float) -> tuple[Array, Array]:
         """Torque as a combination of shifts, and what a greater lag takes from it [1/s]."""
