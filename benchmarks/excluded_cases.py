@@ -211,8 +211,8 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
     seconds = time.process_time() - begin
     model = replace(model_of(run, found, proof=proof), robot=robot)
     assert model.outcome is not None
-    usual = found.usual_effect
-    stated = uncertainty(model, 0.0 if usual is None else usual @ usual.T)
+    usual = found.effect * found.usual
+    stated = uncertainty(model, usual @ usual.T)
     true = comparison(found, robot, truth).torque
     times = 0.0 if stated is None else float(np.nanmax(true / np.maximum(stated, 1e-12)))
     causes = proof.found if proof is not None else ()

@@ -70,9 +70,6 @@ def fit_back_and_forth(
         )
     n, whole = len(names), samples(robot, recordings)
     left = residuals(whole, recordings, solution)
-    drives, usual = (
-        solution.effect[:n] * share for share in (robot.stated_uncertainty, robot.usual_uncertainty)
-    )
     cut_offs = [each.cut_off for each in recordings]
     return Estimate(
         method=NAME,
@@ -81,8 +78,9 @@ def fit_back_and_forth(
         degrees_of_freedom=np.where(
             np.isin(np.arange(n), fit.kept), fit.degrees_of_freedom[:n], MANY
         ),
-        drive_covariance=drives @ drives.T,
-        drive_effect=drives,
+        effect=solution.effect[:n],
+        stated=robot.stated_uncertainty,
+        usual=robot.usual_uncertainty,
         residual=np.where(left.torque > 0, left.rms, np.nan),
         condition={"all": fit.condition},
         local=(),
@@ -101,7 +99,6 @@ def fit_back_and_forth(
         ),
         half_sums=tuple(half_sums(each, solution) for each in recordings),
         combination=excited.combination,
-        usual_effect=usual,
     )
 
 

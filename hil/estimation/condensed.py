@@ -153,6 +153,19 @@ def condensed_blocks(
     return Blocks(shared, own, products, counts)
 
 
+def drive_torques(blocks: Blocks) -> tuple[Array, Array]:
+    """Torque as it was read, and that of the known rotor, which is off it: rows over the columns.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        Of the torque less that of the rotor, which is a column, `ROTOR`.
+    """
+    m, rotor = blocks.products.shape[-1], blocks.place(ROTOR)
+    taken: Array = -np.eye(1, m, int(rotor[0]))
+    return np.eye(1, m) - taken, taken
+
+
 def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[Stacked]]:
     """Stack y, the motor's part and X: of each period or measurement, each axis that moves.
 

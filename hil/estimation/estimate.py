@@ -45,11 +45,12 @@ class Estimate:
         Of all errors that show in the data.
     degrees_of_freedom : ndarray, shape (n_base,)
         Effective ones: few where few measurements carry a parameter.
-    drive_covariance : ndarray, shape (n_base, n_base)
-        Of errors that do not show: torque constants and rotor inertias, as uncertain as the robot
-        file says.
-    drive_effect : ndarray, shape (n_base, 2 n_joints)
-        Change of p by one standard deviation of each of them; the torque constants come first.
+    effect : ndarray, shape (n_base, 2 n_joints)
+        Change of p per relative change of each torque constant, then of each rotor inertia, whose
+        errors do not show.
+    stated, usual : ndarray, shape (2 n_joints,)
+        Standard deviations of these, as the robot file states them; and by usual tolerances where
+        it states none (`Robot.usual_uncertainty`).
     residual : ndarray, shape (n_joints,)
         Root mean square of what the local models of inertia and coupling leave of each axis's
         torque, or the model as a whole by a conventional method [N m]; NaN where an axis was not
@@ -79,11 +80,6 @@ class Estimate:
         ``combination @ truth`` is what `p` stands for; None where that is each parameter itself.
     friction_law : FrictionLaw, optional
         Friction over the whole campaign, where the improved method found it.
-    torque_effect : ndarray, shape (n_base, n_joints), optional
-        Change of p per relative change of each axis's torque; None where the method states none.
-    usual_effect : ndarray, shape (n_base, 2 n_joints), optional
-        Change of p by usual tolerances of torque constants, then rotor inertias, where the robot
-        file states no uncertainty (`Robot.usual_uncertainty`); None where the method does not know.
     prior_share : ndarray, shape (n_base,), optional
         Part of each variance by the data from what they leave open and a prior decides, where one
         was given (`hil.estimation.prior`).
@@ -95,8 +91,9 @@ class Estimate:
     p: Array
     covariance: Array
     degrees_of_freedom: Array
-    drive_covariance: Array
-    drive_effect: Array
+    effect: Array
+    stated: Array
+    usual: Array
     residual: Array
     condition: dict[str, float]
     local: tuple[LocalValue, ...]
@@ -109,11 +106,20 @@ class Estimate:
     half_sums: tuple[HalfSums, ...] = ()
     combination: Array | None = None
     friction_law: FrictionLaw | None = None
-    torque_effect: Array | None = None
-    usual_effect: Array | None = None
     gains: tuple[GainValue, ...] = ()
     prior_share: Array | None = None
     joint: Joint | None = None
+
+    @property
+    def drive_effect(self) -> Array:
+        """Change of p by one standard deviation of each stated drive value, shape of `effect`."""
+        return self.effect * self.stated
+
+    @property
+    def drive_covariance(self) -> Array:
+        """Covariance of `p` from errors that do not show, shape (n_base, n_base)."""
+        carried = self.drive_effect
+        return carried @ carried.T
 
     @property
     def standard_error(self) -> Array:

@@ -24,7 +24,7 @@ from hil.estimation.free_motion.description import (
 from hil.estimation.free_motion.gathering import as_kinds, gather, gather_rates
 from hil.estimation.free_motion.positive import least_inertia
 from hil.estimation.free_motion.result import FreeMotionFit
-from hil.estimation.free_motion.scaling import effect_of_gains, found_gains
+from hil.estimation.free_motion.scaling import found_gains
 from hil.estimation.free_motion.solution import solve
 from hil.estimation.free_motion.survey import configurations
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
@@ -90,7 +90,7 @@ def _of_all(
 ) -> Estimate:
     """Estimate of recordings of several rates; friction and settings are those of the fastest."""
     names = base_parameters(robot).names
-    joint, n = balanced(as_kinds(rates), names), len(names)
+    joint, n = balanced(as_kinds(rates), names).whole, len(names)
     fit, share = joint.regression.fit(cells=joint.cells), None
     p, covariance = fit.x[:n], fit.covariance[:n, :n] + joint.beside
     if prior is not None:
@@ -100,6 +100,7 @@ def _of_all(
         fastest,
         p=p,
         covariance=covariance,
+        effect=joint.effect,
         prior_share=share,
         degrees_of_freedom=fit.degrees_of_freedom[:n],
         left_out=tuple(LeftOut(each, FEW) for rate in rates for each in rate.found.too_short),
@@ -125,14 +126,14 @@ def estimate_from(
     plain = solve(robot, products, classical, "least squares", visited, prior).fit
     fit, n = solution.fit, len(gathered.first)
     left = Residuals.of(gathered, products, fit)
-    gains = effect_of_gains(robot, gathered.recorded, scaling, choice)
     return Estimate(
         method=name,
         p=fit.x[:n],
         covariance=fit.covariance[:n, :n],
         degrees_of_freedom=fit.degrees_of_freedom[:n],
-        drive_covariance=gains @ gains.T,
-        drive_effect=gains,
+        effect=gathered.effect,
+        stated=robot.stated_uncertainty,
+        usual=robot.usual_uncertainty,
         residual=left.rms,
         condition={"all": plain.condition},
         local=(),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.least_squares.solving import IDENTIFIABLE, undetermined
+from hil.least_squares.solving import IDENTIFIABLE, undetermined, undetermined_beside
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.local_values import LocalFit
-    from hil.estimation.signals import Prepared
-    from hil.estimation.simultaneous import SimultaneousFit
+    from hil.least_squares.regression import Regression
     from hil.model.robot import Robot
 
 BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
@@ -88,27 +87,25 @@ def require_all_groups(robot: Robot, fits: Sequence[LocalFit], condition: dict[s
             )
 
 
-def require_rank(
-    robot: Robot,
-    prepared: Prepared,
-    fits: Sequence[LocalFit],
-    condition: dict[str, float],
-    solver: SimultaneousFit,
-) -> None:
-    """Refuse measurements that together leave base parameters open.
+def require_rank(robot: Robot, regression: Regression, what: str) -> None:
+    """Refuse recordings that together leave base parameters open.
+
+    Parameters
+    ----------
+    regression : Regression
+        The base parameters are its first unknowns.
+    what : str
+        It is of, for the message.
 
     Raises
     ------
     NotIdentifiable
     """
-    base = base_parameters(robot)
-    if not any(m.streamed for m, _ in prepared):
-        # what is not excited on purpose is excited by noise, which identifies nothing
-        require_all_groups(robot, fits, condition)
-    lost = solver.undetermined()
+    names = base_parameters(robot).names
+    lost = undetermined_beside(regression.normal.information, len(names))
     if lost.any():
-        names = ", ".join(name for name, each in zip(base.names, lost, strict=True) if each)
+        listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
         raise NotIdentifiable(
-            f"{solver.n_measurements} usable measurements do not identify {names}: {BOUND}; measure"
-            " more configurations (see: hil dry-run), or finish the run with --resume"
+            f"{what} do not identify {listed}: {BOUND}; measure more configurations (see: hil"
+            " dry-run), or finish the run with --resume"
         )

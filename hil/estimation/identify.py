@@ -115,7 +115,7 @@ def estimate(
     NotEnoughData
         A method for free motions without any.
     """
-    if options.prior is not None and method in (JOINT, BACK_AND_FORTH, "published"):
+    if options.prior is not None and method in (BACK_AND_FORTH, "published"):
         raise UnknownName(
             f"method {method!r}: takes no prior; leave --prior out, or take --method improved, or"
             f" '{DEFAULT}' for imports"

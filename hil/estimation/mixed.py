@@ -20,21 +20,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.free_motion.gathering import as_kinds, gather_rates
 from hil.estimation.free_motion.scaling import found_gains
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.friction.history import history
-from hil.estimation.identifiability import conditions
 from hil.estimation.options import DEFAULTS
-from hil.estimation.two_step_methods import (
-    covariance_of_gears,
-    estimate_of,
-    joint,
-    local_fits,
-    prepare,
-    with_reached_limits,
-)
+from hil.estimation.two_step_methods import joint, measured, prepare, with_reached_limits
 from hil.least_squares.balance import Kind, balanced
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
@@ -57,31 +47,19 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     own = (each for each in recorded if not isinstance(each[0], FreeMotion))
     raw, unusable = prepare(own)
     robot = with_reached_limits(robot, raw)
-    measured = joint(robot, raw, options.nuisance)
-    strokes, names = Kind(measured.solver.regression), base_parameters(robot).names
-    imported = gather_rates(robot, recorded, VARIANTS[DEFAULT], options, measured.solver.solve())
+    found, names = joint(robot, raw, options.nuisance), base_parameters(robot).names
+    p = found.solver.solve()
+    imported = gather_rates(robot, recorded, VARIANTS[DEFAULT], options, p)
     unknown = any(each.scaling.unknown for each in imported)
     # two rounds of Gauss and Newton's method for unknown gains: it squares the error of a first
     # gain, which is a few percent beside parameters of strokes
     for _ in range(2 if unknown else 0):
-        fit = balanced([strokes, *as_kinds(imported)], names).regression.fit("white")
+        kinds = [Kind(found.solver.regression), *as_kinds(imported)]
+        fit = balanced(kinds, names).whole.regression.fit("white")
         imported = [each.rescaled(fit) for each in imported]
-    both = balanced([strokes, *as_kinds(imported)], names)
-    fit = both.regression.fit(options.covariance, both.cells)
-    n = len(names)
-    p, covariance = fit.x[:n], fit.covariance[:n, :n]
-    covariance = covariance + both.beside + covariance_of_gears(robot, raw, measured.drive_train, p)
-    fits, useless = local_fits(robot, measured.prepared)
-    estimate = estimate_of(
-        robot, "joint", fits, conditions(robot, fits), (*unusable, *useless), measured.solver, p,
-        covariance, fit.degrees_of_freedom[:n],
-    )  # fmt: skip
-    stacks = (axes for _, axes in measured.solver.stacked)
+    estimate, fit = measured(robot, raw, unusable, found, options, as_kinds(imported))
     return replace(
         estimate,
-        drive_train=measured.drive_train,
-        load_friction=measured.solver.load_friction,
         gains=tuple(gain for each in imported for gain in found_gains(robot, each.scaling, fit)),
         n_measurements=len(raw) + sum(each.found.n_recordings for each in imported),
-        friction_law=campaign_friction(robot, p, stacks, history(robot, raw)),
     )

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.condensed import ROTOR, condensed_blocks, of_steps, stack
+from hil.estimation.condensed import ROTOR, condensed_blocks, drive_torques, of_steps, stack
 from hil.estimation.drive_train import LoadFriction
 from hil.friction.equation import ASYMMETRIC, COMMON, LOAD, place
 from hil.least_squares.layout import embedded
@@ -173,13 +173,8 @@ class SimultaneousFit:
         for axis, weight in enumerate(self.weight):
             own = [(s, each) for s, axes in self.stacked for each in axes if each.axis == axis]
             sides[: self._n_base] -= weight * of_steps(self._robot, axis, self.solve(), own)
-        effect = self._moved_by(sides)
+        effect = solved(self.information, sides)[: self._n_base]
         return effect.sum(axis=1) / 2, effect @ effect.T / 12
-
-    def _moved_by(self, sides: Array) -> Array:
-        """Change of p by right-hand sides, shape (n_unknowns, k)."""
-        sides[np.setdiff1d(np.arange(len(sides)), self.regression.kept)] = 0.0
-        return solved(self.information, sides)[: self._n_base]
 
     def _load_friction(self) -> LoadFriction:
         """Mu of every axis with its standard error from the measurements' scores."""
@@ -191,16 +186,10 @@ class SimultaneousFit:
 
     def sensitivity(self) -> Array:
         """Change of p per relative change of torque constants and rotor inertias."""
-        n, total = self._n_joints, self.blocks.total.products[0]
-        rotor = int(self.blocks.place(ROTOR)[0])
-        columns = np.setdiff1d(np.arange(1, total.shape[-1]), rotor)
-        sides = np.zeros((len(self.information), 2 * n))
-        for axis in range(n):
-            weight = self.weight[axis]
-            at, motor = place(self._robot, axis), total[axis][columns, rotor]
-            sides[at, axis] = weight * (total[axis][columns, 0] + motor)
-            sides[at, n + axis] = -weight * motor
-        return self._moved_by(sides)
+        blocks = self.blocks.total
+        torques = (blocks.recast(each, dropped=(ROTOR,)) for each in drive_torques(blocks))
+        effects = [self.regression.moved(each)[: self._n_base] for each in torques]
+        return np.hstack(effects)
 
 
 class Joint(NamedTuple):

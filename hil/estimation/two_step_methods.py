@@ -23,7 +23,7 @@ the rotor inertias. Where the robot file states their uncertainty it is carried 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -40,7 +40,9 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import Joint, SimultaneousFit
 from hil.estimation.two_step import TwoStep
 from hil.friction.equation import place
+from hil.least_squares.balance import Kind, balanced
 from hil.least_squares.uncertainty import effective_degrees, jackknife
+from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_element, shows_parameters
 
@@ -51,26 +53,13 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_values import LocalFit, LocalValue
     from hil.estimation.signals import Prepared, Signals
+    from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.runs.recording import Recorded
 
 TwoStepMethod = Literal["improved", "published"]
 TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
-
-
-class ParameterSolver(Protocol):
-    """Solves for the base parameters."""
-
-    @property
-    def n_measurements(self) -> int:
-        """How many measurements there are to leave out."""
-
-    def sensitivity(self) -> Array:
-        """Change of p per relative change of each axis's torque constant, then rotor inertia.
-
-        Shape (n_base, 2 n_joints).
-        """
 
 
 def estimates(
@@ -105,7 +94,8 @@ def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Esti
     solver = TwoStep(robot, fits)
     p, changes = _left_out_in_turn(solver)
     return estimate_of(
-        robot, "published", fits, condition, (*unusable, *streamed, *useless), solver, p,
+        robot, "published", fits, condition, (*unusable, *streamed, *useless),
+        solver.n_measurements, solver.sensitivity(), p,
         jackknife(changes), effective_degrees(changes**2),
     )  # fmt: skip
 
@@ -151,37 +141,68 @@ def as_asked(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
 def _improved(
     robot: Robot, raw: Prepared, unusable: Sequence[LeftOut], options: Options
 ) -> Estimate:
-    found = joint(robot, raw, options.nuisance)
-    solver, drive_train = found.solver, found.drive_train
+    return measured(robot, raw, unusable, joint(robot, raw, options.nuisance), options)[0]
+
+
+def measured(
+    robot: Robot,
+    raw: Prepared,
+    unusable: Sequence[LeftOut],
+    found: Joint,
+    options: Options,
+    imported: Sequence[Kind] = (),
+) -> tuple[Estimate, Fit]:
+    """Estimate of measurements, and of imported recordings beside them; and all unknowns.
+
+    Parameters
+    ----------
+    raw : sequence of (ParameterMotion, Signals)
+        Measurements before their drive trains were compensated.
+    unusable : sequence of LeftOut
+    found : Joint
+        These measurements as one regression.
+    imported : sequence of Kind
+        Regressions of imports.
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters that all together leave open, and no prior knows.
+    """
+    solver, drive_train, names = found.solver, found.drive_train, base_parameters(robot).names
     fits, useless = local_fits(robot, found.prepared)
-    condition = conditions(robot, fits)
+    condition, n = conditions(robot, fits), len(names)
+    change, beside = solver.steps()
+    beside += covariance_of_gears(robot, raw, drive_train, solver.solve()) + drive_train.covariance
+    own = Kind(solver.regression, effect=solver.sensitivity())
+    whole, (share, *_) = balanced([own, *imported], names)
     if options.prior is None:
-        require_rank(robot, found.prepared, fits, condition, solver)
-    fit = solver.regression.fit(options.covariance)
-    p, n = solver.solve(), solver.n_base
-    change, of_steps = solver.steps()
-    covariance = fit.covariance[:n, :n] + drive_train.covariance
-    covariance += covariance_of_gears(robot, raw, drive_train, p) + of_steps
-    p, share = p + change, None
+        if not (imported or any(m.streamed for m, _ in raw)):
+            # what is not excited on purpose is excited by noise, which identifies nothing
+            require_all_groups(robot, fits, condition)
+        too = " together with the imports" if imported else ""
+        require_rank(robot, whole.regression, f"{solver.n_measurements} usable measurements{too}")
+    fit, prior_share = whole.regression.fit(options.covariance, whole.cells), None
+    p, scatter = fit.x[:n] + share @ change, fit.covariance[:n, :n]
+    covariance = scatter + whole.beside + share @ beside @ share.T
     if options.prior is not None:
-        p, covariance, share = options.prior.completed(
-            robot, solver.regression.normal.information, p, covariance
-        )
+        N = whole.regression.normal.information
+        p, covariance, prior_share = options.prior.completed(robot, N, p, covariance)
     estimate = estimate_of(
-        robot, "improved", fits, condition, (*unusable, *useless), solver, p,
-        covariance, fit.degrees_of_freedom[:n],
+        robot, "joint" if imported else "improved", fits, condition, (*unusable, *useless),
+        solver.n_measurements, whole.effect, p, covariance, fit.degrees_of_freedom[:n],
     )  # fmt: skip
     return replace(
         estimate,
         local=tuple(_believed(robot, found, p, estimate.local)),
         drive_train=drive_train,
         load_friction=solver.load_friction,
-        prior_share=share,
-        joint=found,
+        prior_share=prior_share,
+        joint=None if imported else found,
         friction_law=campaign_friction(
             robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
         ),
-    )
+    ), fit
 
 
 def _believed(
@@ -219,29 +240,27 @@ def estimate_of(
     fits: Sequence[LocalFit],
     condition: dict[str, float],
     left_out: tuple[LeftOut, ...],
-    solver: ParameterSolver,
+    n_measurements: int,
+    effect: Array,
     p: Array,
     covariance: Array,
     degrees: Array,
 ) -> Estimate:
-    """Put an estimate together, with what drives' errors do to it."""
+    """Put an estimate together."""
     local = tuple(each.at(p) for each in fits)
-    effect = solver.sensitivity()
-    carried, usual = effect * robot.stated_uncertainty, effect * robot.usual_uncertainty
     return Estimate(
         method=method,
         p=p,
         covariance=covariance,
         degrees_of_freedom=degrees,
-        drive_covariance=carried @ carried.T,
-        drive_effect=carried,
+        effect=effect,
+        stated=robot.stated_uncertainty,
+        usual=robot.usual_uncertainty,
         residual=_residual(robot, local),
         condition=condition,
         local=local,
         left_out=left_out,
-        n_measurements=solver.n_measurements,
-        torque_effect=effect[:, : robot.n_joints],
-        usual_effect=usual,
+        n_measurements=n_measurements,
     )
 
 

@@ -21,11 +21,13 @@ channel over the square of its torque. The own unknowns of each kind are elimina
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy import optimize
 
+from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
 from hil.least_squares.solving import inverse, solved, solved_each
 
@@ -51,14 +53,32 @@ class Kind(NamedTuple):
     beside : ndarray, shape (n, n)
         Covariance of the first shared unknowns, were they found from this kind alone, that no group
         shows, such as from one law of friction to another; none where n is 0.
+    effect : ndarray, shape (n, m)
+        Change of these per unit of what no group shows either, such as a torque constant; none
+        where n is 0.
     """
 
     regression: Regression
     cells: Blocks | None = None
     beside: Array = np.zeros((0, 0))
+    effect: Array = np.zeros((0, 1))
 
 
-def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Kind:
+class Balanced(NamedTuple):
+    """Several kinds as one, and how it follows each of them.
+
+    Attributes
+    ----------
+    whole : Kind
+    parts : tuple of ndarray, shape (n, n)
+        What of the shared unknowns that each kind alone would have is in those of all; together 1.
+    """
+
+    whole: Kind
+    parts: tuple[Array, ...]
+
+
+def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
     """One regression over the blocks of all, each with the unknowns that it kept.
 
     Weights within a kind are residual variances of the solution of all; factors say how much a kind
@@ -71,6 +91,9 @@ def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Kind:
     shared : sequence of str
         Names of the unknowns that they share.
     """
+    if len(kinds) == 1:
+        beside = embedded(kinds[0].beside, np.arange(len(kinds[0].beside)), len(shared))
+        return Balanced(kinds[0]._replace(beside=beside), (np.eye(len(shared)),))
     parts = [kind.regression for kind in kinds]
     first, *others = (part.blocks for part in parts)
     blocks = first.joined(*others)
@@ -86,7 +109,10 @@ def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Kind:
     joined = cells[0].joined(*cells[1:]) if cells else None
     if joined is not None:
         joined = joined.expanded(blocks.shared, blocks.own, blocks.channels)
-    return Kind(replace(found, weights=np.concatenate(scaled)), joined, shares.beside(c))
+    own = tuple(shares.parts(c))
+    effects = [G[:, : len(each.effect)] @ each.effect for G, each in zip(own, kinds, strict=True)]
+    whole = replace(found, weights=np.concatenate(scaled))
+    return Balanced(Kind(whole, joined, shares.beside(c), reduce(np.add, effects)), own)
 
 
 def _places(of: Blocks, kept: Indices, among: Blocks) -> Indices:
@@ -129,12 +155,14 @@ class Shares:
 
     def beside(self, c: Array) -> Array:
         """Covariance of the shared unknowns from what no group shows, shape (n, n)."""
+        parts = zip(self.parts(c), self._beside, strict=True)
+        found: Array = np.sum([G[:, : len(B)] @ B @ G[:, : len(B)].T for G, B in parts], axis=0)
+        return found
+
+    def parts(self, c: Array) -> list[Array]:
+        """What of the shared unknowns of each kind is in those of all, shape (n, n) each."""
         N = self._information(c)
-        total = np.zeros_like(N)
-        for ck, own, B in zip(c, self._whole, self._beside, strict=True):
-            moved = solved(N, ck * own[:, : len(B)])
-            total += moved @ B @ moved.T
-        return total
+        return [solved(N, ck * own) for ck, own in zip(c, self._whole, strict=True)]
 
     def _information(self, c: Array) -> Array:
         found: Array = np.tensordot(c, self._whole, 1)

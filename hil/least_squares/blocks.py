@@ -80,9 +80,11 @@ class Blocks:
         owners = (self.owners.get(name, name) for name in self.channels)
         return Layout(self.shared, self.own, tuple(dict.fromkeys(owners)))
 
-    def _owners(self, layout: Layout) -> list[int]:
-        """Whose own unknowns each channel has, among the layout's channels."""
-        return [layout.channels.index(self.owners.get(name, name)) for name in self.channels]
+    @property
+    def owner(self) -> Indices:
+        """Whose own unknowns each channel has, among the layout's channels, shape (n_channels,)."""
+        among = self.layout.channels
+        return np.array([among.index(self.owners.get(name, name)) for name in self.channels])
 
     @property
     def squares(self) -> Array:
@@ -226,7 +228,7 @@ class Blocks:
         layout = self.layout
         n, k, n_own = layout.size, len(self.shared), len(self.own)
         N, v = np.zeros((len(self), n, n)), np.zeros((len(self), n))
-        for channel, owner in enumerate(self._owners(layout)):
+        for channel, owner in enumerate(self.owner.tolist()):
             part = Normal.split(weights[channel] * self.products[:, channel])
             own = slice(k + owner * n_own, k + (owner + 1) * n_own)
             N[:, :k, :k] += part.N[:, :k, :k]
@@ -242,7 +244,7 @@ class Blocks:
         """Normal equations of all unknowns, a channel in place of a group, without weights."""
         layout, total = self.layout, self.products.sum(axis=0)
         products = np.zeros((self.n_channels, 1 + layout.size, 1 + layout.size))
-        for channel, owner in enumerate(self._owners(layout)):
+        for channel, owner in enumerate(self.owner.tolist()):
             at = np.concatenate([[0], 1 + layout.place(owner)])
             products[channel, at[:, np.newaxis], at] = total[channel]
         return Normal.split(products)
@@ -250,7 +252,7 @@ class Blocks:
     def squares_left(self, x: Array) -> Array:
         """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
         left, layout = np.zeros(self.counts.shape), self.layout
-        for channel, owner in enumerate(self._owners(layout)):
+        for channel, owner in enumerate(self.owner.tolist()):
             around = np.concatenate([[1.0], -x[layout.place(owner)]])
             left[:, channel] = (self.products[:, channel] @ around) @ around
         return np.maximum(left, 0.0)

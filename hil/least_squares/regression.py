@@ -41,7 +41,7 @@ from scipy import special
 
 from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import reweighted
-from hil.least_squares.solving import condition, inverse
+from hil.least_squares.solving import condition, inverse, solved
 from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
@@ -159,6 +159,25 @@ class Regression:
     def solution(self) -> Array:
         """All unknowns, shape (n,)."""
         return embedded(self._solved[1], self.kept, self.layout.size)
+
+    def moved(self, torques: Blocks) -> Array:
+        """Change of all unknowns by what is added to the torque of one axis at a time.
+
+        Parameters
+        ----------
+        torques : Blocks
+            The same columns, with what is added in place of the torque.
+
+        Returns
+        -------
+        ndarray, shape (n, n_axes)
+        """
+        total, of = torques.total, torques.owner
+        found = np.zeros((self.layout.size, self.layout.n_channels))
+        for axis in range(found.shape[1]):
+            side = total.normal(np.where(of == axis, self.weights, 0.0)).vector[self.kept]
+            found[self.kept, axis] = solved(self.normal.information, side)
+        return found
 
     def uncertainty(
         self,

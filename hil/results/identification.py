@@ -224,12 +224,12 @@ def model_of(
         friction=found.free,
         back_and_forth=found.back_and_forth,
         friction_law=found.free.law if found.free else found.friction_law,
-        torque_effect=found.torque_effect,
+        torque_effect=found.effect[:, : run.robot.n_joints],
         excluded=proof,
     )
     if prior is not None and found.prior_share is not None:
         model = replace(model, prior=prior.stated(model.names, found.prior_share))
-    return replace(model, outcome=outcome(model, found.usual_effect))
+    return replace(model, outcome=outcome(model, found.effect * found.usual))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

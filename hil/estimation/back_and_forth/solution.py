@@ -19,13 +19,12 @@ import numpy as np
 
 from hil.estimation.back_and_forth.excitation import Excitation, excitation
 from hil.estimation.back_and_forth.halves import COMMON, known, numbered_pairs
-from hil.estimation.condensed import ROTOR
+from hil.estimation.condensed import drive_torques
 from hil.estimation.free_motion.accumulation import cells_of
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import axis_names
 from hil.least_squares.normal_equations import reweighted
 from hil.least_squares.regression import ROUNDS, Regression
-from hil.least_squares.solving import solved
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -92,7 +91,8 @@ def solve(robot: Robot, recordings: Sequence[Halves], covariance: Covariance) ->
     found = excited(weights, float(pairs.squares @ weights))
     regression = Regression(pairs, weights, found.unknowns)
     fit = regression.fit(covariance, cells, BLOCKS)
-    return Solution(fit, found, weights, _effect(regression))
+    effects = [regression.moved(pairs.recast(torque)) for torque in drive_torques(pairs)]
+    return Solution(fit, found, weights, np.hstack(effects))
 
 
 def blocks(
@@ -135,17 +135,3 @@ def blocks(
 def channels(halves: Halves) -> slice:
     """Channels of a recording's half-sums and half-differences."""
     return slice(2 * halves.axis, 2 * halves.axis + 2)
-
-
-def _effect(regression: Regression) -> Array:
-    """Parts of the unknowns from each axis's torque, then from that of its rotor, taken off."""
-    kept, total, layout = regression.kept, regression.blocks.total, regression.layout
-    n_joints, N = layout.n_channels, regression.normal.information
-    effect = np.zeros((layout.size, 2 * n_joints))
-    for axis in range(n_joints):
-        own = np.where(np.arange(2 * n_joints) // 2 == axis, regression.weights, 0.0)
-        side = total.normal(own)
-        rotor = side.information[kept, layout.at(ROTOR)]
-        sides = np.column_stack([side.vector[kept] + rotor, -rotor])
-        effect[kept[:, np.newaxis], [axis, n_joints + axis]] = solved(N, sides)
-    return effect

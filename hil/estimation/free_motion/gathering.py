@@ -26,6 +26,7 @@ from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import (
     Scaling,
     around,
+    effect_of_drives,
     first_scaling,
     gain_name,
     open_gains,
@@ -133,6 +134,11 @@ class Gathered:
         """Covariance of the base parameters from one law of friction to another."""
         n = len(self.first)
         return covariance_of_choices(self.products, self.choice)[:n, :n]
+
+    @property
+    def effect(self) -> Array:
+        """Change of the base parameters per relative change of torque constants, then rotors."""
+        return effect_of_drives(self.recorded, self.scaling, self.choice)[: len(self.first)]
 
     def rescaled(self, fit: Fit) -> Gathered:
         """The same with unknown gains as a fit has them, near which they are linearised anew."""
@@ -264,7 +270,8 @@ def as_kinds(gathered: Sequence[Gathered]) -> list[Kind]:
         fitted, cells = each.choice.fitted(each.products), each.products.cells[each.choice.slowest]
         names = tuple(f"{name} import {number}" for name in cells.channels)
         blocks = replace(fitted.blocks.grouped(BLOCKS), channels=names)
-        kinds.append(Kind(fitted.of(blocks), replace(cells, channels=names), each.beside))
+        cells = replace(cells, channels=names)
+        kinds.append(Kind(fitted.of(blocks), cells, each.beside, each.effect))
     return kinds
 
 

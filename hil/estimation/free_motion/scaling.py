@@ -30,7 +30,7 @@ which noise and friction shift, at times far.
 
 A torque constant, or the gain of a map, that is known but off by a share scales all torques of its
 axis by it, and the solution, which is linear in them, follows: an error that no recording shows by
-itself (`effect_of_gains`).
+itself (`effect_of_drives`).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.condensed import ROTOR
+from hil.estimation.condensed import ROTOR, drive_torques
 from hil.estimation.free_motion.accumulation import Products
 from hil.estimation.free_motion.choice import kept_by, usual
 from hil.estimation.free_motion.result import GainValue
@@ -49,7 +49,7 @@ from hil.friction.terms import USUAL
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
-from hil.least_squares.solving import IDENTIFIABLE, solved, undetermined
+from hil.least_squares.solving import IDENTIFIABLE, undetermined
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -378,8 +378,10 @@ def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ..
     )
 
 
-def effect_of_gains(robot: Robot, recorded: Products, scaling: Scaling, choice: Choice) -> Array:
-    """Change of the base parameters by one standard deviation of each axis's gain.
+def effect_of_drives(recorded: Products, scaling: Scaling, choice: Choice) -> Array:
+    """Change of the unknowns per relative change of torque constants, then rotor inertias.
+
+    An unknown gain is found, whatever the constant.
 
     Parameters
     ----------
@@ -388,21 +390,11 @@ def effect_of_gains(robot: Robot, recorded: Products, scaling: Scaling, choice: 
 
     Returns
     -------
-    ndarray, shape (n_base, 2 n_joints)
-        The second half, of rotor inertias, is zero: what is known of them is exact here.
+    ndarray, shape (n, 2 n_joints)
     """
-    n_base, n = len(base_parameters(robot)), robot.n_joints
-    found = np.zeros((n_base, 2 * n))
-    uncertainty = robot.torque_constant_uncertainty
-    if not uncertainty.any():
-        return found
     whole = recorded.pieces[choice.slowest].total
-    signal, columns = scaling.signal(whole.layout), scaling.columns(whole.layout)
-    # what a gain scales is all that was recorded, rotors included
-    regression = choice.of(whole.recast(signal, columns, (ROTOR,)))
-    N = regression.normal.information
-    for axis in np.flatnonzero(uncertainty):
-        alone = np.where(np.arange(n) == axis, choice.weights, 0.0)
-        v = Regression(regression.blocks, alone, regression.kept).normal.vector
-        found[:, axis] = uncertainty[axis] * solved(N, v)[:n_base]
-    return found
+    regression, columns = choice.of(scaling.applied(whole)), scaling.columns(whole.layout)
+    # what a torque constant scales is all that was recorded, rotors included
+    torques = scaling.signal(whole.layout), drive_torques(whole)[1]
+    effects = [regression.moved(whole.recast(each, columns, (ROTOR,))) for each in torques]
+    return np.hstack(effects)

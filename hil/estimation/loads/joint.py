@@ -51,7 +51,7 @@ from hil.least_squares.balance import Kind, Shares
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
-from hil.least_squares.solving import inverse_root, solved, undetermined_beside
+from hil.least_squares.solving import inverse_root, undetermined_beside
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -211,13 +211,10 @@ class JointRuns:
 
     def _of_drives(self) -> Array:
         """Covariance from torque constants and rotor inertias, as uncertain as stated."""
-        n, stated = self.robot.n_joints, self.robot.stated_uncertainty.copy()
+        stated = self.robot.stated_uncertainty.copy()
         stated[self.axes] = 0.0
-        effect = np.zeros((self.layout.size, len(stated)))
-        for k in np.flatnonzero(stated):
-            shifted = self._regression(self._joined(self._totals, "" if k < n else ROTOR)).blocks
-            v = shifted.normal(np.eye(n)[k % n]).vector[self._kept]
-            effect[self._kept, k] = stated[k] * solved(self.whole.normal.information, v)
+        torques = (self._regression(self._joined(self._totals, each)) for each in ("", ROTOR))
+        effect = stated * np.hstack([self.whole.moved(each.blocks) for each in torques])
         return effect @ effect.T
 
     @property

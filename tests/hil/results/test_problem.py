@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,8 @@ from synthetic import TABLE_3_A
 from trajectory_run import recorded, some_trajectory
 
 import hil
-from hil.errors import Mismatch, NotEnoughData, UnknownName
+from hil.errors import Mismatch, NotEnoughData, NotIdentifiable, UnknownName
+from hil.estimation.identify import estimate
 from hil.planning.free_motion import FreeMotion
 from hil.results.problem import RegressionProblem
 from hil.results.recorded_torque import predict_recording
@@ -23,7 +25,9 @@ if TYPE_CHECKING:
 
     from hil.least_squares.regression import Covariance
     from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
     from hil.results.identification import ModelFit
+    from hil.runs.recording import Recording
 
 
 @pytest.fixture(scope="module")
@@ -34,15 +38,30 @@ def strokes(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
     return Run.open(path)
 
 
+def free_motion(
+    robot: Robot, moving: int = 6, noise: float = 0.002
+) -> tuple[FreeMotion, Recording]:
+    """A motion of the first axes that somebody else recorded."""
+    every, still = some_trajectory(robot), (0.0,) * 15
+    amplitudes = {
+        name: tuple(row if k < moving else still for k, row in enumerate(getattr(every, name)))
+        for name in ("sine", "cosine")
+    }
+    ((motion, recording),) = recorded(robot, every.model_copy(update=amplitudes), noise=noise)
+    duration = float(np.ptp(recording.time))
+    return FreeMotion(id="csv", q=motion.q, duration=duration, cycles=2, source="made"), recording
+
+
+def both_of(run: Run) -> list[tuple[RecordedMotion, Recording]]:
+    """Measurements of a run with their recordings."""
+    return [(each.measurement, each.recording) for each in run]
+
+
 @pytest.fixture(scope="module")
 def imported(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A motion of all axes that somebody else recorded."""
-    ((trajectory, recording),) = recorded(manutec, some_trajectory(manutec), noise=0.002)
-    motion = FreeMotion(
-        id="csv", q=trajectory.q, duration=float(np.ptp(recording.time)), cycles=2, source="made"
-    )
     path: Path = tmp_path_factory.mktemp("problem") / "imported"
-    return write_free_run(path, manutec, [(motion, recording)])
+    return write_free_run(path, manutec, [free_motion(manutec)])
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +109,37 @@ def test_a_mixture_knows_more_than_either_part(
 ) -> None:
     for part in (measured, free):
         assert np.mean(np.log(variances(both) / variances(part))) < 0.0
+
+
+def test_what_an_import_does_not_show_is_as_uncertain_as_without_it(
+    measured: ModelFit, strokes: Run, manutec: Robot
+) -> None:
+    alone = np.sqrt(variances(measured))
+    recordings = [*both_of(strokes), free_motion(manutec, moving=3)]
+    beside = estimate(manutec, recordings, "joint").standard_error
+    of_the_wrist = slice(8, 14)
+    # lags, steps of encoders and compliances count, whatever is beside the strokes
+    assert (beside[of_the_wrist] > 0.9 * alone[of_the_wrist]).all()
+
+
+def test_an_error_of_a_torque_constant_does_to_a_mixture_what_is_stated(
+    both: ModelFit, strokes: Run, manutec: Robot
+) -> None:
+    axis, share = 2, 2e-4  # weights of the axes stay
+    scaled = []
+    for motion, recording in [*both_of(strokes), free_motion(manutec)]:
+        tau = recording.tau.copy()
+        tau[:, axis] *= 1.0 + share
+        scaled.append((motion, replace(recording, tau=tau)))
+    change = (estimate(manutec, scaled, "joint").p - both.estimate.p) / share
+    effect = both.estimate.effect[:, axis]
+    assert np.linalg.norm(change - effect) < 0.05 * np.linalg.norm(effect)
+
+
+def test_a_mixture_that_leaves_parameters_open_is_refused(strokes: Run, manutec: Robot) -> None:
+    some = [each for each in both_of(strokes) if each[0].moved == (0,)]
+    with pytest.raises(NotIdentifiable, match="together with the imports do not identify p4, p5"):
+        estimate(manutec, [*some, free_motion(manutec, moving=1)], "joint")
 
 
 def test_all_that_was_found_has_a_name(both: ModelFit, manutec: Robot) -> None:

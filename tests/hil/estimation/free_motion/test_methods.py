@@ -64,6 +64,16 @@ def test_uncertain_gains_are_carried_to_the_intervals() -> None:
     assert moved == pytest.approx(found.drive_effect[:, 0], rel=1e-6, abs=1e-9)
 
 
+def test_uncertain_rotor_inertias_are_carried_to_the_intervals() -> None:
+    uncertain, greater = arm(rotor_inertia_uncertainty=0.05), arm(rotor_inertia=1.05e-4)
+    data = recorded(uncertain, TRUTH)
+    found, other = (estimate(each, data, "least squares") for each in (uncertain, greater))
+    assert found.drive_effect[:, 2:].sum(axis=1) == pytest.approx(other.p - found.p, rel=1e-6)
+    exact = estimate(arm(), data, "least squares")
+    assert found.p == pytest.approx(exact.p)
+    assert (found.half_width() > exact.half_width()).any()
+
+
 @pytest.mark.long
 def test_intervals_hold_the_truth_though_the_law_of_friction_is_wrong(robot: Robot) -> None:
     def strange(qd: np.ndarray) -> np.ndarray:
