@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import FreeSolver
     from hil.estimation.options import Options
-    from hil.estimation.prior import Prior
     from hil.model.robot import Robot
     from hil.runs.recording import Recorded
 
@@ -79,23 +78,23 @@ def fit_free_motions(
     variant = VARIANTS[name]
     if name != DEFAULT:
         gathered = gather(robot, recorded, variant, options)
-        return estimate_from(robot, name, variant.solver, gathered, options.prior)
+        return estimate_from(robot, name, variant.solver, gathered, options)
     rates = gather_rates(robot, recorded, variant, options)
-    fastest = estimate_from(robot, name, variant.solver, rates[0], options.prior)
-    return fastest if len(rates) == 1 else _of_all(robot, fastest, rates, options.prior)
+    fastest = estimate_from(robot, name, variant.solver, rates[0], options)
+    return fastest if len(rates) == 1 else _of_all(robot, fastest, rates, options)
 
 
 def _of_all(
-    robot: Robot, fastest: Estimate, rates: Sequence[Gathered], prior: Prior | None
+    robot: Robot, fastest: Estimate, rates: Sequence[Gathered], options: Options
 ) -> Estimate:
     """Estimate of recordings of several rates; friction and settings are those of the fastest."""
     names = base_parameters(robot).names
     joint, n = balanced(as_kinds(rates), names).whole, len(names)
-    fit, share = joint.regression.fit(cells=joint.cells), None
+    fit, share = joint.regression.fit(options.covariance, joint.cells), None
     p, covariance = fit.x[:n], fit.covariance[:n, :n] + joint.beside
-    if prior is not None:
+    if options.prior is not None:
         N = joint.regression.normal.information
-        p, covariance, share = prior.completed(robot, N, p, covariance)
+        p, covariance, share = options.prior.completed(robot, N, p, covariance)
     return replace(
         fastest,
         p=p,
@@ -109,7 +108,11 @@ def _of_all(
 
 
 def estimate_from(
-    robot: Robot, name: str, solver: FreeSolver, gathered: Gathered, prior: Prior | None = None
+    robot: Robot,
+    name: str,
+    solver: FreeSolver,
+    gathered: Gathered,
+    options: Options = DEFAULTS,
 ) -> Estimate:
     """Solve for base parameters and friction of recordings that are gathered.
 
@@ -121,9 +124,9 @@ def estimate_from(
     found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
     processing, products = gathered.processing, gathered.products
     visited = configurations(found)
-    solution = solve(robot, products, choice, solver, visited, prior)
+    solution = solve(robot, products, choice, solver, visited, options)
     classical = without_choice(products, weighted=True)
-    plain = solve(robot, products, classical, "least squares", visited, prior).fit
+    plain = solve(robot, products, classical, "least squares", visited, options).fit
     fit, n = solution.fit, len(gathered.first)
     left = Residuals.of(gathered, products, fit)
     return Estimate(

@@ -40,7 +40,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import Joint, SimultaneousFit
 from hil.estimation.two_step import TwoStep
 from hil.friction.equation import place
-from hil.least_squares.balance import Kind, balanced
+from hil.least_squares.balance import Kind, balanced, carried
 from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
@@ -172,8 +172,7 @@ def measured(
     solver, drive_train, names = found.solver, found.drive_train, base_parameters(robot).names
     fits, useless = local_fits(robot, found.prepared)
     condition, n = conditions(robot, fits), len(names)
-    change, beside = solver.steps()
-    beside += covariance_of_gears(robot, raw, drive_train, solver.solve()) + drive_train.covariance
+    change, beside = doubt(robot, raw, drive_train, solver)
     own = Kind(solver.regression, effect=solver.sensitivity())
     whole, (share, *_) = balanced([own, *imported], names)
     if options.prior is None:
@@ -184,7 +183,7 @@ def measured(
         require_rank(robot, whole.regression, f"{solver.n_measurements} usable measurements{too}")
     fit, prior_share = whole.regression.fit(options.covariance, whole.cells), None
     p, scatter = fit.x[:n] + share @ change, fit.covariance[:n, :n]
-    covariance = scatter + whole.beside + share @ beside @ share.T
+    covariance = scatter + whole.beside + carried([share], [beside])
     if options.prior is not None:
         N = whole.regression.normal.information
         p, covariance, prior_share = options.prior.completed(robot, N, p, covariance)
@@ -221,6 +220,22 @@ def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
     """Base parameters, and how they change without each of the measurements."""
     p = solver.solve()
     return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
+
+
+def doubt(
+    robot: Robot, raw: Prepared, drive_train: DriveTrain, solver: SimultaneousFit
+) -> tuple[Array, Array]:
+    """What drive trains and encoders leave uncertain of measurements, however many there are.
+
+    Returns
+    -------
+    change : ndarray, shape (n_base,)
+        Of the base parameters, by what the steps of encoders take from inertias.
+    covariance : ndarray, shape (n_base, n_base)
+    """
+    change, of_steps = solver.steps()
+    of_gears = covariance_of_gears(robot, raw, drive_train, solver.solve())
+    return change, of_steps + of_gears + drive_train.covariance
 
 
 def covariance_of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:

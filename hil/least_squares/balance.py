@@ -149,15 +149,15 @@ class Shares:
             return float(np.log(max(self._variance(_factors(logarithms)), np.finfo(float).tiny)))
 
         start, most = np.zeros(len(self._groups) - 1), np.log(MOST)
+        if not len(start):
+            return np.ones(1)
         bounds = [(-most, most)] * len(start)
         found = optimize.minimize(spread, start, method="Nelder-Mead", bounds=bounds)
         return _factors(found.x)
 
     def beside(self, c: Array) -> Array:
         """Covariance of the shared unknowns from what no group shows, shape (n, n)."""
-        parts = zip(self.parts(c), self._beside, strict=True)
-        found: Array = np.sum([G[:, : len(B)] @ B @ G[:, : len(B)].T for G, B in parts], axis=0)
-        return found
+        return carried(self.parts(c), self._beside)
 
     def parts(self, c: Array) -> list[Array]:
         """What of the shared unknowns of each kind is in those of all, shape (n, n) each."""
@@ -176,6 +176,13 @@ class Shares:
             of_groups = [_left_out(N, x, each.times(ck)) for each in own]
             total += max(of_groups, key=lambda V: float(np.sum(self._Q * V)))
         return float(np.sum(self._Q * total))
+
+
+def carried(parts: Sequence[Array], covariances: Sequence[Array]) -> Array:
+    """Covariance of the shared unknowns from those that each kind alone would have of the first."""
+    each = zip(parts, covariances, strict=True)
+    found: Array = np.sum([G[:, : len(B)] @ B @ G[:, : len(B)].T for G, B in each], axis=0)
+    return found
 
 
 def _factors(logarithms: Array) -> Array:

@@ -25,8 +25,8 @@ up to as little. So the covariance is the sum of two where cells are given,
 
     V = V_groups + N^-1 (sum of score score' over cells) N^-1,
 
-with the degrees of freedom that as many groups and cells give as carry an unknown. Over-all it is
-too large rather than too small: noise counts in both.
+with the degrees of freedom of the groups. Over-all it is too large rather than too small: noise
+counts in both.
 """
 
 from __future__ import annotations
@@ -45,7 +45,6 @@ from hil.least_squares.solving import condition, inverse, solved
 from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
-    effective_degrees,
     jackknife,
     left_out,
     sandwich,
@@ -192,7 +191,7 @@ class Regression:
         covariance : str
             By which rule.
         cells : Blocks, optional
-            The same samples in other groups, the scatter of which is added.
+            The same samples in other groups, the scatter of which is added; white noise has none.
         most : int, optional
             Groups, at most: successive ones are added up, so what lasts longer counts.
         """
@@ -201,8 +200,7 @@ class Regression:
         inverted = inverse(normal.information)
         degrees = degrees_if_white(inverted, normal.N)
         if covariance == "jackknife":
-            changes = left_out(normal.N, normal.scores(x))
-            found = jackknife(changes)
+            found = jackknife(left_out(normal.N, normal.scores(x)))
         elif covariance == "clusters":
             found = sandwich(inverted, scatter(normal.scores(x), few=True))
         elif covariance == "CR2":
@@ -211,13 +209,11 @@ class Regression:
             found = inverted
             freedom = self.blocks.counts.sum() - len(self.kept)
             degrees = np.full(len(x), max(float(freedom), 1.0))
-        if cells is None:
+        if cells is None or covariance == "white":
             return Uncertainty(found, degrees, np.zeros_like(found))
         other = cells.normal(self.weights).only(self.kept)
         influence = (other.scores(x) @ inverted)[other.square > 0]
         of_cells = scatter(influence, few=True)
-        if covariance == "jackknife":
-            degrees = effective_degrees(np.vstack([changes, influence]) ** 2)
         return Uncertainty(found + of_cells, degrees, of_cells)
 
     def fit(

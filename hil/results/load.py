@@ -21,7 +21,7 @@ from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.two_step_methods import as_asked, prepare, prepared_for
+from hil.estimation.two_step_methods import as_asked, doubt, prepare, prepared_for
 from hil.friction.law import friction_torque
 from hil.least_squares.regression import ByName
 from hil.model.base_parameters import base_parameters
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from hil.arrays import Array
+    from hil.estimation.drive_train import DriveTrain
     from hil.estimation.estimate import Estimate
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.loads.evidence import Evidence
@@ -374,7 +375,8 @@ class _Runs:
         if measured := _measured(self.bare.runs):
             prepared = prepared_for(self.robot, self.bare.estimate, pooled(measured))
             strokes = SimultaneousFit(robot, prepared)
-            bare.insert(0, of_strokes(strokes.recorded, strokes.loaded))
+            own = self._doubt(robot, measured, strokes, self.bare.estimate.drive_train)
+            bare.insert(0, of_strokes(strokes.recorded, strokes.loaded, own))
         of = self._strokes(robot, strokes) if _measured(self.loaded) else None
         with_load = (lambda change: [of(change), *loaded]) if of else (lambda _: loaded)
         return partial(fit_load, robot, bare, with_load, covariance=self.bare.options.covariance)
@@ -388,12 +390,23 @@ class _Runs:
         applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
         if bare is None:
             fit = SimultaneousFit(robot, applied)
-            alone = of_strokes(fit.recorded, fit.loaded)
+            own = self._doubt(robot, _measured(self.loaded), fit, train)
+            alone = of_strokes(fit.recorded, fit.loaded, own)
             return lambda _: alone
         p = bare.solve()
         return lambda change: of_strokes(
             condensed_like(robot, bare, applied, p + change), bare.loaded
         )
+
+    def _doubt(
+        self, robot: Robot, runs: Sequence[Run], fit: SimultaneousFit, train: DriveTrain | None
+    ) -> Array:
+        """Covariance of base parameters by what is uncertain of drive trains and encoders."""
+        raw, _ = prepare(pooled(runs))
+        if train is None or robot is not self.robot:
+            train = as_asked(find_drive_train(robot, raw), self.bare.options.nuisance)
+        change, covariance = doubt(robot, raw, train, fit)
+        return covariance + np.outer(change, change)
 
     def _gather(self, robot: Robot) -> list[Gathered | None]:
         """Free motions without and with the load, where they were imported."""

@@ -104,8 +104,8 @@ def regression(
     nuisance : sequence of str
         What is looked for beside friction, of ``lag``, ``compliance``, ``presliding``, ``drift``.
     covariance : {"jackknife", "clusters", "CR2", "white"}
-        How errors are stated; free motions by themselves have the jackknife and what scatters over
-        cells of states, whatever is stated here.
+        How errors are stated; what scatters over cells of states is added for imports, unless all
+        is taken for white noise.
     method : str, optional
         Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
     loaded : sequence of Run

@@ -28,6 +28,7 @@ from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
 from hil.estimation.free_motion.offsets import only_directions, split_covariance, with_doubt
 from hil.estimation.free_motion.positive import nearest_positive
+from hil.estimation.options import DEFAULTS
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Solver
 from hil.least_squares.solving import condition, inverse, undetermined
@@ -37,8 +38,9 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
+    from hil.estimation.options import Options
     from hil.estimation.prior import Prior
-    from hil.least_squares.regression import Fit, Regression
+    from hil.least_squares.regression import Covariance, Fit, Regression
     from hil.model.robot import Robot
 
 FreeSolver = Literal["least squares", "positive", "instrumental"] | Solver
@@ -76,7 +78,7 @@ def solve(
     choice: Choice,
     solver: FreeSolver,
     configurations: Array,
-    prior: Prior | None = None,
+    options: Options = DEFAULTS,
 ) -> Solution:
     """Solve for all unknowns.
 
@@ -84,8 +86,8 @@ def solve(
     ----------
     configurations : ndarray, shape (n, n_joints)
         Some of the motion's, where the mass matrix must be positive.
-    prior : Prior, optional
-        Of what the motion does not excite.
+    options : Options
+        Rule of the covariance, and a prior of what the motion does not excite.
 
     Raises
     ------
@@ -93,13 +95,15 @@ def solve(
         Base parameters that the motion does not excite, and no prior knows.
     """
     pieces = solved = choice.fitted(products)
-    if prior is None:
+    if options.prior is None:
         require_determined(robot, pieces)
     if callable(solver):
         solved = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
         solved = pieces.of(products.instruments)
-    fit = solved.fit(cells=products.cells[choice.slowest], most=BLOCKS)
+    # equations of instruments are not symmetric, as other rules need them
+    rule: Covariance = "jackknife" if solver == "instrumental" else options.covariance
+    fit = solved.fit(rule, products.cells[choice.slowest], BLOCKS)
     covariance = fit.covariance
     covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
@@ -107,8 +111,8 @@ def solve(
         covariance = covariance + covariance_of_choices(products, choice)
         fit = replace(fit, covariance=covariance)
     share = None
-    if prior is not None:
-        fit, share = _completed(robot, pieces, fit, prior)
+    if options.prior is not None:
+        fit, share = _completed(robot, pieces, fit, options.prior)
     found = Solution(fit)
     if solver == "positive":
         found = _possible(robot, pieces, fit, configurations)

@@ -55,6 +55,8 @@ class Evidence:
         Whether one more gain is, which was held at random.
     beside : ndarray
         As of `hil.least_squares.balance.Kind`.
+    doubt : ndarray
+        The same of what does not change how much the run counts: lags, gears, encoders' steps.
     """
 
     kind: Literal["strokes", "free motions"]
@@ -66,10 +68,14 @@ class Evidence:
     unknown: tuple[int, ...] = ()
     scale_open: bool = False
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
-def of_strokes(blocks: Blocks, loaded: Mask) -> Evidence:
-    """Evidence of condensed measurements, friction of the load on axes that are `loaded` alone."""
+def of_strokes(blocks: Blocks, loaded: Mask, doubt: Array | None = None) -> Evidence:
+    """Evidence of condensed measurements, friction of the load on axes that are `loaded` alone.
+
+    Runs of one kind share their `doubt`, that of the first.
+    """
     torque, rotor = np.eye(1, blocks.products.shape[-1]), blocks.place(ROTOR)
     motors = np.zeros_like(torque)
     # condensed is the torque less that of the rotors
@@ -80,6 +86,7 @@ def of_strokes(blocks: Blocks, loaded: Mask) -> Evidence:
         apart=frozenset(COMMON[k] for k in ASYMMETRIC),
         terms=tuple(frozenset(COMMON if each else COMMON[:LOAD]) for each in loaded),
         gains=np.ones(blocks.n_channels),
+        doubt=np.zeros((0, 0)) if doubt is None else doubt,
     )
 
 

@@ -47,7 +47,7 @@ from scipy import special
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling, gain_name
 from hil.estimation.loads.figures import AxisMisfit
-from hil.least_squares.balance import Kind, Shares
+from hil.least_squares.balance import Kind, Shares, carried
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
@@ -131,13 +131,15 @@ class JointRuns:
             for axis in range(robot.n_joints)
         ])  # fmt: skip
         self._solve(blocks)
-        if not runs.alike and terms.name == "load":
-            shares, of = self._shares()
+        if terms.name == "load":
+            shares, of, doubts = self._shares()
             c = shares.factors()
+            beside = shares.beside(c) + carried(shares.parts(c), doubts)
             at = np.array([self.layout.at(name) for name in self._shared])
-            self._factors = c[of]
-            self._beside = embedded(shares.beside(c), at, self.layout.size)
-            self._solve(self._joined(self._totals))
+            self._beside = embedded(beside, at, self.layout.size)
+            if not runs.alike:
+                self._factors = c[of]
+                self._solve(self._joined(self._totals))
         self.whole = self._regression(self._joined([run.blocks for run in self._every]))
 
     def _solve(self, blocks: Blocks) -> None:
@@ -164,19 +166,20 @@ class JointRuns:
                 break
             kept, blocks = self._kept, self._joined(self._totals)
 
-    def _shares(self) -> tuple[Shares, list[int]]:
-        """What runs of each kind say of the unknowns that all share, and the kind of each run."""
+    def _shares(self) -> tuple[Shares, list[int], list[Array]]:
+        """What runs of each kind say of what all share, the kind of each run, and kinds' doubts."""
         kinds = list(dict.fromkeys(run.kind for run in self._every))
         of = [kinds.index(run.kind) for run in self._every]
-        found = []
+        found, doubts = [], []
         for number in range(len(kinds)):
             own = [(run, k == number) for run, k in zip(self._every, of, strict=True)]
             blocks = self._joined([run.blocks if mine else None for run, mine in own])
             cells = [run.cells if mine else None for run, mine in own]
             of_states = self._regression(self._joined(cells)).blocks if any(cells) else None
-            beside = next(run.beside for run, mine in own if mine)
-            found.append(Kind(self._regression(blocks), of_states, beside))
-        return Shares(found, self._shared), of
+            first = next(run for run, mine in own if mine)
+            found.append(Kind(self._regression(blocks), of_states, first.beside))
+            doubts.append(first.doubt)
+        return Shares(found, self._shared), of, doubts
 
     @property
     def _shared(self) -> list[str]:

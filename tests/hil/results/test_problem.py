@@ -15,6 +15,7 @@ from trajectory_run import recorded, some_trajectory
 import hil
 from hil.errors import Mismatch, NotEnoughData, NotIdentifiable, UnknownName
 from hil.estimation.identify import estimate
+from hil.model.load import MASS, load_columns
 from hil.planning.free_motion import FreeMotion
 from hil.results.problem import RegressionProblem
 from hil.results.recorded_torque import predict_recording
@@ -120,6 +121,16 @@ def test_what_an_import_does_not_show_is_as_uncertain_as_without_it(
     of_the_wrist = slice(8, 14)
     # lags, steps of encoders and compliances count, whatever is beside the strokes
     assert (beside[of_the_wrist] > 0.9 * alone[of_the_wrist]).all()
+
+
+def test_lags_leave_base_parameters_as_uncertain_beside_a_load(
+    measured: ModelFit, strokes: Run, manutec: Robot, tmp_path: Path
+) -> None:
+    with_load = TABLE_3_A + load_columns(manutec).K[:, MASS] * 4.0
+    write_run(tmp_path, manutec, truth=(manutec, with_load), seed=101)
+    fit = hil.regression(strokes, loaded=[Run.open(tmp_path)]).fit()
+    of_lags = np.sqrt(np.diag(measured.estimate.drive_train.covariance))
+    assert (np.array(list(fit.standard_errors.values()))[: len(of_lags)] > of_lags).all()
 
 
 def test_an_error_of_a_torque_constant_does_to_a_mixture_what_is_stated(
