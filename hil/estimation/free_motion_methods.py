@@ -25,11 +25,12 @@ from hil.estimation.free_motion.gathering import as_kinds, gather, gather_rates
 from hil.estimation.free_motion.positive import least_inertia
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.free_motion.scaling import found_gains
-from hil.estimation.free_motion.solution import solve
+from hil.estimation.free_motion.solution import settled, solve
 from hil.estimation.free_motion.survey import configurations
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
 from hil.least_squares.balance import balanced
+from hil.least_squares.layout import embedded
 from hil.model.base_parameters import base_parameters
 
 with suppress(ModuleNotFoundError):  # there may be no Numba
@@ -90,18 +91,18 @@ def _of_all(
     """Estimate of recordings of several rates; friction and settings are those of the fastest."""
     names = base_parameters(robot).names
     joint, n = balanced(as_kinds(rates), names).whole, len(names)
-    fit, share = joint.regression.fit(options.covariance, joint.cells), None
-    p, covariance = fit.x[:n], fit.covariance[:n, :n] + joint.beside
-    if options.prior is not None:
-        N = joint.regression.normal.information
-        p, covariance, share = options.prior.completed(robot, N, p, covariance)
+    fit = joint.regression.fit(options.covariance, joint.cells)
+    beside = embedded(joint.beside, np.arange(n), len(fit.x))
+    fit = replace(fit, covariance=fit.covariance + beside)
+    visited = np.vstack([configurations(rate.found) for rate in rates])
+    solution = settled(robot, joint.regression, fit, visited, options.prior)
     return replace(
         fastest,
-        p=p,
-        covariance=covariance,
-        effect=joint.effect,
-        prior_share=share,
+        p=solution.fit.x[:n],
+        covariance=solution.fit.covariance[:n, :n],
         degrees_of_freedom=fit.degrees_of_freedom[:n],
+        effect=joint.effect,
+        prior_share=solution.prior_share,
         left_out=tuple(LeftOut(each, FEW) for rate in rates for each in rate.found.too_short),
         n_measurements=sum(rate.found.n_recordings for rate in rates),
     )

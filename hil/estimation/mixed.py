@@ -10,9 +10,9 @@ Gauss and Newton's method from where the parameters of the strokes have them. Ho
 counts follows from leaving out its groups (`hil.least_squares.balance`). What lags, gives way and
 drifts is found in each kind by itself.
 
-Errors are those of groups that are left out: measurements, periods, and pieces of the free motions.
-What laws of friction get wrong repeats with the motion; of the free motions cells of states show
-it. With them all 168 intervals of fresh seeds held (`benchmarks/mixtures.py`).
+Estimated is as by measurements alone (`hil.estimation.two_step_methods.measured`): errors of groups
+that are left out, and what else leaves the parameters of a kind uncertain, in proportion to what of
+them is in those of all.
 """
 
 from __future__ import annotations

@@ -105,7 +105,8 @@ def regression(
         What is looked for beside friction, of ``lag``, ``compliance``, ``presliding``, ``drift``.
     covariance : {"jackknife", "clusters", "CR2", "white"}
         How errors are stated; what scatters over cells of states is added for imports, unless all
-        is taken for white noise.
+        is taken for white noise. Methods that the default one for imports is compared with have the
+        jackknife.
     method : str, optional
         Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
     loaded : sequence of Run

@@ -101,8 +101,8 @@ def solve(
         solved = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
         solved = pieces.of(products.instruments)
-    # equations of instruments are not symmetric, as other rules need them
-    rule: Covariance = "jackknife" if solver == "instrumental" else options.covariance
+    # the others' equations are not weighted, or not symmetric, as other rules need them
+    rule: Covariance = options.covariance if solver == "positive" else "jackknife"
     fit = solved.fit(rule, products.cells[choice.slowest], BLOCKS)
     covariance = fit.covariance
     covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
@@ -110,11 +110,23 @@ def solve(
     if solver == "positive":
         covariance = covariance + covariance_of_choices(products, choice)
         fit = replace(fit, covariance=covariance)
+    positive = configurations if solver == "positive" else None
+    return settled(robot, pieces, fit, positive, options.prior)
+
+
+def settled(
+    robot: Robot,
+    pieces: Regression,
+    fit: Fit,
+    configurations: Array | None,
+    prior: Prior | None,
+) -> Solution:
+    """Complete a fit by a prior, then make it possible where there are configurations for that."""
     share = None
-    if options.prior is not None:
-        fit, share = _completed(robot, pieces, fit, options.prior)
+    if prior is not None:
+        fit, share = _completed(robot, pieces, fit, prior)
     found = Solution(fit)
-    if solver == "positive":
+    if configurations is not None:
         found = _possible(robot, pieces, fit, configurations)
     return replace(found, prior_share=share)
 

@@ -196,12 +196,14 @@ def test_a_law_may_be_stated(imported: Run) -> None:
 
 
 @pytest.mark.parametrize("covariance", ["jackknife", "clusters", "white"])
+@pytest.mark.parametrize("kind", ["measured", "free"])
 def test_errors_are_stated_as_asked(
-    measured: ModelFit, strokes: Run, covariance: Covariance
+    kind: str, covariance: Covariance, strokes: Run, imported: Run, request: pytest.FixtureRequest
 ) -> None:
-    other = hil.regression(strokes, covariance=covariance).fit()
-    np.testing.assert_array_equal(measured.estimate.p, other.estimate.p)
-    assert not np.allclose(variances(measured), variances(other), rtol=1e-3)
+    as_usual, run = request.getfixturevalue(kind), strokes if kind == "measured" else imported
+    other = hil.regression(run, covariance=covariance).fit()
+    np.testing.assert_array_equal(as_usual.estimate.p, other.estimate.p)
+    assert not np.allclose(variances(as_usual), variances(other), rtol=1e-3)
 
 
 def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
