@@ -15,6 +15,8 @@ from trajectory_run import recorded, some_trajectory
 import hil
 from hil.errors import Mismatch, NotEnoughData, NotIdentifiable, UnknownName
 from hil.estimation.identify import estimate
+from hil.estimation.options import Options
+from hil.estimation.prior import Prior
 from hil.model.load import MASS, load_columns
 from hil.planning.free_motion import FreeMotion
 from hil.results.problem import RegressionProblem
@@ -56,6 +58,12 @@ def free_motion(
 def both_of(run: Run) -> list[tuple[RecordedMotion, Recording]]:
     """Measurements of a run with their recordings."""
     return [(each.measurement, each.recording) for each in run]
+
+
+def of_axis_1(run: Run, robot: Robot) -> list[tuple[RecordedMotion, Recording]]:
+    """Strokes and an import in which the others stand still."""
+    strokes = [each for each in both_of(run) if each[0].moved == (0,)]
+    return [*strokes, free_motion(robot, moving=1)]
 
 
 @pytest.fixture(scope="module")
@@ -148,9 +156,16 @@ def test_an_error_of_a_torque_constant_does_to_a_mixture_what_is_stated(
 
 
 def test_a_mixture_that_leaves_parameters_open_is_refused(strokes: Run, manutec: Robot) -> None:
-    some = [each for each in both_of(strokes) if each[0].moved == (0,)]
     with pytest.raises(NotIdentifiable, match="together with the imports do not identify p4, p5"):
-        estimate(manutec, [*some, free_motion(manutec, moving=1)], "joint")
+        estimate(manutec, of_axis_1(strokes, manutec), "joint")
+
+
+def test_a_prior_completes_a_mixture(strokes: Run, manutec: Robot) -> None:
+    sphere = [0.4, 0.0, 0.0, 0.4, 0.0, 0.4, 0.0, 0.0, 1.0, 10.0]
+    options = Options(prior=Prior(np.tile(sphere, (6, 1)), 0.3))
+    found = estimate(manutec, of_axis_1(strokes, manutec), "joint", options)
+    assert (found.prior_share[[3, 4, 6]] > 0.9).all()
+    assert abs(found.p[0] - TABLE_3_A[0]) < 4 * found.standard_error[0]
 
 
 def test_all_that_was_found_has_a_name(both: ModelFit, manutec: Robot) -> None:
