@@ -30,8 +30,8 @@ from hil.estimation.free_motion.offsets import only_directions, split_covariance
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.options import DEFAULTS
 from hil.least_squares.layout import embedded
-from hil.least_squares.regression import Solver
-from hil.least_squares.solving import condition, inverse, undetermined
+from hil.least_squares.regression import Regression, Solver
+from hil.least_squares.solving import condition, inverse, solved, undetermined
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.options import Options
     from hil.estimation.prior import Prior
-    from hil.least_squares.regression import Covariance, Fit, Regression
+    from hil.least_squares.regression import Covariance, Fit
     from hil.model.robot import Robot
 
 FreeSolver = Literal["least squares", "positive", "instrumental"] | Solver
@@ -110,8 +110,12 @@ def solve(
     if solver == "positive":
         covariance = covariance + covariance_of_choices(products, choice)
         fit = replace(fit, covariance=covariance)
-    positive = configurations if solver == "positive" else None
-    return settled(robot, pieces, fit, positive, options.prior)
+    if solver != "positive":
+        return settled(robot, pieces, fit, None, options.prior)
+    found = settled(robot, pieces, fit, configurations, options.prior)
+    if not choice.slowest:
+        return found
+    return replace(found, fit=over_all_speeds(products, found.fit, options.covariance))
 
 
 def settled(
@@ -129,6 +133,40 @@ def settled(
     if configurations is not None:
         found = _possible(robot, pieces, fit, configurations)
     return replace(found, prior_share=share)
+
+
+def over_all_speeds(products: Products, fit: Fit, covariance: Covariance) -> Fit:
+    """Friction of all samples, of those in the dead zone too, beside what else was found.
+
+    What a law lacks at low speed looks like weight or inertia, so base parameters come from faster
+    samples. The law itself describes all of them the better the more it has seen. With the shared
+    unknowns x_s as they are and P = N_oo^-1 N_os the own ones are
+
+        x_o = N_oo^-1 v_o - P x_s,    V_oo = V + P V_ss P',    V_os = -P V_ss,
+
+    V being what scatters of x_o where x_s is known. Axes that move in one direction only keep
+    theirs: offset and Coulomb's friction are one column, and what slow samples add is noise.
+
+    Parameters
+    ----------
+    covariance : str
+        As of `hil.least_squares.regression`.
+    """
+    layout, k = fit.layout, len(fit.layout.shared)
+    axis = (fit.kept - k) // len(layout.own)
+    own = fit.kept[(axis >= 0) & ~np.isin(axis, list(only_directions(products.pieces[1])))]
+    m = products.pieces[0].products.shape[-1]
+    rest = np.tile(np.concatenate([[1.0], -fit.x[:k], np.zeros(m - 1 - k)]), (products.n_joints, 1))
+    left = Regression.weighed(products.pieces[0].recast(rest), own)
+    seen = left.fit(covariance, products.cells[0].recast(rest), BLOCKS)
+    N = left.blocks.total.normal(left.weights).information
+    P = solved(N[np.ix_(own, own)], N[own, :k])
+    x, V, degrees = fit.x.copy(), fit.covariance.copy(), fit.degrees_of_freedom.copy()
+    V[own] = -P @ V[:k]
+    V[:, own] = V[own].T
+    V[np.ix_(own, own)] = seen.covariance[np.ix_(own, own)] + P @ V[:k, :k] @ P.T
+    x[own], degrees[own] = seen.x[own], seen.degrees_of_freedom[own]
+    return replace(fit, x=x, covariance=V, degrees_of_freedom=degrees)
 
 
 def _completed(robot: Robot, pieces: Regression, fit: Fit, prior: Prior) -> tuple[Fit, Array]:

@@ -11,6 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from hil.estimation.free_motion.gathering import gather
+from hil.estimation.free_motion.solution import solve
+from hil.estimation.free_motion.survey import configurations
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
 from hil.friction.terms import LAWS, TERMS
 from hil.least_squares.choice import folds, simplest
@@ -158,10 +162,25 @@ def test_a_degressive_friction_gets_a_law_that_is() -> None:
         assert axis.held_out[axis.law] == 1.0
 
 
-def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual() -> None:
-    def presliding(qd: np.ndarray) -> np.ndarray:
-        return 12.0 * np.sign(qd) * np.tanh((qd / 0.03) ** 4)
+def presliding(qd: np.ndarray) -> np.ndarray:
+    """Friction that rises steeply from nothing."""
+    return 12.0 * np.sign(qd) * np.tanh((qd / 0.03) ** 4)
 
+
+def test_friction_follows_slow_samples_that_base_parameters_do_not_see() -> None:
+    gathered = gather(arm(), recorded(arm(), TRUTH, presliding), VARIANTS[DEFAULT])
+    choice, products = gathered.choice, gathered.products
+    assert choice.slowest > 0
+    found = solve(arm(), products, choice, "positive", configurations(gathered.found)).fit
+    n = len(found.layout.shared)
+    np.testing.assert_array_equal(found.x[:n], choice.fitted(products).solution[:n])
+    every, own = products.pieces[0].total.normal(np.ones(2)), found.kept[found.kept >= n]
+    left = every.scores(found.x)[0][own]
+    assert (np.abs(left) < 1e-6 * np.abs(every.vector[own]).max()).all()
+    assert (np.linalg.eigvalsh(found.covariance) > -1e-12).all()
+
+
+def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual() -> None:
     with_zone = estimate(arm(), recorded(arm(), TRUTH, presliding), "free motion")
     without = estimate(arm(), recorded(arm(), TRUTH, presliding), "weighted least squares")
     assert with_zone.free is not None
