@@ -30,7 +30,7 @@ the velocity. Directions over some distances are condensed, too.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -157,7 +157,7 @@ class Search:
         self._over = blocks.place(*over_names(self._distances))
         self._names = tuple(name for name in blocks.shared if name != ROTOR)
         # states that are compared differ on one axis
-        self._combined = lru_cache(KEPT * blocks.n_channels)(partial(self._combine, blocks))
+        self._seen: list[dict[tuple[float, int], Array]] = [{} for _ in range(blocks.n_channels)]
         self.weights = self.weighed(State.of(blocks.n_channels))
 
     def weighed(self, state: State) -> Array:
@@ -311,13 +311,23 @@ class Search:
 
     def _at(self, of: Blocks, state: State) -> Blocks:
         """Blocks of torques as early as positions, directions over the state's distances."""
-        combined = self._combined if of is self._blocks else partial(self._combine, of)
-        each = enumerate(zip(state.lag.tolist(), state.direction.tolist(), strict=True))
-        products = np.stack([combined(axis, *one) for axis, one in each], axis=1)
-        return replace(of, shared=self._names, own=(*self._terms, LAG), products=products)
+        each = zip(state.lag.tolist(), state.direction.tolist(), strict=True)
+        made = [self._of_axis(of, axis, *one) for axis, one in enumerate(each)]
+        own, products = (*self._terms, LAG), np.stack(made, axis=1)
+        return replace(of, shared=self._names, own=own, products=products)
 
-    def _combine(self, of: Blocks, axis: int, lag: float, distance: int) -> Array:
+    def _of_axis(self, of: Blocks, axis: int, lag: float, distance: int) -> Array:
         """Inner products of one axis with its lag and distance, shape (n_groups, m', m')."""
+        if of is not self._blocks:
+            return self._combined(of, axis, lag, distance)
+        seen, state = self._seen[axis], (lag, distance)
+        if state not in seen:
+            if len(seen) == KEPT:
+                del seen[next(iter(seen))]
+            seen[state] = self._combined(of, axis, lag, distance)
+        return seen[state]
+
+    def _combined(self, of: Blocks, axis: int, lag: float, distance: int) -> Array:
         T, own = self._unchanged.copy(), (*self._terms, LAG)
         torques = np.append(0, of.place(*shift_names(self._times)))
         T[torques, 0], T[torques, -1] = self._interpolated(lag)
