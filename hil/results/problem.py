@@ -101,7 +101,7 @@ def regression(
         Of any kind: campaigns, trajectories, strokes of one axis, imports.
     friction : str
         ``auto``, or the name of a law for imports.
-    nuisance : sequence of str
+    nuisance : sequence of str, or one of these
         What is looked for beside friction, of ``lag``, ``compliance``, ``presliding``, ``drift``.
     covariance : {"jackknife", "clusters", "CR2", "white"}
         How errors are stated; what scatters over cells of states is added for imports, unless all
@@ -139,7 +139,8 @@ def regression(
             f"friction {friction!r}: 0 of {len(runs)} runs were imported, and friction of what was"
             " measured here is found anew in each measurement; leave it at 'auto'"
         )
-    options = Options(friction, tuple(nuisance), covariance, prior)
+    named = (nuisance,) if isinstance(nuisance, str) else tuple(nuisance)
+    options = Options(friction, named, covariance, prior)
     if loaded and method is not None:
         raise Mismatch(f"method {method!r}: a load is found by a recipe of its own; leave it out")
     if loaded and prior is not None:

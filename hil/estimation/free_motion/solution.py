@@ -7,7 +7,7 @@ positive
     solution that does not (`hil.estimation.free_motion.positive`), unless the torques contradict
     it; its covariance counts what other laws of friction would have found
     (`hil.estimation.free_motion.choice`), and offsets of friction that pass for weight
-    (`hil.estimation.free_motion.offsets`);
+    (`hil.estimation.free_motion.offsets`); friction follows all samples, slow ones too;
 instrumental
     Z'W x = Z'y: Z from one half of the samples, every other one, and W from the other half. Errors
     of measurement that differ from sample to sample are in one of them only, so they shift nothing;
@@ -94,24 +94,22 @@ def solve(
     NotIdentifiable
         Base parameters that the motion does not excite, and no prior knows.
     """
-    pieces = solved = choice.fitted(products)
+    pieces = asked = choice.fitted(products)
     if options.prior is None:
         require_determined(robot, pieces)
     if callable(solver):
-        solved = replace(pieces, solver=solver)
+        asked = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
-        solved = pieces.of(products.instruments)
+        asked = pieces.of(products.instruments)
     # the others' equations are not weighted, or not symmetric, as other rules need them
     rule: Covariance = options.covariance if solver == "positive" else "jackknife"
-    fit = solved.fit(rule, products.cells[choice.slowest], BLOCKS)
+    fit = asked.fit(rule, products.cells[choice.slowest], BLOCKS)
     covariance = fit.covariance
     covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
-    if solver == "positive":
-        covariance = covariance + covariance_of_choices(products, choice)
-        fit = replace(fit, covariance=covariance)
     if solver != "positive":
         return settled(robot, pieces, fit, None, options.prior)
+    fit = replace(fit, covariance=covariance + covariance_of_choices(products, choice))
     found = settled(robot, pieces, fit, configurations, options.prior)
     if not choice.slowest:
         return found

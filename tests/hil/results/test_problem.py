@@ -226,8 +226,9 @@ def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
         hil.regression()
     with pytest.raises(Mismatch, match="named twice"):
         hil.regression(strokes, strokes)
-    with pytest.raises(UnknownName, match="nuisance 'lags' must be one of: lag"):
-        hil.regression(strokes, nuisance=("lags",))
+    for lags in ("lags", ("lags",)):
+        with pytest.raises(UnknownName, match="nuisance 'lags' must be one of: lag"):
+            hil.regression(strokes, nuisance=lags)
     with pytest.raises(UnknownName, match="covariance 'HC3' must be one of: jackknife"):
         hil.regression(strokes, covariance="HC3")
     with pytest.raises(UnknownName, match="friction 'Stribeck' must be"):
