@@ -95,7 +95,7 @@ def require_rank(robot: Robot, regression: Regression, what: str) -> None:
     regression : Regression
         The base parameters are its first unknowns.
     what : str
-        It is of, for the message.
+        Recordings that it is of, as the message names them.
 
     Raises
     ------

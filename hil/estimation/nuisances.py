@@ -60,7 +60,7 @@ WORST = 0.2
 """Growth of the residual (rms) of one axis that no gain of others is worth: by so much the default
 may leave more than weighted least squares on any axis (`benchmarks/real_machines.py`)."""
 KEPT = 4
-"""States of an axis whose inner products are kept: what is, and what is tried beside it."""
+"""States of an axis whose inner products are kept: those that are compared, and as many before."""
 LAG = "lag"
 _SHIFT, _OVER, _SOFT = "shift", "over", "compliance {}"
 

@@ -153,6 +153,8 @@ def over_all_speeds(products: Products, fit: Fit, covariance: Covariance) -> Fit
     layout, k = fit.layout, len(fit.layout.shared)
     axis = (fit.kept - k) // len(layout.own)
     own = fit.kept[(axis >= 0) & ~np.isin(axis, list(only_directions(products.pieces[1])))]
+    if not len(own):
+        return fit
     m = products.pieces[0].products.shape[-1]
     rest = np.tile(np.concatenate([[1.0], -fit.x[:k], np.zeros(m - 1 - k)]), (products.n_joints, 1))
     left = Regression.weighed(products.pieces[0].recast(rest), own)

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from free_run import PERIOD, write_free_run
 
-from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.free_motion.gathering import gather
+from hil.estimation.free_motion.solution import over_all_speeds
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
@@ -66,6 +68,12 @@ def driven(speeds: Array, rest: float = 0.0) -> tuple[FreeMotion, Recording]:
 
 def model_of(folder: Path, speeds: Array, rest: float = 0.0) -> Model:
     return identified(write_free_run(folder / "run", ROBOT, [driven(speeds, rest)])).model
+
+
+def test_friction_of_all_samples_leaves_such_an_axis_as_it_is() -> None:
+    gathered = gather(ROBOT, [driven(SPEEDS)], VARIANTS[DEFAULT])
+    fit = gathered.choice.fitted(gathered.products).fit("CR2")
+    assert over_all_speeds(gathered.products, fit, "CR2") is fit
 
 
 @pytest.mark.parametrize(
