@@ -22,6 +22,7 @@ import numpy as np
 from scipy import optimize, special
 
 from hil.estimation.excluded.battery import LEVEL
+from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import across_gravity, instants
 from hil.least_squares.regression import ROUNDS, Regression
 from hil.least_squares.solving import inverse
@@ -226,6 +227,9 @@ def explained(
     What is impossible is so by more than noise of a `dispersion` makes it.
     """
     torque, X = reading.rows(robot, evidence)
+    if evidence.later is not None:  # the earlier recordings are as stated
+        torque = np.where(evidence.later, torque, evidence.torque)
+        X = np.where(evidence.later[:, None], X, evidence.X)
     n_base = X.shape[1]
     if more is not None:
         X = np.hstack([X, more])
@@ -305,7 +309,8 @@ def alternatives(
         instant = _instant(stated, axis) if cause == "slip" else 0.0
         read = sized(robot, cause, axis, instant)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
-        each = _searched(stated, read, starts)
+        least = CAUSES[cause].least if cause in CAUSES else -np.inf
+        each = _searched(stated, read, [start for start in starts if start > least], least)
         if each is not None:
             size, bend, here = each
             error = float(np.sqrt(2.0 * stated.dispersion / bend)) if bend > 0 else np.nan
@@ -358,7 +363,7 @@ def _sized(
 
 
 def _searched(
-    stated: Explained, read: Callable[[float], Reading], starts: list[float]
+    stated: Explained, read: Callable[[float], Reading], starts: list[float], least: float
 ) -> tuple[float, float, Explained] | None:
     """The size about the best start that explains most, the misfit's second derivative, and what.
 
@@ -373,7 +378,7 @@ def _searched(
         return None
     every = sorted({*starts, 0.0})
     place = every.index(start)
-    below = every[place - 1] if place else 2.0 * start
+    below = max(every[place - 1] if place else 2.0 * start, least)
     above = every[place + 1] if place + 1 < len(every) else 2.0 * start
     bounds = ((start + below) / 2, (start + above) / 2)
     reach = bounds[1] - bounds[0]

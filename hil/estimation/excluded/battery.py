@@ -33,6 +33,28 @@ which noise that wanders from group to group, one and the same in all columns, m
 there are groups of the axis, less one.
 
 phi_0 and d_0 are found from the scatter of log phi_j over the causes of the axis (`moderated`).
+
+Models of real machines are not exact. Model error is a smooth function of the state, and groups of
+one and the same motion repeat it, so they do not scatter by it. Two scales show it, and a cause
+counts only if it exceeds these as well as phi.
+
+It has no reason to lie along one cause rather than another. How much the other causes of an axis
+explain on average, beside the one under test, is the scale (the empirical null of Efron, J. Am.
+Stat. Assoc. 99 (2004) 96)
+
+    psi = (1 / m) sum_j z_j^2,   z_j^2 = (sum_k s_kj)^2 / I_j,   d = m^2 / sum_ij R_ij^2,
+
+over m columns of correlations R, with the degrees of freedom of a quadratic form of as many
+correlated normals.
+
+It makes parts of unchanged recordings differ. Let the cause act in one of K parts alone, the others
+being without it: of its columns D~_k beside Z then, the part explains z_jk^2. Where nothing changed
+that is model error and noise, so
+
+    omega_j = (d psi_0 + K r_j mean_k z_jk^2 / r_j) / (d + K r_j)
+
+is the scale of a cause of r_j columns, moderated by the mean psi_0 over all causes of the axis
+(`of_parts`). Where the model is exact, psi and omega estimate the same variance as phi.
 """
 
 from __future__ import annotations
@@ -52,7 +74,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array, Indices, Mask
-    from hil.estimation.excluded.columns import Columns
+    from hil.estimation.excluded.columns import Columns, Key
     from hil.estimation.excluded.evidence import Evidence
 
 LEVEL = 0.05
@@ -114,23 +136,33 @@ class _AxisColumns(NamedTuple):
     """Columns that show the noise of an axis, of all axes where it is none: which, and the rows.
 
     Those are beside what is estimated; `alike` are the correlations of the columns' dispersions,
-    white noise within groups, and `n_groups` are the groups with rows of the axis.
+    white noise within groups, `n_groups` the groups with rows of the axis, and `products` the inner
+    products of the columns.
     """
 
     columns: Indices
     left: Array
     alike: Array
     n_groups: int
+    products: Array
 
 
 class Battery:
     """Tests of all columns beside base parameters, channels' own columns and causes given."""
 
-    def __init__(self, evidence: Evidence, columns: Columns, given: Iterable[int] = ()) -> None:
+    def __init__(
+        self,
+        evidence: Evidence,
+        columns: Columns,
+        given: Iterable[int] = (),
+        unchanged: dict[Key, Common] | None = None,
+    ) -> None:
         self.evidence, self.columns, self.given = evidence, columns, tuple(given)
+        self.unchanged = unchanged or {}
+        """Omega of each cause, where unchanged recordings show it."""
         e = evidence
         rows = e.without_friction(np.hstack([e.torque[:, None], e.X, e.own, columns.values]))
-        order = np.argsort(e.group, kind="stable")
+        self._order = order = np.argsort(e.group, kind="stable")
         cut = np.cumsum([1, e.X.shape[1], e.own.shape[1]])
         self._y, self._X, self._own, D = np.split(rows[order], cut, axis=1)
         self._D = np.asfortranarray(D)  # few columns of many are read, again and again
@@ -167,6 +199,7 @@ class Battery:
         root = np.sqrt(self.weights)[self._channel]
         Q = (Z * root[:, None]) @ inverse_root(regression.normal.information)
         y, D = self._y[:, 0] * root, self._D * root[:, None]
+        self._Q, self._weighted = Q, D.copy()
         self._residual = y - Q @ (Q.T @ y)
         before = np.einsum("ij,ij->j", D, D)
         D -= Q @ (Q.T @ D)
@@ -224,18 +257,15 @@ class Battery:
         square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
         length = np.sqrt(np.diag(square)) if len(columns) else np.zeros(0)
         groups = np.unique(e.group[(e.axis == axis) | (axis < 0)])
-        return _AxisColumns(columns, left, square / np.outer(length, length), len(groups))
+        alike = square / np.outer(length, length)
+        return _AxisColumns(columns, left, alike, len(groups), left.T @ left)
 
     def _basis(self, columns: Sequence[int]) -> tuple[Indices, Array]:
         """Visible ones of some columns, and by which they are orthonormal, shape (k, rank)."""
         at = np.array([k for k in columns if self.visible[k]], dtype=np.intp)
         if not len(at):
             return at, np.zeros((0, 0))
-        length = np.sqrt(self.information[at])
-        R = (self._left[:, at].T @ self._left[:, at]) / np.outer(length, length)
-        values, vectors = np.linalg.eigh(R)
-        kept = values > ALIKE * values.max()
-        return at, vectors[:, kept] / np.sqrt(values[kept]) / length[:, None]
+        return at, _orthonormal(self._left[:, at].T @ self._left[:, at])
 
     def gram(self, columns: Sequence[int]) -> Array:
         """Inner products of some columns beside what is estimated, zero of those in its span."""
@@ -287,11 +317,20 @@ class Battery:
             common, white = self._beside(axis, at, U, enlarged), self._white(rest, U)
         else:
             common, white = self.common[axis], 1.0
+        others = self._others(axis, at, U if itself else None)
         degrees = max(float(common.degrees + d[0]), ALMOST_NONE)
         phi = (common.degrees * common.dispersion + d[0] * each.mean()) / degrees
         # noise that wanders is one and the same in all columns of a group
         degrees = min(degrees, max(self._axes[axis].n_groups - 1.0, ALMOST_NONE))
-        drop, phi = float(along @ along), max(float(phi), white)
+        noise = Common(max(float(phi), white), degrees)
+        parts = self.unchanged.get(self.columns.names[at[0]][:2], noise)
+        # the greatest, with the quantile that its degrees of freedom ask for
+        level = 1.0 - LEVEL / len(self.columns.tests)
+        phi, degrees = max(
+            (noise, others, parts),
+            key=lambda scale: scale.dispersion * special.fdtri(rank, scale.degrees, level),
+        )
+        drop = float(along @ along)
         return Test(
             columns=at,
             size=B @ along,
@@ -330,6 +369,65 @@ class Battery:
         return self._shared(
             axis, own, scores, shares, self.information[own] - np.einsum("rj,rj->j", along, along)
         )
+
+    def _others(self, axis: int, at: Indices, U: Array | None) -> Common:
+        """Psi: what the other columns of an axis explain, beside orthonormal columns `U` if any."""
+        own, D, *_, products = self._axes[axis]
+        other = ~np.isin(own, at)
+        own, products, scores = own[other], products[np.ix_(other, other)], self._scores[own[other]]
+        if U is not None:
+            along = (U.T @ D)[:, other]
+            products = products - along.T @ along
+            scores = scores - along.T @ (U.T @ self._residual)
+        information = np.diag(products)
+        seen = information > SPAN * self.information[own]
+        if not seen.any():
+            return Common(0.0, ALMOST_NONE)
+        z2 = scores[seen] ** 2 / information[seen]
+        return Common(float(z2.mean()), _freedom(products[np.ix_(seen, seen)]))
+
+    def of_parts(self, part: Indices) -> dict[Key, Common]:
+        """Omega of each cause: what it explains of parts of unchanged recordings.
+
+        Parameters
+        ----------
+        part : ndarray of int, shape (n,)
+            Part of each row of the evidence, from 0.
+        """
+        part = part[self._order]
+        drops: dict[Key, list[tuple[float, int]]] = {key: [] for key in self.columns.tests}
+        every, n_parts = np.zeros(len(self.columns.names)), int(part.max()) + 1
+        seen = np.zeros(len(every))
+        for k in range(n_parts):
+            rows = part == k
+            D, Q = self._weighted[rows], self._Q[rows]
+            left = D - Q @ (Q.T @ D)  # its rows of other parts are -Q Q_k'D
+            beside = D.T @ left
+            scores, information = D.T @ self._residual[rows], np.diag(beside)
+            before = np.einsum("ij,ij->j", D, D)
+            visible = information > np.maximum(SPAN * before, np.finfo(float).tiny)
+            every += np.where(visible, scores**2 / np.where(visible, information, 1.0), 0.0)
+            seen += visible
+            for key, columns in self.columns.tests.items():
+                at = [each for each in columns if visible[each]]
+                B = _orthonormal(beside[np.ix_(at, at)])
+                along = B.T @ scores[at]
+                drops[key].append((float(along @ along), B.shape[1]))
+        return {key: self._moderated(key, each, every, seen) for key, each in drops.items()}
+
+    def _moderated(
+        self, key: Key, drops: list[tuple[float, int]], every: Array, seen: Array
+    ) -> Common:
+        """Scale of a cause from its drops and ranks, and squares of all columns and their parts."""
+        drop, n = np.sum(drops, axis=0)
+        same = (self._axis == key[1]) if key[1] >= 0 else np.ones(len(seen), dtype=bool)
+        same &= seen > 0
+        if not same.any() or not n:
+            return Common(0.0, ALMOST_NONE)
+        left = self._weighted[:, same]
+        common, degrees = float((every[same] / seen[same]).mean()), _freedom(left.T @ left)
+        total = degrees + float(n)
+        return Common((degrees * common + float(drop)) / total, total)
 
     def _shared(
         self, axis: int, own: Indices, scores: Array, shares: Array, information: Array
@@ -394,6 +492,22 @@ def _dispersion(left: Array, shares: Array, information: Array) -> tuple[Array, 
     h = shares / np.maximum(information, np.finfo(float).tiny)
     phi = (left**2 / np.maximum(1.0 - h, LEVERAGE) ** 2).sum(axis=0) / information
     return phi, effective_degrees(h, fewest=0.0)
+
+
+def _orthonormal(products: Array) -> Array:
+    """Return combinations that make columns orthonormal, shape (n, rank), from inner products."""
+    if not len(products):
+        return products
+    length = np.sqrt(np.diag(products))
+    values, vectors = np.linalg.eigh(products / np.outer(length, length))
+    kept = values > ALIKE * values.max()
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / length[:, None])
+
+
+def _freedom(products: Array) -> float:
+    """Degrees of freedom of the mean square of normals with the correlations of some columns."""
+    length = np.sqrt(np.diag(products))
+    return float(len(products) ** 2 / np.sum((products / np.outer(length, length)) ** 2))
 
 
 def _enlarging(Q: Array) -> Array:

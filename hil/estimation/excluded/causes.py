@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from hil.model.drive_train_file import USUAL_BOUND
 
 if TYPE_CHECKING:
@@ -37,6 +39,8 @@ class Cause(NamedTuple):
         Whether it leaves nothing of the parameters, whatever its size.
     accounted : bool
         Whether an estimate takes it into account, where it shows.
+    least : float
+        Least size that mechanics allows, in this unit.
     """
 
     words: str
@@ -46,6 +50,7 @@ class Cause(NamedTuple):
     remedy: str
     whole: bool = False
     accounted: bool = False
+    least: float = -np.inf
 
     def unit_of(self, robot: Robot, axis: int) -> str:
         """Unit at an axis, from 0; -1 where it concerns none."""
@@ -100,24 +105,26 @@ CAUSES = {
     "torque constant": Cause(
         "its torques, over those stated, are greater by", "%", "%", PERCENT,
         "correct its torque_constant in robot file and drives file, and look whether currents are"
-        " rms or peak values",
+        " rms or peak values", least=-100.0,
     ),
     "torques of all axes": Cause(
         "torques of all axes, over those stated, are greater by", "%", "%", PERCENT,
         "weigh a known mass (hil payload --mass); correct the unit or the gain of all torques",
+        least=-100.0,
     ),
     # numbers of teeth are exact; 1 in 100 is a tooth miscounted
     "gear ratio": Cause(
         "its gear ratio, over that stated, is greater by", "%", "%", 1.0,
-        "correct its gear_ratio in robot file and drives file",
+        "correct its gear_ratio in robot file and drives file", least=-100.0,
     ),
     "position scale": Cause(
         "its positions are to be multiplied, more by", "%", "%", 1.0,
-        "correct the unit or the increments per turn of its position",
+        "correct the unit or the increments per turn of its position", least=-100.0,
     ),
     "rotor inertia": Cause(
         "the inertia of its rotor, over that stated, is greater by", "%", "%", PERCENT,
         "correct its rotor_inertia in the robot file, a brake's and a coupling's included",
+        least=-100.0,
     ),
     # NdFeB loses 0.11 % of its flux per kelvin, and motors warm by some 20 K in an hour
     "drift of torque constant": Cause(
@@ -147,6 +154,7 @@ CAUSES = {
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
         "nothing: it is fitted; methods without it find other parameters", accounted=True,
+        least=0.0,
     ),
     # one cycle of a current controller
     "late torque": Cause(
@@ -161,6 +169,7 @@ CAUSES = {
     "play": Cause(
         "the link lags by the play of its gear, half of which is", "degrees", "mm", 1 / 120,
         "nothing to be corrected: positions of the link differ from those of the motor so far",
+        least=0.0,
     ),
     # what the estimate itself states of its error (`effects`), in words of its own
     "soft gears": Cause(

@@ -179,6 +179,11 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
     return Columns(tuple(name for name, _ in found), values, free)
 
 
+def late(robot: Robot, p: Array, evidence: Evidence) -> Array:
+    """Return the torque of each row per ms by which it is late."""
+    return -1e-3 * _Rows(robot, p, evidence).by_time
+
+
 def instants(evidence: Evidence) -> list[float]:
     """Instants at which an axis may slip [s]."""
     times = np.quantile(evidence.time, np.arange(1, INSTANTS) / INSTANTS)

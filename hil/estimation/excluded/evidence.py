@@ -140,21 +140,33 @@ class Evidence:
 
         Of `most` rows alone friction of many parts would leave nothing.
         """
-        counts, kept, parts, first = np.bincount(self.axis), [], [], 0
+        counts, kept = np.bincount(self.axis), []
         for rows, Q in self.parts:
             n = rows.stop - rows.start
             wanted = Q.shape[1] + most * n / counts[self.axis[rows.start]]
-            step = max(1, int(n / wanted))
-            some = np.arange(rows.start, rows.stop)[::step]
-            kept.append(some)
-            basis, _ = orthonormal(Q[::step], _SAME)
-            parts.append((slice(first, first + len(some)), basis))
-            first += len(some)
-        at = np.concatenate(kept)
-        columns = {name: getattr(self, name)[at] for name in COLUMNS}
-        return Evidence(
-            **columns, motion=self.motion[:, :, at], parts=tuple(parts), finest=self.finest
-        ), at
+            kept.append(np.arange(rows.start, rows.stop)[:: max(1, int(n / wanted))])
+        return self._of(kept), np.concatenate(kept)
+
+    def only(self, chosen: Mask) -> Evidence:
+        """Return the parts whose first row is chosen."""
+        return self._of([np.arange(a.start, a.stop) if chosen[a.start] else [] for a, _ in self.parts])
+
+    def _of(self, kept: Sequence[Indices | Sequence[int]]) -> Evidence:
+        """Return some rows of each part."""
+        parts, first = [], 0
+        for (rows, Q), some in zip(self.parts, kept, strict=True):
+            if len(some):
+                basis, _ = orthonormal(Q[np.asarray(some) - rows.start], _SAME)
+                parts.append((slice(first, first + len(some)), basis))
+                first += len(some)
+        at = np.concatenate(kept).astype(np.intp)
+        return replace(
+            self,
+            **{name: getattr(self, name)[at] for name in COLUMNS},
+            motion=self.motion[:, :, at],
+            parts=tuple(parts),
+            later=None if self.later is None else self.later[at],
+        )
 
 
 COLUMNS = ("axis", "group", "torque", "recorded", "X", "own", "period", "time")

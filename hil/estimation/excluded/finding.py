@@ -13,7 +13,7 @@ the reason, or friction would drive an axis, other readings of the recordings ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -23,8 +23,9 @@ from scipy import special
 
 from hil.estimation.excluded.alternatives import ROWS, Reading, alternatives, explained
 from hil.estimation.excluded.battery import LEVEL, Battery
-from hil.estimation.excluded.causes import FITTED
-from hil.estimation.excluded.columns import columns
+from hil.estimation.excluded.causes import CAUSES, FITTED
+from hil.estimation.excluded.columns import columns, late
+from hil.estimation.excluded.departure import Departure, parts_of
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded, Found, located
 from hil.estimation.excluded.words import axes_of, name_of, of_reading, rank_of, with_size
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.alternatives import Explained
-    from hil.estimation.excluded.battery import Test
+    from hil.estimation.excluded.battery import Common, Test
     from hil.estimation.excluded.columns import Key
     from hil.estimation.excluded.evidence import Evidence
     from hil.model.robot import Robot
@@ -53,6 +54,9 @@ they scatter twice as much as noise within them explains. Then nothing may be si
 is uncertain. It is 1.0 to 1.5 where nothing is wrong, with strong drift of friction, too, up to 3.5
 beside a cause that a column explains, and 13 to 18 where one axis counts the other way, two are
 exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the runs of `LARGE`."""
+FIRST_ORDER = 0.5
+"""Size, as a share or in rad, up to which a column of the first order is taken at its word: of a
+gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain as much. Let the right one explain z^2;
 another that is correlated by r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However alike
@@ -79,12 +83,18 @@ def excluded(
     known : sequence of str
         Causes that stay free beside the others.
     """
-    every = columns(robot, p, evidence, (*FITTED, *known))
-    battery = first = Battery(evidence, every, every.fitted)
+    if evidence.later is None:
+        every = columns(robot, p, evidence, (*FITTED, *known))
+    else:  # lags of all recordings are free; one that changed is a cause
+        evidence = replace(evidence, own=np.column_stack([evidence.own, late(robot, p, evidence)]))
+        every = columns(robot, p, evidence, known)
+    unchanged = scales_of_parts(robot, p, evidence) if evidence.later is not None else None
+    battery = first = Battery(evidence, every, every.fitted, unchanged)
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[_Step] = []
     while len(found) < MOST:
-        likely = likeliest(battery, tests, LEVEL / max(len(tests) - len(found), 1))
+        level = LEVEL / max(len(tests) - len(found), 1)
+        likely = likeliest(robot, battery, tests, level)
         if likely is None:
             break
         key, test = likely
@@ -161,6 +171,7 @@ class _Step:
             (key, test, with_size(self.robot, self.battery.columns, key, test))
             for key in sorted(same, key=lambda k: rank_of(*k))
             if (test := self.battery.test(self.tests[key], itself=True)) is not None
+            and possible(self.robot, self.battery.evidence, key, test)
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
@@ -177,8 +188,31 @@ class _Step:
         )
 
 
-def likeliest(battery: Battery, tests: Tests, level: float) -> tuple[Key, Test] | None:
-    """The cause that explains most of those that are significant beside themselves."""
+def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> dict[Key, Common]:
+    """Return what each cause explains of parts of the earlier recordings, see `battery`."""
+    early = evidence.only(~evidence.later)
+    early = replace(early, later=np.ones(len(early.axis), dtype=bool))
+    every = columns(robot, p, early, ())
+    return Battery(early, every, every.fitted).of_parts(parts_of(early.time))
+
+
+def possible(robot: Robot, evidence: Evidence, key: Key, test: Test) -> bool:
+    """Return True if mechanics allows a size, and it is small enough for a first-order column."""
+    cause = CAUSES[name_of(key)]
+    if (test.size < cause.least).any():
+        return False
+    size = float(np.abs(test.size).max())
+    unit = cause.unit_of(robot, key[1])
+    if unit == "%/h":
+        unit, size = "%", size * float(np.ptp(evidence.time)) / 3600.0
+    of_one = {"%": 0.01, "degrees": np.pi / 180.0}
+    return size * of_one.get(unit, 0.0) <= FIRST_ORDER
+
+
+def likeliest(
+    robot: Robot, battery: Battery, tests: Tests, level: float
+) -> tuple[Key, Test] | None:
+    """Return the possible cause that explains most of those significant beside themselves."""
     best: tuple[Key, Test] | None = None
     gain, white, n = 0.0, 1.0, len(tests)
     each = {key: battery.drop(at) for key, at in tests.items()}
@@ -186,7 +220,7 @@ def likeliest(battery: Battery, tests: Tests, level: float) -> tuple[Key, Test] 
         if drop / white - chance(rank, n) <= gain:
             continue  # nor would it with the least dispersion that there can be
         test = battery.test(tests[key], itself=True)
-        if test is not None and test.p < level:
+        if test and test.p < level and possible(robot, battery.evidence, key, test):
             own = test.drop / test.dispersion - chance(rank, n)
             if own > gain:
                 best, gain, white = (key, test), own, test.white
@@ -207,6 +241,8 @@ class _Instead:
     @property
     def found(self) -> tuple[Found, ...]:
         """What is found after all."""
+        if self._departure is not None:
+            return self._of_change(self._departure)
         sound = self._scatter < CONTRADICTS and self._stated.possible
         if sound and not any(each.left < LARGE for each in self.causes):
             return self.causes
@@ -220,6 +256,20 @@ class _Instead:
         if not self._stated.possible:
             words = "friction would drive an axis, or some motions would have a negative energy"
         return (Found(cause="unknown", axes=(), detail=words),)
+
+    def _of_change(self, departure: Departure) -> tuple[Found, ...]:
+        """Return what changed, if the later recordings are like the earlier ones beside that."""
+        thin, _ = self._thin
+        if self.causes and not departure.significant(thin, self._of(self.battery.given).residual):
+            return self.causes
+        if not departure.significant(thin, self._stated.residual):
+            return ()
+        found = self._likeliest()
+        return () if found is None else (found,)
+
+    @cached_property
+    def _departure(self) -> Departure | None:
+        return None if self.evidence.later is None else Departure.of(self.robot, self._thin[0])
 
     @cached_property
     def _thin(self) -> tuple[Evidence, Array]:
@@ -257,6 +307,8 @@ class _Instead:
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(self._stated, self.first.sizes, self._slipped)
+            if self._departure is None
+            or not self._departure.significant(self._thin[0], each.explained.residual)
         ]
         best = max((gain for gain, _ in every), default=-np.inf)
         if best < (chance(1, len(self.tests)) if self._stated.possible else -TOGETHER):
