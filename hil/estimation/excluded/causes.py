@@ -151,6 +151,10 @@ CAUSES = {
         "look for what rubs or meshes so often in a turn (gear, bearing, cable); no base parameter"
         " holds such a torque",
     ),
+    "friction": Cause(
+        "its friction, beyond what all axes share, is greater by", "%", "%", 0.0,
+        "identify friction anew; look at bearing, gear, seal, lubricant and brake", accounted=True,
+    ),
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
         "nothing: it is fitted; methods without it find other parameters", accounted=True,

@@ -80,9 +80,10 @@ class Departure(NamedTuple):
         return bool(t.size and special.stdtr(self.degrees, -t.max()) < LEVEL / t.size)
 
 
-def parts_of(time: Array) -> Indices:
-    """Return the part of each row, from 0 to `PARTS` - 1; parts have as many rows."""
-    return np.searchsorted(np.quantile(time, np.arange(1, PARTS) / PARTS), time, side="right")
+def parts_of(time: Array, n_parts: int = PARTS) -> Indices:
+    """Return the part of each row, from 0; parts follow each other and have as many rows."""
+    edges = np.quantile(time, np.arange(1, n_parts) / n_parts)
+    return np.searchsorted(edges, time, side="right")
 
 
 def _log_mean_squares(residual: Array, axis: Array, n_joints: int) -> Array:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
+from hil.estimation.excluded.friction_change import friction_changes
 from hil.estimation.excluded.result import Found
 from hil.estimation.excluded.saturation import saturated
 from hil.estimation.signals import signals
@@ -99,7 +100,7 @@ def changed(
 
     Base parameters are those of all recordings, and causes act in the later ones alone. So what
     parameters would take for their own in one run shows here: a torque constant, a rotor, all of a
-    load. Friction is each measurement's own, and no cause.
+    load. Friction is each measurement's own; whether it changed is tested by itself.
 
     Parameters
     ----------
@@ -120,12 +121,13 @@ def changed(
     shown = evidence.time + first >= begin
     if shown.all() or not shown.any():
         return None
-    found = excluded(robot, solver.solve(), replace(evidence, later=shown), known=known)
-    named = {(each.cause, each.axes): each for each in reversed(found.found)}
-    causes = [each for each in found.found if named.get((each.cause, each.axes)) is each]
-    return found.model_copy(
-        update={"found": tuple(each for each in causes if each.cause != "unknown")}
-    )
+    evidence, p = replace(evidence, later=shown), solver.solve()
+    found = excluded(robot, p, evidence, known=known)
+    friction, limits = friction_changes(robot, p, evidence)
+    # torques of an axis that all changed are no friction that changed
+    explained = {axis for each in found.found for axis in each.axes}
+    causes = (*found.found, *(each for each in friction if not explained & {*each.axes}))
+    return found.model_copy(update={"found": causes, "limits": (*found.limits, *limits)})
 
 
 def _prepared(

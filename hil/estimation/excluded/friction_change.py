@@ -1,0 +1,164 @@
+"""Friction that changed between recordings, on the scale by which parts of the earlier ones differ.
+
+Friction is each measurement's own in all other tests, so no cause is found by it and none shows it.
+Here the earlier recordings state a curve phi(v) of Coulomb, viscous and cube-root terms for each
+axis. Of part k of the earlier recordings, and of the later ones,
+
+    tau - A p - own columns = g_k phi(v) + o_k + e
+
+gives the level g_k. The variance of a level among the parts of either is moderated over the axes
+(`moderated`), is at least what e explains, and recordings as a whole may differ by as much as one
+part of them does.
+Warmth changes friction of all axes together (`hil.results.changes`): of three axes or more, the
+median of their relative changes is taken from each, and what is beyond it is tested.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hil.estimation.excluded.battery import LEVEL, moderated
+from hil.estimation.excluded.causes import CAUSES
+from hil.estimation.excluded.departure import PARTS, parts_of
+from hil.estimation.excluded.limits import noncentrality
+from hil.estimation.excluded.result import Found, Limit
+
+if TYPE_CHECKING:
+    from hil.arrays import Array, Indices
+    from hil.estimation.excluded.evidence import Evidence
+    from hil.model.robot import Robot
+
+FRICTION = "friction"
+SEVERAL = 3
+"""Axes from which on their median change is that of the others, where one of them changed."""
+FEWEST = 30
+"""Rows of a part that level and offset are fitted to: each is then known to a fifth of the noise."""
+
+
+def friction_changes(
+    robot: Robot, p: Array, evidence: Evidence
+) -> tuple[tuple[Found, ...], tuple[Limit, ...]]:
+    """Return axes whose friction changed, and the change of each that would be found.
+
+    Parameters
+    ----------
+    p : ndarray, shape (n_base,)
+        Base parameters of all recordings.
+    evidence : Evidence
+        With later rows.
+    """
+    levels = {axis: found for axis in range(robot.n_joints) if (found := _levels(p, evidence, axis))}
+    if not levels:
+        return (), ()
+    axes = list(levels)
+    each = list(levels.values())
+    change = np.array([x.later.mean() / x.earlier.mean() - 1.0 for x in each])
+    if len(axes) >= SEVERAL:
+        change = change - np.median(change)
+    own = np.array([len(x.earlier) + len(x.later) - 2.0 for x in each])
+    spread = [((x.earlier - x.earlier.mean()) ** 2).sum() + ((x.later - x.later.mean()) ** 2).sum() for x in each]
+    variance = np.array(spread) / own
+    common = moderated(variance, own, np.eye(len(axes)))
+    degrees = common.degrees + own
+    variance = (common.degrees * common.dispersion + own * variance) / degrees
+    variance = np.maximum(variance, [x.floor for x in each])
+    error = np.sqrt(variance * (1.0 + 1.0 / PARTS))
+    # the earlier level is 1: recordings that do not show even that show no change of it
+    shown = special.stdtr(degrees, -1.0 / error) < LEVEL
+    p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
+    smallest = np.sqrt([noncentrality(1, max(round(d), 1), LEVEL / len(axes)) for d in degrees]) * error
+    found = tuple(
+        Found(
+            cause=FRICTION,
+            axes=(axes[k] + 1,),
+            detail=f"{CAUSES[FRICTION].words} {100 * change[k]:.3g} ± {100 * error[k]:.1g} %",
+            size=100.0 * float(change[k]),
+            error=100.0 * float(error[k]),
+        )
+        for k in np.argsort(p_value)
+        if shown[k] and p_value[k] < LEVEL / len(axes)
+    )
+    limits = tuple(
+        Limit(
+            cause=FRICTION,
+            axis=axis + 1,
+            part="",
+            unit="%",
+            size=100.0 * float(size) if known else None,
+            torque=x.share,
+        )
+        for axis, size, known, x in zip(axes, smallest, shown, each, strict=True)
+    )
+    return found, limits
+
+
+class _Levels(NamedTuple):
+    """Friction of an axis over that of the earlier recordings, part by part.
+
+    Attributes
+    ----------
+    earlier, later : ndarray, shape (n_parts,)
+    floor : float
+        Variance of a level by what the curve leaves: a stroke shows one level, however many samples
+        it has.
+    share : float
+        Share of the recorded torque that 1 % of the friction is.
+    """
+
+    earlier: Array
+    later: Array
+    floor: float
+    share: float
+
+
+def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
+    """Return the levels of an axis; None where its rows do not show friction in each part."""
+    assert evidence.later is not None  # noqa: S101 - asked of changes alone
+    rows = np.flatnonzero(evidence.axis == axis)
+    early, late = rows[~evidence.later[rows]], rows[evidence.later[rows]]
+    own = evidence.own[:, evidence.own[early].any(axis=0)]
+    v = evidence.motion[1, 1, :, axis]
+    terms = np.column_stack([np.sign(v), v, np.cbrt(v), own])
+    torque = evidence.torque - evidence.X @ p
+    coefficients, *_ = np.linalg.lstsq(terms[early], torque[early], rcond=None)
+    curve = terms[:, :3] @ coefficients[:3]
+    rest = torque - terms[:, 3:] @ coefficients[3:]
+    levels, floor = [], 0.0
+    for part in (early, late):
+        pieces = _pieces(part, evidence.time, v)
+        if pieces is None:
+            return None
+        fits = [_level(rest[at], curve[at], v[at]) for at in pieces]
+        levels.append(np.array([level for level, _ in fits]))
+        floor += float(np.mean([variance for _, variance in fits])) / 2.0
+    square = float(np.mean(evidence.recorded[rows] ** 2))
+    if levels[0].mean() <= 0.0 or not square:
+        return None
+    share = 0.01 * float(np.sqrt(np.mean(curve[early] ** 2) / square))
+    return _Levels(*levels, floor, share)
+
+
+def _pieces(rows: Indices, time: Array, v: Array) -> list[Indices] | None:
+    """Cut rows into as many parts as have both directions each, at most `PARTS`; None below two."""
+    for n in range(PARTS, 1, -1):
+        if len(rows) < n * FEWEST:
+            continue
+        part = parts_of(time[rows], n)
+        pieces = [rows[part == k] for k in range(n)]
+        if all(len(at) >= FEWEST and np.ptp(np.sign(v[at])) for at in pieces):
+            return pieces
+    return None
+
+
+def _level(rest: Array, curve: Array, v: Array) -> tuple[float, float]:
+    """Fit level and offset to a part; return the level and its variance by what is left."""
+    terms = np.column_stack([curve, np.ones(len(curve))])
+    found, *_ = np.linalg.lstsq(terms, rest, rcond=None)
+    left = rest - terms @ found
+    strokes = 1 + np.count_nonzero(np.diff(np.sign(v)))
+    around = curve - curve.mean()
+    variance = np.mean(left**2) / max(float(np.mean(around**2)), np.finfo(float).tiny) / strokes
+    return float(found[0]), float(variance)
