@@ -31,8 +31,7 @@ from hil.estimation.excluded.alternatives import (
 )
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.evidence import measured
-from hil.estimation.excluded.finding import TOGETHER
-from hil.estimation.excluded.proof import LEAVES
+from hil.estimation.excluded.finding import LEAVES, TOGETHER
 from hil.estimation.excluded.result import located
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit

@@ -156,11 +156,13 @@ class Explained:
     def driven(self) -> Array:
         """Share of the mean square that the rigid bodies leave by which friction drives each axis.
 
-        Shape (n_channels,).
+        Shape (n_channels,); of the later recordings, where a change is looked for.
         """
         found, evidence, reading = np.zeros(len(self.left)), self.evidence, self.reading
         for channel in np.unique(evidence.axis):
             rows, joint = evidence.axis == channel, reading.torques.index(int(channel))
+            if evidence.later is not None:
+                rows &= evidence.later
             turned = reading.sign_q[joint] * reading.sign_tau[joint]
             direction = np.sign(evidence.motion[1, 1, rows, reading.order[joint]])
             rest = self.residual[rows] - self.residual[rows].mean()
@@ -228,8 +230,9 @@ def explained(
     """
     torque, X = reading.rows(robot, evidence)
     if evidence.later is not None:  # the earlier recordings are as stated
-        torque = np.where(evidence.later, torque, evidence.torque)
-        X = np.where(evidence.later[:, None], X, evidence.X)
+        stated_torque, stated_X = Reading.stated(robot).rows(robot, evidence)
+        torque = np.where(evidence.later, torque, stated_torque)
+        X = np.where(evidence.later[:, None], X, stated_X)
     n_base = X.shape[1]
     if more is not None:
         X = np.hstack([X, more])

@@ -15,6 +15,7 @@ one is the reason only if they do not depart any more once they are read so.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -53,9 +54,10 @@ class Departure(NamedTuple):
 
     @classmethod
     def of(cls, robot: Robot, evidence: Evidence) -> Departure:
-        """Measure how much parts of the earlier recordings differ; evidence without own columns."""
+        """Measure how much parts of the earlier recordings differ."""
         assert evidence.later is not None  # noqa: S101 - asked of changes alone
-        early = evidence.only(~evidence.later)
+        # rows as later ones are read: regressors of the smoothed motion
+        early = replace(evidence.only(~evidence.later), later=None).without_own()
         stated = explained(robot, early, Reading.stated(robot))
         residual = early.without_friction(stated.residual)
         part = parts_of(early.time)

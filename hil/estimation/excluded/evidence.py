@@ -99,13 +99,18 @@ class Evidence:
         return found
 
     def without_own(self) -> Evidence:
-        """The same with channels' own columns projected out like friction, and counted like it."""
+        """The same with channels' own columns projected out like friction, and counted like it.
+
+        Of later rows by themselves: where their torque has another sign, so has its offset.
+        """
         own, parts = self.without_friction(self.own), list(self.parts)
+        later = np.zeros(len(self.axis), dtype=bool) if self.later is None else self.later
         for channel in range(self.n_channels):
-            rows = np.flatnonzero(self.axis == channel)
-            if len(rows) and own.shape[1]:
-                basis, _ = orthonormal(own[rows], _SAME)
-                parts.append((slice(rows[0], rows[-1] + 1), basis))
+            for run in (False, True):
+                rows = np.flatnonzero((self.axis == channel) & (later == run))
+                if len(rows) and own.shape[1]:
+                    basis, _ = orthonormal(own[rows], _SAME)
+                    parts.append((slice(rows[0], rows[-1] + 1), basis))
         return replace(self, own=own[:, :0], parts=tuple(parts))
 
     def blocks(self, rows: Array, n_shared: int, axis: Indices | None = None) -> Blocks:
@@ -148,8 +153,10 @@ class Evidence:
         return self._of(kept), np.concatenate(kept)
 
     def only(self, chosen: Mask) -> Evidence:
-        """Return the parts whose first row is chosen."""
-        return self._of([np.arange(a.start, a.stop) if chosen[a.start] else [] for a, _ in self.parts])
+        """Return the parts whose first row is chosen; with own columns not projected out yet."""
+        return self._of([
+            np.arange(rows.start, rows.stop) if chosen[rows.start] else [] for rows, _ in self.parts
+        ])  # fmt: skip
 
     def _of(self, kept: Sequence[Indices | Sequence[int]]) -> Evidence:
         """Return some rows of each part."""
@@ -195,6 +202,7 @@ def measured(
     parts = []
     for axis in range(robot.n_joints):
         own = [(place[s], s, each) for s, axes in stacked for each in axes if each.axis == axis]
+        own.sort(key=lambda part: part[1].time[0])  # later recordings lie in one piece
         step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
         parts += [_part(robot, s, each, step, k, several, solver.loaded) for k, s, each in own]
     evidence = gathered(parts)

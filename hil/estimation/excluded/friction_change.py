@@ -50,7 +50,9 @@ def friction_changes(
     evidence : Evidence
         With later rows.
     """
-    levels = {axis: found for axis in range(robot.n_joints) if (found := _levels(p, evidence, axis))}
+    levels = {
+        axis: found for axis in range(robot.n_joints) if (found := _levels(p, evidence, axis))
+    }
     if not levels:
         return (), ()
     axes = list(levels)
@@ -59,7 +61,10 @@ def friction_changes(
     if len(axes) >= SEVERAL:
         change = change - np.median(change)
     own = np.array([len(x.earlier) + len(x.later) - 2.0 for x in each])
-    spread = [((x.earlier - x.earlier.mean()) ** 2).sum() + ((x.later - x.later.mean()) ** 2).sum() for x in each]
+    spread = [
+        ((x.earlier - x.earlier.mean()) ** 2).sum() + ((x.later - x.later.mean()) ** 2).sum()
+        for x in each
+    ]
     variance = np.array(spread) / own
     common = moderated(variance, own, np.eye(len(axes)))
     degrees = common.degrees + own
@@ -69,7 +74,9 @@ def friction_changes(
     # the earlier level is 1: recordings that do not show even that show no change of it
     shown = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
-    smallest = np.sqrt([noncentrality(1, max(round(d), 1), LEVEL / len(axes)) for d in degrees]) * error
+    smallest = (
+        np.sqrt([noncentrality(1, max(round(d), 1), LEVEL / len(axes)) for d in degrees]) * error
+    )
     found = tuple(
         Found(
             cause=FRICTION,

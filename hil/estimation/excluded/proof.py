@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.excluded.evidence import measured
-from hil.estimation.excluded.finding import excluded
-from hil.estimation.excluded.friction_change import friction_changes
+from hil.estimation.excluded.finding import LEAVES, excluded
 from hil.estimation.excluded.result import Found
 from hil.estimation.excluded.saturation import saturated
 from hil.estimation.signals import signals
@@ -28,11 +27,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded, Recording
-
-LEAVES = 0.5
-"""Share of the mean square of an axis that a cause leaves at most, where somebody else recorded:
-friction that is eliminated here contradicts every model a little where samples are slow or motion
-turns often (public recordings of five machines: 0.75 and more)."""
 
 ENOUGH = 600.0
 """Time of the free motions that are looked at, at most [s], if they are several: rows are no more
@@ -121,13 +115,10 @@ def changed(
     shown = evidence.time + first >= begin
     if shown.all() or not shown.any():
         return None
-    evidence, p = replace(evidence, later=shown), solver.solve()
-    found = excluded(robot, p, evidence, known=known)
-    friction, limits = friction_changes(robot, p, evidence)
-    # torques of an axis that all changed are no friction that changed
-    explained = {axis for each in found.found for axis in each.axes}
-    causes = (*found.found, *(each for each in friction if not explained & {*each.axes}))
-    return found.model_copy(update={"found": causes, "limits": (*found.limits, *limits)})
+    found = excluded(robot, solver.solve(), replace(evidence, later=shown), known=known)
+    named = {(each.cause, each.axes): each for each in reversed(found.found)}
+    causes = [each for each in found.found if named.get((each.cause, each.axes)) is each]
+    return found.model_copy(update={"found": tuple(causes)})
 
 
 def _prepared(

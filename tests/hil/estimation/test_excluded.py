@@ -306,3 +306,56 @@ def test_a_torque_constant_that_changed_between_two_runs_is_named_with_its_size(
     first, *_ = changed_between(robot, good, later).found
     assert (first.cause, first.axes) == ("torque constant", (2,))
     assert first.size == pytest.approx(5.0, abs=0.5)
+
+
+def unmodelled(q: Array, tau: Array, _time: Array) -> None:
+    """Add a torque of the position that no column of the model or of a cause holds."""
+    tau[:, 0] += 2.0 * np.sin(2.3 * q[:, 0]) * np.cos(1.7 * q[:, 1])
+    tau[:, 1] += 1.0 * np.sin(1.4 * q[:, 0] + 2.6 * q[:, 1])
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_model_error_that_two_runs_share_is_no_change(robot: Robot, seed: int) -> None:
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    before, after = (
+        changed(recorded(robot, p, n=n, duration=12.0, seed=at), unmodelled)
+        for n, at in ((4, seed), (2, seed + 100))
+    )
+    assert changed_between(robot, before, after).found == ()
+
+
+def test_a_change_beyond_model_error_is_named(robot: Robot, good: FreeRecorded) -> None:
+    before = changed(good, unmodelled)
+    later = changed(changed(heavier(robot, 0.0), unmodelled), constant)
+    first, *_ = changed_between(robot, before, later).found
+    assert (first.cause, first.axes) == ("torque constant", (2,))
+
+
+def test_friction_that_changed_is_named_with_axis_and_size(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    def rubbing(q: Array, tau: Array, time: Array) -> None:
+        qd = np.gradient(q[:, 1], np.median(np.diff(time)))
+        tau[:, 1] += 3.0 * np.sign(qd)
+
+    later = changed(heavier(robot, 0.0), rubbing)
+    (found,) = changed_between(robot, good, later).found
+    assert (found.cause, found.axes) == ("friction", (2,))
+    assert found.error < found.size / 4
+
+
+def test_friction_that_falls_with_the_load_is_no_cause(robot: Robot, good: FreeRecorded) -> None:
+    def falling(q: Array, tau: Array, time: Array) -> None:
+        qd = np.gradient(q[:, 0], np.median(np.diff(time)))
+        tau[:, 0] -= 0.05 * np.abs(tau[:, 0]) * np.sign(qd)
+
+    proof = changed_between(robot, good, changed(heavier(robot, 0.0), falling))
+    assert "friction of the load" not in {each.cause for each in proof.found}
+
+
+def test_recordings_of_the_later_run_alone_are_read_otherwise(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    later = changed(heavier(robot, 0.0), torque_sign)
+    first, *_ = changed_between(robot, good, later).found
+    assert (first.cause, first.axes) == ("wrong sign of a torque", (1,))
