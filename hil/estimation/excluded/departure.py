@@ -55,9 +55,8 @@ class Departure(NamedTuple):
     @classmethod
     def of(cls, robot: Robot, evidence: Evidence) -> Departure:
         """Measure how much parts of the earlier recordings differ."""
-        assert evidence.later is not None  # noqa: S101 - asked of changes alone
         # rows as later ones are read: regressors of the smoothed motion
-        early = replace(evidence.only(~evidence.later), later=None).without_own()
+        early = replace(evidence.only(~evidence.is_later), later=None).without_own()
         stated = explained(robot, early, Reading.stated(robot))
         residual = early.without_friction(stated.residual)
         part = parts_of(early.time)
@@ -75,7 +74,7 @@ class Departure(NamedTuple):
 
     def significant(self, evidence: Evidence, residual: Array) -> bool:
         """Return True if the later rows depart on any axis; `residual` is of all rows."""
-        axis = np.where(evidence.later, evidence.axis, -1)
+        axis = np.where(evidence.is_later, evidence.axis, -1)
         logs = _log_mean_squares(evidence.without_friction(residual), axis, len(self.level))
         t = (logs - self.level) / self.scatter if self.degrees else np.zeros_like(logs)
         t = t[np.isfinite(t)]

@@ -104,10 +104,9 @@ class Evidence:
         Of later rows by themselves: where their torque has another sign, so has its offset.
         """
         own, parts = self.without_friction(self.own), list(self.parts)
-        later = np.zeros(len(self.axis), dtype=bool) if self.later is None else self.later
         for channel in range(self.n_channels):
             for run in (False, True):
-                rows = np.flatnonzero((self.axis == channel) & (later == run))
+                rows = np.flatnonzero((self.axis == channel) & (self.is_later == run))
                 if len(rows) and own.shape[1]:
                     basis, _ = orthonormal(own[rows], _SAME)
                     parts.append((slice(rows[0], rows[-1] + 1), basis))
@@ -134,6 +133,11 @@ class Evidence:
             np.array([[rows[at].T @ rows[at] for at in channels]]),
             counts[np.newaxis],
         )
+
+    @property
+    def is_later(self) -> Mask:
+        """Rows that causes are looked for in, where the others are without; none else."""
+        return np.zeros(len(self.axis), dtype=bool) if self.later is None else self.later
 
     @property
     def n_channels(self) -> int:

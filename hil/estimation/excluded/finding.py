@@ -197,7 +197,7 @@ class _Step:
 
 def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> dict[Key, Common]:
     """Return what each cause explains of parts of the earlier recordings, see `battery`."""
-    early = evidence.only(~evidence.later)
+    early = evidence.only(~evidence.is_later)
     early = replace(early, later=np.ones(len(early.axis), dtype=bool))
     every = columns(robot, p, early, ())
     return Battery(early, every, every.fitted).of_parts(parts_of(early.time))

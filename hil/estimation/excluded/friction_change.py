@@ -35,7 +35,7 @@ FRICTION = "friction"
 SEVERAL = 3
 """Axes from which on their median change is that of the others, where one of them changed."""
 FEWEST = 30
-"""Rows of a part that level and offset are fitted to: each is then known to a fifth of the noise."""
+"""Rows that level and offset of a part are fitted to: noise leaves a fifth of its own size."""
 
 
 def friction_changes(
@@ -50,33 +50,26 @@ def friction_changes(
     evidence : Evidence
         With later rows.
     """
-    levels = {
-        axis: found for axis in range(robot.n_joints) if (found := _levels(p, evidence, axis))
-    }
-    if not levels:
+    shown = [(axis, x) for axis in range(robot.n_joints) if (x := _levels(p, evidence, axis))]
+    if not shown:
         return (), ()
-    axes = list(levels)
-    each = list(levels.values())
-    change = np.array([x.later.mean() / x.earlier.mean() - 1.0 for x in each])
+    axes, levels = zip(*shown, strict=True)
+    change = np.array([x.later.mean() / x.earlier.mean() - 1.0 for x in levels])
     if len(axes) >= SEVERAL:
         change = change - np.median(change)
-    own = np.array([len(x.earlier) + len(x.later) - 2.0 for x in each])
-    spread = [
-        ((x.earlier - x.earlier.mean()) ** 2).sum() + ((x.later - x.later.mean()) ** 2).sum()
-        for x in each
-    ]
-    variance = np.array(spread) / own
+    own = np.array([len(x.earlier) + len(x.later) - 2.0 for x in levels])
+    squares = [((part - part.mean()) ** 2).sum() for x in levels for part in (x.earlier, x.later)]
+    variance = np.sum(np.reshape(squares, (-1, 2)), axis=1) / own
     common = moderated(variance, own, np.eye(len(axes)))
     degrees = common.degrees + own
     variance = (common.degrees * common.dispersion + own * variance) / degrees
-    variance = np.maximum(variance, [x.floor for x in each])
+    variance = np.maximum(variance, [x.floor for x in levels])
     error = np.sqrt(variance * (1.0 + 1.0 / PARTS))
     # the earlier level is 1: recordings that do not show even that show no change of it
-    shown = special.stdtr(degrees, -1.0 / error) < LEVEL
+    known = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
-    smallest = (
-        np.sqrt([noncentrality(1, max(round(d), 1), LEVEL / len(axes)) for d in degrees]) * error
-    )
+    level = LEVEL / len(axes)
+    need = np.array([noncentrality(1, max(round(each), 1), level) for each in degrees])
     found = tuple(
         Found(
             cause=FRICTION,
@@ -86,18 +79,18 @@ def friction_changes(
             error=100.0 * float(error[k]),
         )
         for k in np.argsort(p_value)
-        if shown[k] and p_value[k] < LEVEL / len(axes)
+        if known[k] and p_value[k] < level
     )
     limits = tuple(
         Limit(
             cause=FRICTION,
-            axis=axis + 1,
+            axis=axes[k] + 1,
             part="",
             unit="%",
-            size=100.0 * float(size) if known else None,
-            torque=x.share,
+            size=100.0 * float(np.sqrt(need[k]) * error[k]) if known[k] else None,
+            torque=levels[k].share,
         )
-        for axis, size, known, x in zip(axes, smallest, shown, each, strict=True)
+        for k in range(len(axes))
     )
     return found, limits
 
@@ -123,9 +116,8 @@ class _Levels(NamedTuple):
 
 def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
     """Return the levels of an axis; None where its rows do not show friction in each part."""
-    assert evidence.later is not None  # noqa: S101 - asked of changes alone
     rows = np.flatnonzero(evidence.axis == axis)
-    early, late = rows[~evidence.later[rows]], rows[evidence.later[rows]]
+    early, late = rows[~evidence.is_later[rows]], rows[evidence.is_later[rows]]
     own = evidence.own[:, evidence.own[early].any(axis=0)]
     v = evidence.motion[1, 1, :, axis]
     terms = np.column_stack([np.sign(v), v, np.cbrt(v), own])
@@ -145,7 +137,7 @@ def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
     if levels[0].mean() <= 0.0 or not square:
         return None
     share = 0.01 * float(np.sqrt(np.mean(curve[early] ** 2) / square))
-    return _Levels(*levels, floor, share)
+    return _Levels(levels[0], levels[1], floor, share)
 
 
 def _pieces(rows: Indices, time: Array, v: Array) -> list[Indices] | None:
