@@ -1,0 +1,106 @@
+"""Changes between recordings of one machine: none where nothing changed, and planted ones found.
+
+    python benchmarks/changes.py TRAIN... -- TEST...
+
+takes run folders of any one machine. First, what `hil validate` says changed from TRAIN to TEST is
+printed. Then changes are planted into the recordings of TEST, one at a time and on every axis, each
+at the size that these recordings are stated to show: torques of an axis times a factor, an offset
+of its position, a delay of its torque, and friction. Printed are those that are found, with the
+right axis and cause. 80 % are to be found.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import signal
+
+from hil.estimation.excluded.proof import changed
+from hil.model.dynamics import inverse_dynamics
+from hil.results.identification import identified
+from hil.runs.pooling import Pooled
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.model.robot import Robot
+    from hil.runs.recording import Recorded, Recording
+
+PLANTED = {"torque constant": 50.0, "zero": 28.0, "late torque": 20.0, "friction": 100.0}
+"""Causes, and the largest size that is planted, in their units: beyond, they are not small."""
+CUT_OFF = 10.0
+"""Of the positions by which friction is planted [Hz]."""
+
+
+def main(train: Sequence[str], test: Sequence[str]) -> None:
+    """Print what changed, and which planted changes are found."""
+    first, *more = [Run.open(folder) for folder in train]
+    before, after = Pooled([first, *more]), Pooled([Run.open(folder) for folder in test])
+    robot = first.robot
+    unchanged = changed(robot, before, after)
+    if unchanged is None:
+        print("too little was recorded")
+        return
+    print("unchanged:", *map(str, unchanged.found or ["nothing named"]))
+    p = identified(first, "free motion", more).model.values
+    sizes = {(each.cause, each.axis): each.size for each in unchanged.limits}
+    found = planted = 0
+    for cause, most in PLANTED.items():
+        for axis in range(robot.n_joints):
+            size = sizes.get((cause, axis + 1))
+            if size is None or size > most:
+                continue
+            proof = changed(robot, before, _planted(robot, p, after, cause, axis, size))
+            named = [(each.cause, each.axes) for each in proof.found] if proof else []
+            right = (cause, (axis + 1,)) in named or any(
+                f"axis {axis + 1}: " in other for each in proof.found for other in each.others
+            )
+            planted, found = planted + 1, found + right
+            print(f"{cause} of axis {axis + 1} by {size:.3g}: {named or 'nothing named'}")
+    print(f"{found} of {planted} found")
+
+
+def _planted(
+    robot: Robot, p: np.ndarray, recorded: Recorded, cause: str, axis: int, size: float
+) -> list[tuple[object, Recording]]:
+    """Recordings with a change of one axis."""
+    found = []
+    for motion, recording in recorded:
+        q, tau = recording.q.copy(), recording.tau.copy()
+        if cause == "torque constant":
+            tau[:, axis] *= 1.0 + size / 100.0
+        elif cause == "zero":
+            q[:, axis] -= size * (np.pi / 180.0 if robot.revolute[axis] else 1e-3)
+        elif cause == "late torque":
+            tau[:, axis] = np.interp(recording.time - 1e-3 * size, recording.time, tau[:, axis])
+        else:
+            tau[:, axis] += size / 100.0 * _friction(robot, p, recording)[:, axis]
+        found.append((motion, replace(recording, q=q, tau=tau)))
+    return found
+
+
+def _friction(robot: Robot, p: np.ndarray, recording: Recording) -> np.ndarray:
+    """Coulomb friction that a recording shows: half the difference of both directions."""
+    b, a = signal.butter(4, min(2.0 * CUT_OFF * recording.period, 0.9))
+    q = signal.filtfilt(b, a, recording.q, axis=0)
+    qd = np.gradient(q, recording.period, axis=0)
+    qdd = np.gradient(qd, recording.period, axis=0)
+    rest = recording.tau - inverse_dynamics(robot, p, q, qd, qdd)
+    fast = np.abs(qd) > 0.1 * np.abs(qd).max(axis=0)
+    forward, back = (
+        np.nanmean(np.where(fast & (np.sign(qd) == sign), rest, np.nan), axis=0)
+        for sign in (1.0, -1.0)
+    )
+    return (forward - back) / 2.0 * np.sign(qd)
+
+
+if __name__ == "__main__":
+    if "--" in sys.argv:
+        end = sys.argv.index("--")
+        main(sys.argv[1:end], sys.argv[end + 1 :])
+    else:
+        print("skipped: needs run folders of one machine, see docs/explanation/excluded.md")
