@@ -31,9 +31,9 @@ KNOWN = (*TEXT, ".csv.gz", *ARRAYS, ".mat", *HDF5, *PARQUET, *BAGS)
 _READERS = (
     (BAGS, "joint_states", "JointStates"),
     (ARRAYS, "arrays", "open_arrays"),
-    ((".mat",), "arrays", "open_matlab"),
+    ((".mat",), "matlab", "open_matlab"),
     (HDF5, "arrays", "open_hdf5"),
-    (PARQUET, "arrays", "open_parquet"),
+    (PARQUET, "parquet", "open_parquet"),
     (TEXT, "text", "open_text"),
 )
 """Endings, and the module and what in it makes a table of such files."""
@@ -64,7 +64,10 @@ def _refuse_unreadable(path: Path) -> None:
             raise FileError(f"{path}: is a pipe or a device, which is read but once; save a file")
         with path.open("rb") as file:
             if not file.read(1):
-                raise FileError(f"{path}: is empty; name a file with a recording")
+                raise FileError(
+                    f"{path}: is empty (0 bytes); copy or download it again, or name a file with a"
+                    " recording"
+                )
 
 
 def _reader(path: Path) -> Callable[[Path, Format], Table]:
@@ -101,6 +104,7 @@ class SoundTable:
     def __init__(self, table: Table) -> None:
         self._table = table
         self.path, self.names, self.time = table.path, table.names, table.time
+        self.left_out = table.left_out
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""

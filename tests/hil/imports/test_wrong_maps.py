@@ -72,6 +72,8 @@ MAPS = {
     "counts without their worth": (with_joint(0, A, unit="counts"), "counts need per_unit"),
     "counts for one rad": (
         with_joint(0, A, unit="counts", per_unit=65536), "write its inverse"),
+    "counts that exceed a turn": (
+        with_joint(0, A, unit="counts", per_unit=7), "per_unit 7 must be in (0, 2 pi] rad (or m)"),
     "per_unit of radians": (with_joint(0, A, per_unit=0.1), "per_unit is for counts, not for rad"),
     "a sign of 2": (with_joint(0, A, sign=2), "joints.0.position.sign: 2: "),
     "rows beyond the end": (
