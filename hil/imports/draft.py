@@ -86,6 +86,7 @@ def draft_map(path: Path, name: str) -> str:
     return "\n".join(
         [
             f"# Map of {plain(name)}, drafted from its first {looked_at} rows.",
+            *(f"# {plain(note).capitalize()}." for note in table.notes),
             f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
             "# Columns and what they hold:",
             *(f"#   {described(column)}" for column in columns),

@@ -70,12 +70,15 @@ class Table(Protocol):
         Columns whose sum is the time stamp, in `STAMP_UNITS`, where the format itself has stamps.
     left_out : mapping of str to str
         What the file holds besides, by name: what it is, and how to save it as numbers.
+    notes : tuple of str
+        What is to be known of the file as a whole, as clauses.
     """
 
     path: Path
     names: tuple[str, ...]
     time: tuple[int, ...]
     left_out: Mapping[str, str]
+    notes: tuple[str, ...]
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read these columns (from 0), block by block: arrays (n, len(columns)); NaN is missing.
@@ -109,7 +112,8 @@ def column_of(table: Table, column: int | str) -> int:
     for name, what in table.left_out.items():
         if column == name or (column.startswith(name) and column[len(name)] in "./({"):
             raise NoColumn(f"{table.path} has no column {column!r}: {name} is {what}")
-    raise NoColumn(f"{table.path} has no column {column!r}; {_offered(table.names, column)}")
+    also = "".join(f"; {note}" for note in table.notes)
+    raise NoColumn(f"{table.path} has no column {column!r}; {_offered(table.names, column)}{also}")
 
 
 def _offered(names: Sequence[str], wanted: str) -> str:
@@ -143,6 +147,7 @@ class ArrayTable:
     """
 
     time: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __init__(
         self,

@@ -11,9 +11,8 @@ text, functions, and variables without values, in whose place version 7.3 writes
 
 from __future__ import annotations
 
-import io
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import h5py
 import numpy as np
@@ -203,7 +202,7 @@ def _objects(path: Path) -> Iterator[tuple[str, Any]]:
     with path.open("rb") as file:
         for name, variable in varmats_from_mat(file):
             if name == "None":
-                value = loadmat(io.BytesIO(variable.getvalue())).get("None")
+                value = loadmat(cast("Any", variable)).get("None")
                 if value is not None:
                     yield _decoded(value["s0"].item()), value
 

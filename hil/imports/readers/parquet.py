@@ -46,6 +46,7 @@ class ParquetTable:
     """A table of Parquet; see `hil.imports.tables.Table`."""
 
     time: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __init__(self, path: Path, file: Any) -> None:
         self.path = path

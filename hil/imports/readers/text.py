@@ -41,6 +41,7 @@ class TextTable:
     """A table as text; see `hil.imports.tables.Table`."""
 
     time: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
     left_out: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, path: Path, layout: Layout) -> None:
