@@ -257,8 +257,8 @@ def _of_slide(base: BaseParameters, lost: Sequence[int], axis: int, column: int)
     return (
         f"no recording tells the rotor inertia of axis {axis + 1} ({base.names[column]}) from the"
         f" mass that it moves (in {_listed(base, others)}): on a slide gravity is a constant force,"
-        f" as the offset of friction is. State the rotor_inertia of joint {axis + 1} in the robot file"
-        " (the robot.yaml of the run folder is one), as in drive: {gear_ratio: 1, rotor_inertia: 0,"
-        " torque_constant: unknown}. With 0 the mass has it in it and the offset its weight, and"
-        " torques are the same"
+        f" as the offset of friction is. State the rotor_inertia of joint {axis + 1} in the robot"
+        " file (the robot.yaml of the run folder is one), as in drive: {gear_ratio: 1,"
+        " rotor_inertia: 0, torque_constant: unknown}. With 0 the mass has it in it and the offset"
+        " its weight, and torques are the same"
     )
