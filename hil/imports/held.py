@@ -1,4 +1,4 @@
-"""Values that are published more often than they are measured: held over several rows each.
+"""Held samples: measurements published several times each.
 
 Between two measurements a held value repeats exactly, and its stamps go on. A coarse encoder
 repeats itself as well, but then moves by a count or two: values that stand still on either side of
@@ -36,7 +36,7 @@ _HELD = 0.9
 
 
 class Held(NamedTuple):
-    """Rows over which measurements are held, 1 where each row has its own, by `KINDS`."""
+    """Number of rows with equal values per measurement, by `KINDS`; 1 where nothing is held."""
 
     positions: int
     torques: int
@@ -65,7 +65,7 @@ def held_of(samples: Samples, parts: Sequence[Integers]) -> Held | None:
 
 
 def rows_held(x: Array) -> int:
-    """Rows over which the values of a column are held, 1 where each row has its own.
+    """Count the rows over which a column holds its values; 1 where nothing is held.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def rows_held(x: Array) -> int:
 
 
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:
-    """Return the rows that are measurements, of which each is held over so many rows.
+    """Return the rows of new measurements, each held over `held` rows.
 
     Positions change in them, or would by their number if they moved: what stands still for long is
     measured as often as what moves.
@@ -99,7 +99,7 @@ def measured(samples: Samples, rows: Integers, held: int) -> Integers:
 
 
 def _changes(samples: Samples, rows: Integers) -> Iterator[Mask]:
-    """Whether positions differ from the row before, block by block; those of the first do."""
+    """Yield masks of the rows with other positions than the row before, block by block."""
     yield np.ones(1, dtype=bool)
     for begin in range(0, len(rows) - 1, ROWS):
         some = np.nan_to_num(samples.values[rows[begin : begin + ROWS + 1], : samples.n_joints])

@@ -1,4 +1,4 @@
-"""Rows of two sources in one recording: two publishers on one topic, or merged files.
+"""Detection of two sources in one recording: two publishers on a topic, or merged files.
 
 Each source is smooth, and both together are not. Where their rows alternate, second differences of
 every second row are small, those of all rows are twice the distance of the two. Where one comes
@@ -39,7 +39,7 @@ GREATEST = 1e100
 
 
 class _Mixed(NamedTuple):
-    """Rows of another source: how many, the first one, and how far they are away."""
+    """Rows of a second source: number, first row, and distance from the first source."""
 
     rows: int
     first: int
@@ -47,7 +47,7 @@ class _Mixed(NamedTuple):
 
 
 def source_suspicions(samples: Samples, segments: Sequence[Integers]) -> Iterator[Suspicion]:
-    """Two sources whose rows are in one recording, if any."""
+    """Yield a suspicion where the rows of two sources are mixed."""
     for segment in segments:
         rows = segment[samples.complete[segment]]
         for begin in range(0, len(rows), ROWS):
@@ -76,7 +76,7 @@ def _suspicion(samples: Samples, rows: Integers, mixed: _Mixed) -> Suspicion:
 
 
 def _visits(q: Array) -> _Mixed | None:
-    """Rows of a source that comes less often than the other one."""
+    """Find rows of a rarer second source."""
     there, back = np.abs(q[1:-1] - q[:-2]), np.abs(q[2:] - q[1:-1])
     away, gap = np.minimum(there, back), np.abs(q[2:] - q[:-2])
     ranges = np.ptp(q, axis=0)
@@ -93,7 +93,7 @@ def _visits(q: Array) -> _Mixed | None:
 
 
 def _smooth(q: Array, distance: Array) -> bool:
-    """Return True if rows of another source are nearer to each other than to those around them."""
+    """Return True if rows of a second source form a smooth signal."""
     # of alternating rows both sources are among them: every second one is of the same
     nearest = np.minimum(np.abs(q[1:-1] - q[:-2]), np.abs(q[2:] - q[:-2]))
     away = distance > 0
@@ -101,7 +101,7 @@ def _smooth(q: Array, distance: Array) -> bool:
 
 
 def _alternating(q: Array, time: Array) -> _Mixed | None:
-    """Rows of two sources in turn that are near to each other."""
+    """Find two sources in turn with nearly equal positions."""
     ranges = np.ptp(q, axis=0)
     moves = ranges > FAR * ranges.max()
     if not moves.any() or any(rows_held(x) > 1 for x in q[:, moves].T):

@@ -1,4 +1,4 @@
-"""An MCAP file without its end, as a recorder leaves it that was killed or lost its power.
+"""MCAP files without an end, left by recorders that were killed or lost power.
 
 The end holds an index; all else is in records one behind the other (mcap.dev/spec): a byte of what
 it is, eight of its length, and its content. What is whole is read in their order, within a chunk
@@ -103,7 +103,7 @@ def _of_file(file: IO[bytes], size: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _of_chunk(chunk: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield whole records of a chunk, which may be cut."""
+    """Yield the whole records of a chunk; the chunk may be cut."""
     if len(chunk) < _CHUNK_HEAD.size + 4:
         return
     compression, begin = _string(chunk, _CHUNK_HEAD.size)
@@ -117,7 +117,7 @@ def _of_chunk(chunk: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _unpacked(data: bytes, compression: str) -> bytes:
-    """Return what can be decompressed of data that may be cut."""
+    """Decompress data as far as possible; the data may be cut."""
     if compression == "lz4":
         from lz4.frame import LZ4FrameDecompressor  # noqa: PLC0415 - comes with mcap
 
@@ -130,6 +130,6 @@ def _unpacked(data: bytes, compression: str) -> bytes:
 
 
 def _string(content: bytes, at: int) -> tuple[str, int]:
-    """Text that begins with its length, and where it ends."""
+    """Return a text with a length before the text, and the position after the text."""
     end = at + 4 + int.from_bytes(content[at : at + 4], "little")
     return content[at + 4 : end].decode("utf-8", "replace"), end

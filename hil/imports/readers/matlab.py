@@ -56,7 +56,7 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
 
 
 def _object(name: str, kind: str) -> str:
-    """What an object of a class of MATLAB is, and how to save it."""
+    """Describe an object of MATLAB, with the command that saves its numbers."""
     saved = _SAVED.get(kind, _ELSE).format(name)
     return f"a {kind} of MATLAB, an object, which is not read; in MATLAB write {saved}"
 
@@ -130,7 +130,7 @@ class _Contents:
         one_by_one: Callable[[int], str],
         add: Callable[[str, Any], None],
     ) -> None:
-        """Add elements as the rows of one array if they are samples, or one by one."""
+        """Add elements as rows of one array, or one by one where elements are no samples."""
         if _are_samples(elements):
             self.arrays[together] = np.array([np.ravel(element) for element in elements])
         elif len(elements) > SEPARATE:
@@ -141,14 +141,14 @@ class _Contents:
 
 
 def _items(group: h5py.Group) -> Iterator[tuple[str, Any]]:
-    """Members of a group that are in it, not those of other places, which links point to."""
+    """Yield the members of a group without links to other places or files."""
     for name in group:
         if isinstance(group.get(name, getlink=True), h5py.HardLink):
             yield name, group[name]
 
 
 def _are_samples(elements: Sequence[Any]) -> bool:
-    """Return True if there are more elements than numbers in each, all of one shape."""
+    """Return True if elements of equal shape outnumber the values of each element."""
     first = elements[0]
     if not hasattr(first, "shape") or not 0 < first.size < len(elements):
         return False
@@ -161,7 +161,7 @@ def _are_samples(elements: Sequence[Any]) -> bool:
 
 
 def _structures(name: str, field: str, n: int) -> Callable[[int], str]:
-    """Names of a field of each of `n` structures."""
+    """Return a function that names a field of each of `n` structures."""
     return lambda number: f"{name}({number}).{field}" if n > 1 else f"{name}.{field}"
 
 
@@ -170,13 +170,13 @@ def _cells(name: str) -> Callable[[int], str]:
 
 
 def _elements(references: h5py.Dataset) -> list[Any]:
-    """What references of a cell or structure array point to, in MATLAB's order."""
+    """Return the targets of the references of a cell or structure array, in MATLAB's order."""
     # a matrix lies turned in HDF5, so that rows there follow each other as columns in MATLAB
     return [references.file[reference] for reference in references[()].ravel()]
 
 
 def _variables(path: Path) -> Iterator[tuple[str, Any]]:
-    """Variables of a file before 7.3, by name."""
+    """Yield names and values of the variables of a file before 7.3."""
     from scipy.io.matlab import MatReadError, MatReadWarning, loadmat  # noqa: PLC0415 - slow
 
     try:
@@ -196,7 +196,7 @@ def _variables(path: Path) -> Iterator[tuple[str, Any]]:
 
 
 def _objects(path: Path) -> Iterator[tuple[str, Any]]:
-    """Objects of a file by their own names, which scipy leaves in the objects."""
+    """Yield names and values of objects, all called None by scipy."""
     from scipy.io.matlab import loadmat, varmats_from_mat  # noqa: PLC0415 - slow to load
 
     with path.open("rb") as file:

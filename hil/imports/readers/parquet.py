@@ -140,7 +140,7 @@ def _is_number(kind: Any) -> bool:
 
 
 def _within(column: Any, place: _Place) -> Any:
-    """Values of a column, or of a field of its structures."""
+    """Return the values of a column, or of a field within structures."""
     import pyarrow.compute as pc  # noqa: PLC0415 - optional
 
     return pc.struct_field(column, list(place.fields)) if place.fields else column
@@ -158,7 +158,7 @@ def _numbers(column: Any, place: _Place) -> Array:
 
 
 def _elements(lists: Any, element: int) -> Any:
-    """One element of each list, missing where a list is shorter or missing itself."""
+    """Return one element of each list; missing where the list is too short or missing."""
     import pyarrow as pa  # noqa: PLC0415 - optional
     import pyarrow.compute as pc  # noqa: PLC0415 - optional
 
