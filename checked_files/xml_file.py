@@ -34,7 +34,11 @@ class XmlFile:
 
     def wrong(self, element: Element, what: str) -> FileError:
         """Return the error that says what is wrong with an element, with file and line."""
-        return FileError(f"{self.path}:{self._lines[id(element)]}: {what}")
+        return FileError(f"{self.path}:{self.line(element)}: {what}")
+
+    def line(self, element: Element) -> int:
+        """Return the line on which an element begins, from 1."""
+        return self._lines[id(element)]
 
     def named(self, tag: str) -> dict[str, Element]:
         """Elements right below the root, by their names.

@@ -130,7 +130,7 @@ def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
     from checked_files.yaml_file import FileError
     from hil.estimation.options import DEFAULTS, Options
     from hil.estimation.prior import Prior
-    from hil.export.urdf_file import bodies_of, given_urdf
+    from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
 
     if (prior is None) != (urdf is None):
         raise typer.BadParameter("--prior and --urdf, whose inertials it takes, go together")
@@ -143,9 +143,10 @@ def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
         relative = 0.0
     if kind != "cad" or not 0.0 < relative <= 1.0:
         raise typer.BadParameter(f"--prior {prior}: must be cad=SHARE, of above 0 to 1: cad=0.3")
-    bodies = bodies_of(given_urdf(urdf, run.robot), run.robot)
+    given = given_urdf(urdf, run.robot)
+    bodies = bodies_of(given, run.robot)
     if bodies is None:
-        raise FileError(f"{urdf}: a link has no inertial, or one that no body has; state them all")
+        raise FileError("\n".join(inertial_faults(given, run.robot)))
     return Options(prior=Prior(bodies, relative, f"the inertials of {urdf.name}"))
 
 

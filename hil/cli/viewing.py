@@ -141,12 +141,12 @@ def _of_run(path: Path, model_path: Path | None, urdf: Path | None) -> Callable[
 
 def _of_robot(name: str, workspace: Path | None, urdf: Path | None) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load_guard
-    from hil.model.robot import load_robot
+    from hil.model.robot import DESCRIPTIONS, load_robot
     from hil.view.scene import of_robot
 
     robot = load_robot(name)
     guard = load_guard(workspace, robot)
-    if urdf is None and name.endswith(".urdf"):
+    if urdf is None and name.lower().endswith(DESCRIPTIONS):
         urdf = Path(name)
     visuals = _visuals(urdf, robot)
 

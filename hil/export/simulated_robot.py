@@ -150,17 +150,10 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
     )
 
 
-def likely_of(chain: UrdfChain, robot: Robot, stated: Sequence[Array | None]) -> Array | None:
-    """Bodies that a URDF states, in the frames of the robot file, shape (n_joints, 10).
-
-    None where a link has none, or one that no body has.
-    """
-    found = []
-    for each, body in zip(_placed(robot, chain), stated, strict=True):
-        if body is None or np.linalg.eigvalsh(pseudo_inertia(body))[0] <= 0:
-            return None
-        found.append(parameter_map(inverse(each.mdh)) @ body)
-    return np.array(found)
+def moved_to_frames(chain: UrdfChain, robot: Robot, bodies: Sequence[Array]) -> Array:
+    """Return bodies of links, in their own frames, in those of the robot file: (n_joints, 10)."""
+    placed = zip(_placed(robot, chain), bodies, strict=True)
+    return np.array([parameter_map(inverse(each.mdh)) @ body for each, body in placed])
 
 
 class _Placed(NamedTuple):

@@ -20,18 +20,20 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from checked_files.yaml_file import FileError
 from hil.errors import Mismatch
+from hil.estimation.consistent.conditions import MOST_MASS, largest_radius
 from hil.export.exported import Exported
 from hil.export.simple_friction import friction_remarks
 from hil.export.simulated_robot import (
     comment,
-    likely_of,
+    moved_to_frames,
     number,
     numbers,
     roll_pitch_yaw,
     simulated_robot,
 )
-from hil.model.frames import parameter_map
+from hil.model.frames import parameter_map, pseudo_inertia
 from hil.model.readers.axes_to_frames import difference
 from hil.model.readers.urdf import MOVING, UrdfChain, UrdfReader
 
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
 
 INERTIA = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in zip(*np.triu_indices(3), strict=True)}
 """Attributes of an <inertia>, in the order of standard parameters, and their places."""
+_ROUNDED = 1e-5
+"""Part of the greatest moment by which the others may miss it: exporters write six digits."""
 
 
 class Given(NamedTuple):
@@ -82,13 +86,96 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
 def bodies_of(given: Given, robot: Robot) -> Array | None:
     """Bodies that the URDF states for the links of a robot, shape (n_joints, 10), or None.
 
-    Raises
-    ------
-    FileError
-        An inertial without numbers.
+    None where a link has none, or one that no body has (`inertial_faults`).
     """
+    if any(inertial_faults(given, robot)):
+        return None
     stated = [body_of(given.reader, joint.link) for joint in given.chain.joints]
-    return likely_of(given.chain, robot, stated)
+    return moved_to_frames(given.chain, robot, [body for body in stated if body is not None])
+
+
+def inertial_faults(given: Given, robot: Robot) -> Iterator[str]:
+    """Yield what is wrong with the inertials of a robot's links, each with file, line and link.
+
+    Bodies have a positive mass, and principal moments of inertia that are positive, the greatest
+    less than the other two together. Their size and mass are those that `BodyBounds` allow, so that
+    g mm^2 for kg m^2 and g for kg show.
+    """
+    radius = largest_radius(robot)
+    for joint in given.chain.joints:
+        links = [name for name, _ in given.reader.attached(joint.link, np.eye(4))]
+        faults = [fault for name in links for fault in _link_faults(given.reader, name)]
+        yield from faults
+        if faults:
+            continue
+        body = body_of(given.reader, joint.link)
+        also = f" and {', '.join(links[1:])} (fixed to it)" if links[1:] else ""
+        if body is None or not body[9]:
+            none = f"{also} {'have' if also else 'has'} no <inertial> with a mass"
+            yield _at(given.reader, joint.link, f"{none}: add mass and inertia from CAD")
+            continue
+        spread = pseudo_inertia(body)
+        mass, wide = spread[3, 3], float(np.trace(spread[:3, :3]))
+        if np.linalg.eigvalsh(spread)[0] <= 0:
+            yield _at(
+                given.reader,
+                joint.link,
+                f"{also}: the greatest principal moment of inertia must be less than the sum of the"
+                " other two: the body has no thickness; correct ixx to izz",
+            )
+        elif (far := float(np.sqrt(wide / mass))) > radius:
+            yield _at(
+                given.reader,
+                joint.link,
+                f"{also}: mass and inertia spread the mass by {far:.3g} m root mean square, of"
+                f" {radius:.3g} m at most; state kg and kg m2, not g mm2, and <origin> in m",
+            )
+        elif mass > MOST_MASS:
+            yield _at(
+                given.reader,
+                joint.link,
+                f"{also}: mass {mass:g} kg must be at most {MOST_MASS:g} kg; state kg, not g",
+            )
+
+
+def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
+    """Yield what is wrong with a link's own inertial; none of its own is no fault."""
+    element = reader.links[link].find("inertial")
+    if element is None:
+        return
+    missing = [f"<{tag}>" for tag in ("mass", "inertia") if element.find(tag) is None]
+    if missing:
+        yield _at(reader, link, f": its inertial has no {' and no '.join(missing)}; add it")
+        return
+    try:
+        m, inertia = _mass_and_inertia(reader, element)
+    except FileError as error:
+        yield f"{error} (link {link!r})"
+        return
+    moments = np.linalg.eigvalsh(inertia)
+    rounded = _ROUNDED * np.abs(moments).max()
+    shown = ", ".join(f"{moment:.3g}" for moment in moments)
+    if m < 0 or (not m and moments.any()):
+        yield _at(reader, link, f": mass {m:g} kg must be positive")
+    elif moments[0] < -rounded:
+        yield _at(
+            reader,
+            link,
+            f": principal moments of inertia {shown} kg m2 must be positive; correct ixx to izz",
+        )
+    elif moments[2] - moments[1] - moments[0] > rounded:
+        yield _at(
+            reader,
+            link,
+            f": the greatest of the principal moments of inertia {shown} kg m2 must be at most the"
+            " sum of the other two (triangle inequality); correct ixx to izz",
+        )
+
+
+def _at(reader: UrdfReader, link: str, what: str) -> str:
+    """A fault with file, line and name of a link."""
+    element, inertial = reader.links[link], reader.links[link].find("inertial")
+    return str(reader.file.wrong(element if inertial is None else inertial, f"link {link!r}{what}"))
 
 
 def body_of(reader: UrdfReader, link: str) -> Array | None:
@@ -106,13 +193,22 @@ def body_of(reader: UrdfReader, link: str) -> Array | None:
 
 def _stated(reader: UrdfReader, link: str) -> Array | None:
     element = reader.links[link].find("inertial")
-    mass, inertia = (None if element is None else element.find(tag) for tag in ("mass", "inertia"))
-    if element is None or mass is None or inertia is None:
+    if element is None or element.find("mass") is None or element.find("inertia") is None:
         return None
-    (m,) = reader.file.numbers(mass, "value", 1) or [0.0]
-    own = [(reader.file.numbers(inertia, key, 1) or [0.0])[0] for key in INERTIA]
-    about_centre = np.array([*own, 0.0, 0.0, 0.0, m])
+    m, inertia = _mass_and_inertia(reader, element)
+    about_centre = np.array([*(inertia[at] for at in INERTIA.values()), 0.0, 0.0, 0.0, m])
     return np.asarray(parameter_map(reader.origin(element)) @ about_centre)
+
+
+def _mass_and_inertia(reader: UrdfReader, element: ET.Element) -> tuple[float, Array]:
+    """Mass [kg], and inertia about the centre of mass, shape (3, 3) [kg m^2], of an inertial."""
+    mass, stated = element.find("mass"), element.find("inertia")
+    assert mass is not None and stated is not None  # noqa: S101, PT018 - the caller has looked
+    (m,) = reader.file.numbers(mass, "value", 1) or [0.0]
+    inertia = np.zeros((3, 3))
+    for key, (i, j) in INERTIA.items():
+        inertia[i, j] = inertia[j, i] = (reader.file.numbers(stated, key, 1) or [0.0])[0]
+    return m, inertia
 
 
 def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:

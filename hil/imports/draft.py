@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import re
-from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,10 +18,10 @@ import numpy as np
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
-from hil.imports.tables import SECONDS
+from hil.imports.tables import SECONDS, listed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from hil.arrays import Array
@@ -38,8 +38,8 @@ _WORDS = {
 }
 """What columns of a kind are called."""
 _OF_UNIT = {
-    "position": {"rad", "deg", "m", "mm"},
-    "velocity": {"rad/s", "deg/s", "rpm", "m/s", "mm/s"},
+    "position": {"rad", "deg", "turns", "turn", "rev", "m", "mm"},
+    "velocity": {"rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s"},
     "torque": {"nm", "n", "a", "v"},
 }
 """What a column holds by its unit, where no word says more."""
@@ -48,12 +48,17 @@ _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "sec
 _SECONDS = {"sec", "secs", "second", "seconds", "s"}
 _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
+_SET_POINTS |= {"action", "actions"}
 _FILLERS = {"actual", "measured", "meas", "act"}
 _UNITS = {
-    "position": "rad, deg, m, mm or counts",
-    "velocity": "rad/s, deg/s, rpm, m/s, mm/s or counts/s",
+    "position": "rad, deg, m, mm, turns or counts",
+    "velocity": "rad/s, deg/s, rpm, m/s, mm/s, turns/s or counts/s",
     "torque": "N m, N, A, V or per mille",
 }
+
+
+LOOKED_AT = 100_000
+"""Rows that are looked at, about."""
 
 
 def draft_map(path: Path, name: str) -> str:
@@ -72,20 +77,24 @@ def draft_map(path: Path, name: str) -> str:
         The file cannot be read, or holds no columns of numbers.
     """
     table = open_table(path, Format())
-    columns, looked_at = look(table)
+    columns, looked_at, empty = look(table)
     if not columns:
-        raise FileError(f"{path}: holds no columns of numbers")
+        left_out = listed({**empty, **table.left_out})
+        raise FileError(f"{path}: holds no columns of numbers{left_out}")
     time = _time_of(table, columns)
     joints = _joints([column for column in columns if column not in time])
     return "\n".join(
         [
             f"# Map of {plain(name)}, drafted from its first {looked_at} rows.",
+            *(f"# {plain(note).capitalize()}." for note in table.notes),
             f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
             "# Columns and what they hold:",
             *(f"#   {described(column)}" for column in columns),
+            *_left_out_lines({**empty, **table.left_out}),
             f"robot: {UNSTATED} a robot file, a URDF, or the name of a robot",
             f"files: [{json.dumps(name)}]",
             *_time_lines(time, from_format=bool(table.time)),
+            *_segment_lines(time, looked_at),
             "joints: # in the robot's order, as many as it has",
             *(line for joint in joints for line in _joint(joint, from_ros=bool(table.time))),
             "torque_side: joint # or motor",
@@ -96,6 +105,12 @@ def draft_map(path: Path, name: str) -> str:
     )
 
 
+def _left_out_lines(left_out: Mapping[str, str]) -> Iterator[str]:
+    if left_out:
+        yield "# Left out:"
+        yield from (f"#   {plain(name)}: {plain(what)}" for name, what in left_out.items())
+
+
 def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
     """The column of time, or two whose sum it is; none where none is seen."""
     if table.time:
@@ -103,7 +118,9 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     if pair := _stamp_in_two(columns):
         return pair
     rising = [column for column in columns if column.rises]
-    named = [column for column in rising if _TIMES.intersection(words_of(column.name))]
+    # stamps that begin anew with each episode rise but for that
+    again = [column for column in columns if column.begins]
+    named = [c for c in (*rising, *again) if _TIMES.intersection(words_of(c.name))]
     unnamed = [column for column in rising if not column.name]
     return tuple([*named, *unnamed][:1])
 
@@ -146,6 +163,19 @@ def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[st
         yield f"  unit: {UNSTATED} {', '.join(likely) or ', '.join(SECONDS)}"
 
 
+def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
+    """Rows of each segment, where stamps begin anew."""
+    if len(time) != 1 or not time[0].begins:
+        return
+    if looked_at >= LOOKED_AT:
+        rows = ", ".join(str(begin + 1) for begin in time[0].begins[:5])
+        yield f"rows: {UNSTATED} segments, such as [[1, 500], ...]; stamps begin anew in row {rows}"
+        return
+    edges = [0, *time[0].begins, looked_at]
+    segments = ", ".join(f"[{first + 1}, {last}]" for first, last in pairwise(edges))
+    yield f"rows: [{segments}] # stamps begin anew with each"
+
+
 def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     """Columns of each joint, as far as their names say; one joint without any otherwise."""
     found: dict[tuple[str, ...], dict[str, SeenColumn]] = {}
@@ -169,6 +199,8 @@ def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
     if unit := _UNIT_IN_NAME.search(column.name):
         stated = (unit[1] or unit[2]).lower().replace(" ", "")
         return next((key for key, units in _OF_UNIT.items() if stated in units), ""), ""
+    if "state" in words:  # of observations in sets of data for learning
+        return "position", "state"
     alone = bool(words) and all(word.isdigit() or word in _JOINTS for word in words)
     return ("position" if alone and not column.rises else ""), ""
 
@@ -210,7 +242,10 @@ def _guess(key: str, column: SeenColumn | None) -> str:
 
 @dataclass(frozen=True)
 class SeenColumn:
-    """A column as it looks: its number from 1, name, and the extremes of its values."""
+    """A column as it looks: its number from 1, name, and the extremes of its values.
+
+    `begins` are the rows, from 0, in which it falls, where it rises in nearly all others.
+    """
 
     number: int
     name: str
@@ -218,6 +253,7 @@ class SeenColumn:
     high: float
     rises: bool
     step: float
+    begins: tuple[int, ...] = ()
 
     @property
     def key(self) -> str:
@@ -225,19 +261,35 @@ class SeenColumn:
         return json.dumps(self.name) if self.name else str(self.number)
 
 
-def look(table: Table) -> tuple[list[SeenColumn], int]:
-    """Columns of numbers, and how many rows of them were read."""
-    every = list(range(len(table.names)))
+def look(table: Table) -> tuple[list[SeenColumn], int, dict[str, str]]:
+    """Columns of numbers, how many rows of them were read, and why the others are none."""
+    every, empty = list(range(len(table.names))), {}
     try:
         values = _first_rows(table, every)
         columns = dict(zip(every, values.T, strict=True))
     except FileError:  # text in a column, or lengths that differ: column by column
         columns = {}
         for index in every:
-            with suppress(FileError):
+            try:
                 columns[index] = _first_rows(table, [index])[:, 0]
-    seen = [_seen(index, table.names[index], values) for index, values in columns.items()]
-    return [s for s in seen if s is not None], max(map(len, columns.values()), default=0)
+            except FileError as error:
+                name = table.names[index] or f"column {index + 1}"
+                if f"{name}/1" not in table.names:
+                    empty[name] = _reason(error, table.path)
+    looked_at = max(map(len, columns.values()), default=0)
+    seen = []
+    for index, values in columns.items():
+        if np.isfinite(values).any():
+            seen.append(_seen(index, table.names[index], values[np.isfinite(values)]))
+        else:
+            name = table.names[index] or f"column {index + 1}"
+            empty[name] = f"no number in any of its first {len(values)} rows"
+    return seen, looked_at, empty
+
+
+def _reason(error: FileError, path: Path) -> str:
+    """What is wrong with a column, without the file, its line and the remedy for a map."""
+    return re.sub(r"^:(\d+:)? ", "", str(error).removeprefix(str(path))).split(";")[0]
 
 
 def _first_rows(table: Table, columns: Sequence[int]) -> Array:
@@ -245,21 +297,23 @@ def _first_rows(table: Table, columns: Sequence[int]) -> Array:
     for block in table.blocks(columns):
         blocks.append(block)
         n += len(block)
-        # about so many rows are looked at
-        if n >= 100_000:
+        if n >= LOOKED_AT:
             break
     return np.concatenate(blocks)
 
 
-def _seen(index: int, name: str, values: Array) -> SeenColumn | None:
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return None
+def _seen(index: int, name: str, values: Array) -> SeenColumn:
     steps = np.diff(values)
     rises = bool(len(steps) and np.all(steps >= 0) and values[-1] > values[0])
     step = (values[-1] - values[0]) / max(1, len(steps))
+    # stamps that begin anew: a segment has 100 rows at least
+    begins = np.flatnonzero(steps < 0) + 1
+    if rises or not 0 < len(begins) <= 0.01 * len(steps):
+        begins = begins[:0]
+    else:
+        step = float(np.median(steps))
     extremes = float(values.min()), float(values.max())
-    return SeenColumn(index + 1, name, *extremes, rises, float(step))
+    return SeenColumn(index + 1, name, *extremes, rises, float(step), tuple(begins.tolist()))
 
 
 def described(column: SeenColumn) -> str:

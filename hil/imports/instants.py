@@ -93,7 +93,7 @@ def instants_of(samples: Samples, parts: list[Integers], period: float) -> Insta
     rough = np.zeros((2, samples.n_joints))
     for rows in _some_of(parts):
         q, h = samples.read(rows)[:, : samples.n_joints], np.diff(samples.time[rows])
-        rough += _roughness(q, h, period)
+        rough += roughness(q, h, period)
     some = rough.min(axis=0) > 0
     counted_is_smoother = bool(np.sum(np.log(rough[0, some] / rough[1, some])) < 0)
     return "counted" if counted_is_smoother else "stamped"
@@ -111,7 +111,7 @@ def _some_of(parts: list[Integers]) -> Iterator[Integers]:
             return
 
 
-def _roughness(q: Array, h: Array, period: float) -> Array:
+def roughness(q: Array, h: Array, period: float) -> Array:
     """Sums of squared second differences: of evenly counted samples, and by their stamps."""
     counted = np.diff(q, n=2, axis=0)
     step = np.maximum(h, 1e-3 * period)[:, None]

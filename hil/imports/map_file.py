@@ -5,6 +5,7 @@ Every message about a recording that its map causes stands at a line of the map 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -19,8 +20,8 @@ from hil.model.robot_file import EARTH
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
 """Checks of plausibility whose refusal a map may overrule; nothing is checked as `friction` any
 more."""
-_MOST_PER_COUNT = 0.5
-"""Greatest worth of a count [rad or m]: an encoder has more than two of them a radian or metre."""
+_MOST_PER_COUNT = 1.001 * math.tau
+"""Greatest worth of a count [rad or m]: a turn of a direct drive, in the three digits of 6.28."""
 
 
 class ColumnName(FileModel):
@@ -65,8 +66,8 @@ class _Moved(FileModel):
             raise ValueError(f"per_unit is for counts, not for {self.unit}; remove it")
         if not 0 < self.per_unit <= _MOST_PER_COUNT:
             raise ValueError(
-                f"per_unit {self.per_unit:g} must be in (0, {_MOST_PER_COUNT:g}] rad (or m) for one"
-                " count; if it is counts for one rad (or m), write its inverse"
+                f"per_unit {self.per_unit:g} must be in (0, 2 pi] rad (or m) for one count; if it"
+                " is counts for one rad (or m), write its inverse"
             )
         return self
 

@@ -51,7 +51,9 @@ _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 def other_units(robot: Robot, joint: int) -> dict[str, float]:
     """Factors of positions or velocities in other units, or on the motor's side, than in SI."""
     gear = float(robot.gear_ratio[joint])
-    turning = {"in deg": 180 / pi, "in rpm": 30 / pi} if robot.revolute[joint] else {"in mm": 1e3}
+    turning = {"in mm": 1e3}
+    if robot.revolute[joint]:
+        turning = {"in deg": 180 / pi, "in rpm": 30 / pi, "in turns": 0.5 / pi}
     motor = {f"on the motor's side at a gear ratio of {gear:g}": gear}
     return turning | (motor if gear != 1 else {})
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.evidence import even_samples, excerpts_of
+from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
-from hil.imports.samples import read_samples
+from hil.imports.samples import columns_of, read_samples
 from hil.imports.segments import (
     SHORTEST,
     block_counts,
@@ -30,10 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from hil.arrays import Numbers
+    from hil.arrays import Integers, Numbers
     from hil.imports.evidence import Suspicion
     from hil.imports.map_file import MapFile
-    from hil.imports.samples import Samples
+    from hil.imports.samples import Location, Samples
     from hil.imports.segments import Piece
     from hil.imports.stamps import Timing
     from hil.model.robot import Robot
@@ -92,7 +93,15 @@ def import_one(
     measured = measured_motions(the_map, samples, numbered, job.stem)
     motions = tuple(_written(each, job.folder, job.robot) for each in measured)
     timing.stretches = []  # which are as long as the recording
-    return Statement(the_map, timing, samples.wraps, recorded, motions, found)
+    return Statement(
+        the_map,
+        timing,
+        samples.wraps,
+        recorded,
+        motions,
+        found,
+        (*samples.notes, *_lacking(the_map, samples)),
+    )
 
 
 def understood(
@@ -105,7 +114,11 @@ def understood(
     FileError
         The recording cannot be used, or contradicts itself.
     """
-    timing = _timing(the_map, samples)
+    _refuse_without_numbers(the_map, samples)
+    segments = chosen_rows(the_map, samples)
+    mixed = list(source_suspicions(samples, segments))
+    _refuse(the_map, mixed)
+    timing = _timing(the_map, samples, segments)
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
     _refuse(the_map, spikes)
     numbered = numbered_pieces(the_map, samples, timing)
@@ -113,7 +126,7 @@ def understood(
     alone = the_map.content.kind
     found = suspicions(excerpts, robot, None if alone is None else alone - 1, the_map.unknown_gains)
     _refuse(the_map, found)
-    return timing, numbered, (*spikes, *found)
+    return timing, numbered, (*mixed, *spikes, *found)
 
 
 def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
@@ -125,13 +138,48 @@ def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
         raise FileError("\n".join(map(str, lines)))
 
 
-def _timing(the_map: MapFile, samples: Samples) -> Timing:
+def _timing(the_map: MapFile, samples: Samples, segments: list[Integers]) -> Timing:
     stated = the_map.content.time
     trusted = stated is not None and stated.rate is not None
     try:
-        return timing_of(samples, chosen_rows(the_map, samples), trusted=trusted)
+        return timing_of(samples, segments, trusted=trusted)
     except WrongStamps as error:
-        raise the_map.wrong(("time",) if stated else (), str(error)) from error
+        lacking = "".join(f"; {each}" for each in _lacking(the_map, samples))
+        raise the_map.wrong(("time",) if stated else (), f"{error}{lacking}") from error
+
+
+def _refuse_without_numbers(the_map: MapFile, samples: Samples) -> None:
+    """Refuse columns without any number, each by its name."""
+    lines = [
+        the_map.wrong(
+            location,
+            f"column {name} holds no number in any of {len(samples.time)} rows; name another"
+            " column, or record it",
+        )
+        for location, name, count in _numbers(the_map, samples)
+        if not count
+    ]
+    if lines:
+        raise FileError("\n".join(map(str, lines)))
+
+
+def _numbers(the_map: MapFile, samples: Samples) -> Iterator[tuple[Location, str, int]]:
+    """Place, name and number of numbers of each column; of none where samples are arrays."""
+    columns = [(at, str(each.column)) for at, each in columns_of(the_map) if each is not None]
+    # a format's own stamps, which the map does not name, come before all others
+    own = max(0, len(samples.numbers) - len(columns))
+    for (location, name), count in zip(columns, samples.numbers[own:], strict=False):
+        yield location, name, count
+
+
+def _lacking(the_map: MapFile, samples: Samples) -> Iterator[str]:
+    """State the columns that lack numbers in some rows."""
+    n, by_count = len(samples.time), dict[int, list[str]]()
+    for _, name, count in _numbers(the_map, samples):
+        by_count.setdefault(n - count, []).append(name)
+    for missing, names in by_count.items():
+        if missing:
+            yield f"{missing} of {n} rows hold no number in {', '.join(names)}"
 
 
 def _written(measured: Measured, folder: Path, robot: Robot) -> FreeMotion:

@@ -47,6 +47,10 @@ class Samples:
         Whether stamps count from a date.
     wraps : int
         Steps of positions by more than half a turn: angles that were kept within one turn.
+    numbers : tuple of int
+        Of each column of the map, in the order of `columns_of`, how many numbers it holds.
+    notes : tuple of str
+        What is to be known of files as a whole.
     """
 
     time: Array
@@ -55,6 +59,8 @@ class Samples:
     begins: tuple[int, ...]
     from_date: bool
     wraps: int = 0
+    numbers: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def n_joints(self) -> int:
@@ -92,10 +98,13 @@ def read_samples(
     """
     conversion = Conversion(the_map, robot)
     times, complete, begins, n, wraps = [], [], [], 0, 0
+    numbers: list[Integers] = []
+    notes: dict[str, None] = {}
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
-            for block in _file_blocks(the_map, number, name):
+            for block in _file_blocks(the_map, number, name, notes):
+                numbers.append(np.isfinite(block).sum(axis=0))
                 time, values = conversion.of(block, n - begins[-1])
                 file.write(values.tobytes())
                 times.append(time)
@@ -112,17 +121,22 @@ def read_samples(
     from_date = bool(np.nanmax(np.abs(conversion.origin + time), initial=0.0) > EPOCH)
     if from_date:
         time -= np.nanmin(time)
-    return Samples(time, values, np.concatenate(complete), tuple(begins), from_date, wraps)
+    present = tuple(np.sum(numbers, axis=0).tolist())
+    whole = np.concatenate(complete)
+    return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
 
 
-def _file_blocks(the_map: MapFile, number: int, name: str) -> Iterator[Array]:
-    """Blocks of all columns that the map names, from one file and those beside it."""
+def _file_blocks(
+    the_map: MapFile, number: int, name: str, notes: dict[str, None]
+) -> Iterator[Array]:
+    """Blocks of all columns that the map names, from one file and those beside it; adds notes."""
     tables: dict[str, tuple[Table, list[int], list[int]]] = {}
-    wanted = list(_columns(the_map))
+    wanted = list(columns_of(the_map))
     for position, (location, column) in enumerate(wanted):
         source = column.file if column is not None and column.file else name
         if source not in tables:
             tables[source] = (_opened(the_map, source, number, column, location), [], [])
+            notes |= {f"{source}: {note}": None for note in tables[source][0].notes}
         table, columns, positions = tables[source]
         found = _indices(the_map, table, column, location)
         _refuse_used(the_map, location, set(found) & set(columns), table)
@@ -135,7 +149,7 @@ def _file_blocks(the_map: MapFile, number: int, name: str) -> Iterator[Array]:
         yield np.concatenate(parts, axis=1)[:, order]
 
 
-def _columns(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:
+def columns_of(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:
     """Every column: times (None: the format's own), positions, torques, then velocities."""
     content = the_map.content
     if content.time is None:

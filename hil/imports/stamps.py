@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.imports.held import Held, held_of, measured
 from hil.imports.instants import (
     EVEN,
     SAME_STAMP,
@@ -54,6 +55,10 @@ class Counts:
         Samples that were interpolated over less.
     short : int
         Stretches left out for being too short, of `short_time` [s] altogether.
+    held : Held, optional
+        Over how many rows measurements are held.
+    repeated : int
+        Rows left out that repeat a measurement.
     jitter : float
         Standard deviation of the time between samples [s].
     """
@@ -67,6 +72,8 @@ class Counts:
     bridged: int = 0
     short: int = 0
     short_time: float = 0.0
+    held: Held | None = None
+    repeated: int = 0
     jitter: float = 0.0
 
 
@@ -109,6 +116,12 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         raise WrongStamps("time does not pass; choose another column of time, or state its rate")
     ordered = [_ordered(samples, rows, period, counts) for rows in usable]
     ordered = [_without_repeats(samples, rows, counts) for rows in ordered]
+    counts.held = held_of(samples, ordered)
+    if counts.held is not None and counts.held.positions > 1:
+        published = sum(map(len, ordered))
+        ordered = [measured(samples, rows, counts.held.positions) for rows in ordered]
+        counts.repeated = published - sum(map(len, ordered))
+        period = _period([samples.time[rows] for rows in ordered])
     parts = [part for rows in ordered for part in _split(samples.time[rows], rows, period, counts)]
     parts = [part for part in parts if len(part) > 1]
     period = _refined([samples.time[rows] for rows in parts], period)

@@ -38,6 +38,8 @@ class Statement:
     motions : tuple of FreeMotion
     suspicions : tuple of Suspicion
         That the map accepts, or that are not certain.
+    notes : tuple of str
+        What is to be known of files as a whole.
     """
 
     the_map: MapFile
@@ -46,11 +48,13 @@ class Statement:
     recorded: tuple[bool, ...]
     motions: tuple[FreeMotion, ...]
     suspicions: tuple[Suspicion, ...]
+    notes: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Sentences, the most general first."""
         return [
             *self._samples(),
+            *self.notes,
             *self._left_out(),
             *self._velocities(),
             *self._gains(),
@@ -68,6 +72,9 @@ class Statement:
 
     def _left_out(self) -> Iterator[str]:
         counts = self.timing.counts
+        if (held := counts.held) is not None:
+            left = f"{counts.repeated} rows that repeat positions are left out"
+            yield f"{held}" + (f"; {left}" if counts.repeated else "")
         gaps, short = f"{counts.lost:.3g} s in all", f"{counts.short_time:.3g} s in all"
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),

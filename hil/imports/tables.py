@@ -25,20 +25,28 @@ if TYPE_CHECKING:
 
 ROWS = 1 << 16
 """Rows of a block, about."""
-_SHOWN = 12
+_SHOWN, _LISTED = 12, 4
+"""Names of columns, and parts of a file that are not read, that a message has."""
 TimeUnit = Literal["s", "ms", "us", "ns", "min"]
-PositionUnit = Literal["rad", "deg", "m", "mm", "counts"]
-VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s", "counts/s"]
+PositionUnit = Literal["rad", "deg", "turns", "rev", "m", "mm", "counts"]
+VelocityUnit = Literal["rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s", "counts/s"]
 TorqueUnit = Literal["N m", "N", "A", "V", "per mille"]
 
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 """Of each unit of time [s]."""
 STAMP_UNITS: tuple[TimeUnit, TimeUnit] = ("s", "ns")
 """Of the two columns of stamps that a format itself has."""
-LENGTHS: dict[str, float] = {"rad": 1.0, "deg": math.pi / 180, "m": 1.0, "mm": 1e-3}
+LENGTHS: dict[str, float] = {
+    "rad": 1.0,
+    "deg": math.pi / 180,
+    **dict.fromkeys(("turns", "rev"), math.tau),
+    "m": 1.0,
+    "mm": 1e-3,
+}
 """Of each unit of position, and with /s of velocity [rad or m]; counts have none of their own."""
 JOINT_TYPES: dict[str, str] = {
-    **dict.fromkeys(("rad", "deg", "rad/s", "deg/s", "rpm", "N m"), "revolute"),
+    **dict.fromkeys(("rad", "deg", "turns", "rev"), "revolute"),
+    **dict.fromkeys(("rad/s", "deg/s", "turns/s", "rev/s", "rpm", "N m"), "revolute"),
     **dict.fromkeys(("m", "mm", "m/s", "mm/s", "N"), "prismatic"),
 }
 """Type of the joints that a unit suits, on the joint side; units that are not here suit both."""
@@ -60,11 +68,17 @@ class Table(Protocol):
         Of all columns; empty where a column has none.
     time : tuple of int
         Columns whose sum is the time stamp, in `STAMP_UNITS`, where the format itself has stamps.
+    left_out : mapping of str to str
+        What the file holds besides, by name: what it is, and how to save it as numbers.
+    notes : tuple of str
+        What is to be known of the file as a whole, as clauses.
     """
 
     path: Path
     names: tuple[str, ...]
     time: tuple[int, ...]
+    left_out: Mapping[str, str]
+    notes: tuple[str, ...]
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read these columns (from 0), block by block: arrays (n, len(columns)); NaN is missing.
@@ -95,7 +109,11 @@ def column_of(table: Table, column: int | str) -> int:
     if found:
         numbers = " and ".join(str(index + 1) for index in found)
         raise NoColumn(f"{table.path} has {column!r} as columns {numbers}; give a number")
-    raise NoColumn(f"{table.path} has no column {column!r}; {_offered(table.names, column)}")
+    for name, what in table.left_out.items():
+        if column == name or (column.startswith(name) and column[len(name)] in "./({"):
+            raise NoColumn(f"{table.path} has no column {column!r}: {name} is {what}")
+    also = "".join(f"; {note}" for note in table.notes)
+    raise NoColumn(f"{table.path} has no column {column!r}; {_offered(table.names, column)}{also}")
 
 
 def _offered(names: Sequence[str], wanted: str) -> str:
@@ -109,6 +127,13 @@ def _offered(names: Sequence[str], wanted: str) -> str:
     return f"it has {', '.join(named[:_SHOWN])}{more}"
 
 
+def listed(left_out: Mapping[str, str]) -> str:
+    """What a file holds that is not read, behind a sentence; the first of many."""
+    some = [f"; {name}: {what}" for name, what in left_out.items()][:_LISTED]
+    more = len(left_out) - len(some)
+    return "".join(some) + (f"; and {more} more" if more else "")
+
+
 class ArrayTable:
     """Columns of arrays that lie in one file: in memory, mapped, or sliced from the disk.
 
@@ -117,15 +142,22 @@ class ArrayTable:
     path : Path
     columns : mapping of str to (length, read)
         Of each column its number of rows, and what reads a slice of them.
+    left_out : mapping of str to str, optional
+        See `Table`.
     """
 
     time: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __init__(
-        self, path: Path, columns: Mapping[str, tuple[int, Callable[[slice], object]]]
+        self,
+        path: Path,
+        columns: Mapping[str, tuple[int, Callable[[slice], object]]],
+        left_out: Mapping[str, str] | None = None,
     ) -> None:
         self.path = path
         self.names = tuple(columns)
+        self.left_out = left_out or {}
         self._columns = tuple(columns.values())
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:

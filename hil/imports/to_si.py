@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array, Mask
-    from hil.imports.map_file import MapFile
+    from hil.imports.map_file import MapFile, Position, Torque, Velocity
     from hil.imports.tables import TimeUnit
     from hil.model.robot import Robot
 
@@ -149,7 +149,7 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
                     the_map.wrong(
                         ("joints", number, key, "unit"),
                         f"{part.unit} does not suit joint {number + 1} of {robot.name}, which is"
-                        f" {kind}; correct the unit, or the order of the joints",
+                        f" {kind}; correct the unit, or the order of the joints{_of_motor(part)}",
                     )
                 )
     moving = [joint.velocity is not None for joint in content.joints]
@@ -160,6 +160,14 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
         )
     if problems:
         raise FileError("\n".join(map(str, problems)))
+
+
+def _of_motor(part: Position | Velocity | Torque) -> str:
+    """What to state where turns are a motor's that moves a joint that slides."""
+    if not part.unit.startswith(("turns", "rev")):
+        return ""
+    counts = "counts/s" if part.unit.endswith("/s") else "counts"
+    return f"; for a motor's turns state {counts} with per_unit, m for one turn"
 
 
 class TimeColumns:

@@ -32,9 +32,13 @@ from hil.model.robot_file import EARTH, LINK_PARAMETERS, RobotFile, split_tie
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from hil.model.readers.urdf import UrdfChain
+
     Problem = tuple[tuple[str | int, ...], str]
 
 ROBOTS = Path(__file__).parents[1] / "robots"
+DESCRIPTIONS = (".urdf", ".xml", ".xacro")
+"""Endings of files that are read as a URDF."""
 _NEEDED = "is unknown; state it, since nothing moves without it"
 _TIE = re.compile(r"^\s*(\w+)\s*=\s*(\w+)\s*$")
 
@@ -199,7 +203,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         A file that cannot be used: one line for each problem, with its place.
     """
     path = Path(name_or_path)
-    if path.suffix == ".urdf":
+    if path.suffix.lower() in DESCRIPTIONS:
         return robot_from_urdf(path)
     is_path = path.suffix in {".yaml", ".yml"} or len(path.parts) > 1
     return Robot.from_file(path) if is_path else Robot.load(str(name_or_path))
@@ -226,7 +230,19 @@ def robot_from_urdf(
     FileError
         No URDF, no such link, or a chain with a joint that cannot be driven by itself.
     """
-    return parse_robot(robot_as_stated(read_urdf(path, base, tip), gravity), str(path))
+    chain = read_urdf(path, base, tip)
+    try:
+        return parse_robot(robot_as_stated(chain, gravity), str(path))
+    except FileError as error:
+        raise FileError(
+            "\n".join(_in_urdf(chain, line) for line in str(error).split("\n"))
+        ) from error
+
+
+def _in_urdf(chain: UrdfChain, problem: str) -> str:
+    """A problem of a robot file that was made of a URDF, at its line there."""
+    found = re.match(r".*?:\d+: joints\.(\d+)\.(\w+): (.*)", problem)
+    return f"{chain.joints[int(found[1])].place}: {found[2]}: {found[3]}" if found else problem
 
 
 def refuse_unknown(robot: Robot) -> None:
@@ -238,7 +254,7 @@ def refuse_unknown(robot: Robot) -> None:
         One line for each limit or value of a drive train that its file leaves unknown.
     """
     wrong = list(unknown_for_motion(robot))
-    if wrong and robot.source.endswith(".urdf"):
+    if wrong and robot.source.lower().endswith(DESCRIPTIONS):
         raise FileError(
             f"{robot.source}: a URDF states no gears, torque constants and accelerations, which"
             f" motions need; write a robot file from it with: hil robot new --urdf {robot.source}"
@@ -269,7 +285,8 @@ def _of_name(name: str) -> Path:
     if name not in available_robots():
         raise UnknownName(
             f"{name}: unknown robot{did_you_mean(name, available_robots())}; available:"
-            f" {', '.join(available_robots())}; or give the path of a robot file ending in .yaml"
+            f" {', '.join(available_robots())}; or give the path of a robot file ending in .yaml,"
+            " or of a URDF ending in .urdf"
         )
     return ROBOTS / f"{name}.yaml"
 

@@ -11,7 +11,7 @@ from hil.estimation.consistent.nearest import SHAPES
 from hil.export.exported import origin, write_exported
 from hil.export.formats import RECORDINGS, SIMULATORS, export_recordings, refuse_unknown
 from hil.export.formats import export as formatted
-from hil.export.urdf_file import bodies_of, given_urdf
+from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
 from hil.results.consistency import with_consistent_robot
 from hil.results.model import Model
 from hil.results.model_file import file_of
@@ -19,7 +19,7 @@ from hil.runs.pooling import pooled
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
 
     from hil.export.exported import Exported
     from hil.export.urdf_file import Given
@@ -99,9 +99,20 @@ def exported_model(
         Of its bodies, where they are to be found anew.
     """
     given = None if urdf is None else given_urdf(urdf, model.robot)
-    if to in SIMULATORS:
-        model = _with_bodies(model, source, given, bounds)
-    return model, formatted(model, to, origin(model, source), given)
+    about = origin(model, source)
+    if to not in SIMULATORS:
+        return model, formatted(model, to, about, given)
+    unused = () if given is None else tuple(_unused_inertials(given, model))
+    model = _with_bodies(model, source, given, bounds)
+    found = formatted(model, to, (*about, *unused), given)
+    return model, found._replace(remarks=(*unused, *found.remarks))
+
+
+def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
+    """Yield why a URDF's inertials are not used, where it states any."""
+    if given.reader.file.root.find("link/inertial") is not None:
+        for fault in inertial_faults(given, model.robot):
+            yield f"{fault}; until then {SHAPES} stand in for the inertials of all links"
 
 
 def exported_recordings(

@@ -156,13 +156,17 @@ def _spread(robot: Robot, link: int, thickness: float) -> Condition:
     return Condition(f"link {link + 1}", weights, np.zeros((4, 4)), link)
 
 
+def largest_radius(robot: Robot) -> float:
+    """Radius about its frame's origin within which a link's mass lies, root mean square [m]."""
+    return max(LARGEST, ROBOTS * reach_of(robot))
+
+
 def _bounded(robot: Robot, link: int, bounds: BodyBounds) -> Iterator[Condition]:
     """Scalar conditions on mass, size and centre of mass."""
     mass, least_and_most = np.eye(10)[_MASS], bounds.mass(link + 1)
     for sign, bound, word in zip((1.0, -1.0), least_and_most, ("least", "greatest"), strict=True):
         yield _scalar(robot, f"{word} mass of link {link + 1}", link, sign * mass, -sign * bound)
-    radius = max(LARGEST, ROBOTS * reach_of(robot))
-    size = radius**2 * mass - _HALF_TRACE
+    size = largest_radius(robot) ** 2 * mass - _HALF_TRACE
     yield _scalar(robot, f"size of link {link + 1}", link, size, 0.0)
     if link + 1 in bounds.centres:
         for sign, corner in zip((1.0, -1.0), bounds.centres[link + 1], strict=True):

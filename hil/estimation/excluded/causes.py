@@ -144,7 +144,8 @@ CAUSES = {
     "spring": Cause(
         "a torque grows with its position by", "{torque}/{position}", "{torque}/{position}", 0.0,
         "add it to springs in the robot file, or take away what pulls there (a cable, a hose, a"
-        " balancer)",
+        " balancer); or state couplings, where its motor turns with another joint as well (a"
+        " parallelogram drive)",
     ),
     "repeats": Cause(
         "a torque repeats with its position, of", "{torque}", "{torque}", 0.0,

@@ -35,12 +35,15 @@ from hil.least_squares.solving import condition, inverse, solved, undetermined
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.options import Options
     from hil.estimation.prior import Prior
     from hil.least_squares.regression import Covariance, Fit
+    from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
 
 FreeSolver = Literal["least squares", "positive", "instrumental"] | Solver
@@ -207,12 +210,55 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
     ------
     NotIdentifiable
     """
-    names, N = base_parameters(robot).names, pieces.normal.information
-    lost = (undetermined(N) | (np.diag(N) == 0))[: len(names)]
-    if lost.any():
-        listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
-        raise NotIdentifiable(
-            f"the recorded motions do not excite {listed}; add recordings in which more joints"
-            " move through more of their ranges, or state in the robot file which link parameters"
-            " are present, or take what is open from CAD (hil identify --prior cad=0.3 --urdf FILE)"
+    base, N = base_parameters(robot), pieces.normal.information
+    lost = _open(N, len(base))
+    if not lost:
+        return
+    rotors = {column: axis for axis, column in _rotors(robot).items() if column in lost}
+    rest = [k for k in range(len(N)) if k not in rotors]
+    still = [rest[k] for k in _open(N[np.ix_(rest, rest)], len(base) - len(rotors))]
+    reasons = [_of_slide(base, lost, axis, column) for column, axis in rotors.items()]
+    if len(still) == len(lost) - len(rotors):
+        reasons, still = [], lost
+    if still:
+        reasons.append(
+            f"the recorded motions do not excite {_listed(base, still)}; add recordings in which"
+            " more joints move through more of their ranges, or state in the robot file which link"
+            " parameters are present, or take what is open from CAD (hil identify --prior cad=0.3"
+            " --urdf FILE)"
         )
+    raise NotIdentifiable(". ".join(reasons))
+
+
+def _open(N: Array, n: int) -> list[int]:
+    """Of the first `n` unknowns those that normal equations leave open."""
+    return np.flatnonzero((undetermined(N) | (np.diag(N) == 0))[:n]).tolist()
+
+
+def _rotors(robot: Robot) -> dict[int, int]:
+    """Base parameters that are the unknown rotor inertia of a slide alone, by axis from 0."""
+    expressions = base_parameters(robot).expressions
+    stated = ((axis, f"Ia{axis + 1}") for axis in np.flatnonzero(~robot.revolute).tolist())
+    return {axis: expressions.index(name) for axis, name in stated if name in expressions}
+
+
+def _listed(base: BaseParameters, columns: Sequence[int]) -> str:
+    return ", ".join(base.names[column] for column in columns)
+
+
+def _of_slide(base: BaseParameters, lost: Sequence[int], axis: int, column: int) -> str:
+    """Why the rotor inertia of a slide cannot be told from the mass that it moves.
+
+    With the part g of gravity along a slide of constant direction its force is
+    m (qdd + g) + Ia qdd + offset: Ia may be any value, m less by as much and the offset more by g
+    of it.
+    """
+    others = [k for k in lost if k != column]
+    return (
+        f"no recording tells the rotor inertia of axis {axis + 1} ({base.names[column]}) from the"
+        f" mass that it moves (in {_listed(base, others)}): on a slide gravity is a constant force,"
+        f" as the offset of friction is. State the rotor_inertia of joint {axis + 1} in the robot"
+        " file (the robot.yaml of the run folder is one), as in drive: {gear_ratio: 1,"
+        " rotor_inertia: 0, torque_constant: unknown}. With 0 the mass has it in it and the offset"
+        " its weight, and torques are the same"
+    )

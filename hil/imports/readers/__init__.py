@@ -31,9 +31,9 @@ KNOWN = (*TEXT, ".csv.gz", *ARRAYS, ".mat", *HDF5, *PARQUET, *BAGS)
 _READERS = (
     (BAGS, "joint_states", "JointStates"),
     (ARRAYS, "arrays", "open_arrays"),
-    ((".mat",), "arrays", "open_matlab"),
+    ((".mat",), "matlab", "open_matlab"),
     (HDF5, "arrays", "open_hdf5"),
-    (PARQUET, "arrays", "open_parquet"),
+    (PARQUET, "parquet", "open_parquet"),
     (TEXT, "text", "open_text"),
 )
 """Endings, and the module and what in it makes a table of such files."""
@@ -48,8 +48,23 @@ def open_table(path: Path, layout: Format) -> Table:
         It cannot be read, is of no known format, or its package is not installed.
     """
     with sound(path):
+        path = _sole_bag(path)
         _refuse_unreadable(path)
         return SoundTable(_reader(path)(path, layout))
+
+
+def _sole_bag(path: Path) -> Path:
+    """Return the only bag in a folder without metadata.yaml, which a killed recorder leaves out."""
+    if not path.is_dir() or (path / "metadata.yaml").exists():
+        return path
+    bags = sorted(each for each in path.iterdir() if each.suffix in BAGS)
+    if len(bags) > 1:
+        names = ", ".join(str(path / each.name) for each in bags)
+        raise FileError(
+            f"{path}: is a folder without the metadata.yaml of rosbag2, as a killed recorder leaves"
+            f" it; name its files in their order: {names}"
+        )
+    return bags[0] if bags else path
 
 
 def _refuse_unreadable(path: Path) -> None:
@@ -64,7 +79,10 @@ def _refuse_unreadable(path: Path) -> None:
             raise FileError(f"{path}: is a pipe or a device, which is read but once; save a file")
         with path.open("rb") as file:
             if not file.read(1):
-                raise FileError(f"{path}: is empty; name a file with a recording")
+                raise FileError(
+                    f"{path}: is empty (0 bytes); copy or download it again, or name a file with a"
+                    " recording"
+                )
 
 
 def _reader(path: Path) -> Callable[[Path, Format], Table]:
@@ -101,6 +119,7 @@ class SoundTable:
     def __init__(self, table: Table) -> None:
         self._table = table
         self.path, self.names, self.time = table.path, table.names, table.time
+        self.left_out, self.notes = table.left_out, table.notes
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""

@@ -1,7 +1,7 @@
-"""Files of arrays: NumPy's .npy and .npz, HDF5, MATLAB before and since 7.3, Parquet.
+"""Files of arrays: NumPy's .npy and .npz, and HDF5.
 
 A .npy is mapped into memory, a .npz unpacked array by array; HDF5 is read from the disk in slices,
-a dataset by its path, in MATLAB's files ``data.q``, a field of a structure.
+a dataset by its path.
 
 The longer side of an array of two dimensions is time; its columns are ``name/1``, ``name/2`` and so
 on, ``1``, ``2`` in a .npy. Fields of a structured array are columns by their names.
@@ -16,15 +16,13 @@ import h5py
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.tables import ROWS, ArrayTable
-from hil.optional_packages import needed_for
+from hil.imports.tables import ArrayTable, listed
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from hil.arrays import Array
     from hil.imports.map_file import Format
 
     Columns = dict[str, tuple[int, Callable[[slice], object]]]
@@ -32,46 +30,72 @@ if TYPE_CHECKING:
 
 def open_arrays(path: Path, _: Format) -> ArrayTable:
     """Open arrays of NumPy; errors are those of `hil.imports.readers.open_table`."""
+    left_out: dict[str, str] = {}
     try:
         with file_errors(path, "read"):
             loaded = np.load(path, mmap_mode="r", allow_pickle=False)
             if isinstance(loaded, np.ndarray):
                 return table_of(path, {"": loaded})
             with loaded:
-                arrays = dict(_unpacked(loaded))
+                arrays = dict(_unpacked(loaded, left_out))
     except (ValueError, EOFError, zipfile.BadZipFile) as error:
         raise FileError(f"{path}: is no file of NumPy's arrays: {error}") from error
-    return table_of(path, arrays)
+    return table_of(path, arrays, left_out)
 
 
-def table_of(path: Path, arrays: dict[str, Any]) -> ArrayTable:
+def table_of(
+    path: Path, arrays: dict[str, Any], left_out: dict[str, str] | None = None
+) -> ArrayTable:
     """Make a table of named arrays, or what can be sliced like such.
+
+    Parameters
+    ----------
+    path : Path
+    arrays : dict of str to array
+    left_out : dict of str to str, optional
+        What is no such array, and why.
 
     Raises
     ------
     FileError
         No columns of numbers are among them.
     """
-    columns = dict(column for name, array in arrays.items() for column in _columns(name, array))
+    left_out = dict(left_out or {})
+    columns = dict(
+        column for name, array in arrays.items() for column in _columns(name, array, left_out)
+    )
     if not columns:
-        raise FileError(f"{path}: holds no arrays of one or two dimensions with numbers")
-    return ArrayTable(path, columns)
+        raise FileError(
+            f"{path}: holds no arrays of one or two dimensions with numbers{listed(left_out)}"
+        )
+    return ArrayTable(path, columns, left_out)
 
 
-def _unpacked(archive: Any) -> Iterator[tuple[str, np.ndarray]]:
+def _no_columns(array: Any) -> str:
+    """What an array is that has no columns."""
+    shape = " x ".join(map(str, array.shape))
+    if array.dtype.kind in "fiub":
+        return f"an array of {shape} numbers" if array.shape else "a single number"
+    return f"an array of {shape} values of type {array.dtype}, not of numbers"
+
+
+def _unpacked(archive: Any, left_out: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
     for name in archive.files:
         try:
             yield name, archive[name]
-        except ValueError:  # objects, which are never unpickled
-            continue
+        except ValueError:
+            left_out[name] = "an array of Python's objects, which are never unpickled"
 
 
-def _columns(name: str, array: Any) -> Iterator[tuple[str, tuple[int, Callable[[slice], object]]]]:
+def _columns(
+    name: str, array: Any, left_out: dict[str, str]
+) -> Iterator[tuple[str, tuple[int, Callable[[slice], object]]]]:
     if array.dtype.names:
         for field in array.dtype.names:
-            yield from _columns(f"{name}/{field}".lstrip("/"), _Field(array, field))
+            yield from _columns(f"{name}/{field}".lstrip("/"), _Field(array, field), left_out)
         return
     if array.dtype.kind not in "fiub" or not 1 <= array.ndim <= 2 or not all(array.shape):
+        left_out[name or "1"] = _no_columns(array)
         return
     if array.ndim == 1 or 1 in array.shape:
         flat = array.ndim == 1
@@ -107,102 +131,26 @@ class _Field:
 
 def open_hdf5(path: Path, _: Format) -> ArrayTable:
     """Open a file of HDF5."""
-    return table_of(path, datasets_of(path, "/"))
-
-
-def datasets_of(path: Path, separator: str) -> dict[str, Any]:
-    """All datasets, by the names of their groups and their own, joined by `separator`."""
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise FileError(f"{path}: is no file of HDF5, or is damaged: {reason}") from error
     found: dict[str, Any] = {}
 
     def take(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
-            found[name.replace("/", separator)] = item
+        if isinstance(item, h5py.Dataset):
+            found[name] = item
 
-    file.visititems(take)
-    return found
-
-
-def open_matlab(path: Path, _: Format) -> ArrayTable:
-    """Open a file of MATLAB, before or since 7.3."""
-    with file_errors(path, "read"):
-        since_7_3 = h5py.is_hdf5(path)
-    return table_of(path, datasets_of(path, ".") if since_7_3 else _variables(path))
+    hdf5_of(path).visititems(take)
+    return table_of(path, found)
 
 
-def _variables(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat  # noqa: PLC0415 - needed for nothing else
-    from scipy.io.matlab import MatReadError  # noqa: PLC0415
+def hdf5_of(path: Path) -> h5py.File:
+    """Open HDF5, for as long as its datasets are in use.
 
+    Raises
+    ------
+    FileError
+        It is none, or is damaged.
+    """
     try:
-        with file_errors(path, "read"):
-            with path.open("rb") as file:
-                named = any(file.read(20))
-            # zeros are variables without a name, which older readers skip one by one for ever
-            loaded = loadmat(path, simplify_cells=True) if named else None
-    except (ValueError, TypeError, NotImplementedError, KeyError, MatReadError) as error:
-        raise FileError(f"{path}: is no file of MATLAB, or is damaged: {error}") from error
-    if loaded is None:
-        raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
-    return dict(_flat({k: v for k, v in loaded.items() if not k.startswith("__")}, ""))
-
-
-def _flat(values: dict[str, Any], within: str) -> Iterator[tuple[str, np.ndarray]]:
-    for name, value in values.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{within}{name}.")
-        elif isinstance(value, np.ndarray):
-            yield f"{within}{name}", value
-
-
-class ParquetTable:
-    """A table of Parquet; see `hil.imports.tables.Table`. Instants become nanoseconds."""
-
-    time: tuple[int, ...] = ()
-
-    def __init__(self, path: Path, file: Any) -> None:
-        self.path = path
-        self._file = file
-        self.names: tuple[str, ...] = tuple(file.schema_arrow.names)
-
-    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
-        """Read columns block by block."""
-        names = [self.names[index] for index in columns]
-        for name in names:
-            self._refuse_no_numbers(name)
-        for batch in self._file.iter_batches(ROWS, columns=list(dict.fromkeys(names))):
-            yield np.stack([_numbers(batch.column(name)) for name in names], axis=1)
-
-    def _refuse_no_numbers(self, name: str) -> None:
-        from pyarrow import types  # noqa: PLC0415 - optional
-
-        kind = self._file.schema_arrow.field(name).type
-        known = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal)
-        if not any(check(kind) for check in (*known, types.is_timestamp)):
-            raise FileError(
-                f"{self.path}: column {name} holds {kind}, not numbers; choose another column"
-            )
-
-
-def open_parquet(path: Path, _: Format) -> ParquetTable:
-    """Open a file of Parquet."""
-    with needed_for(path):
-        from pyarrow import ArrowException  # noqa: PLC0415 - optional
-        from pyarrow.parquet import ParquetFile  # noqa: PLC0415
-    try:
-        with file_errors(path, "read"):
-            return ParquetTable(path, ParquetFile(path, memory_map=True))
-    except ArrowException as error:
-        raise FileError(f"{path}: is no file of Parquet, or is damaged: {error}") from error
-
-
-def _numbers(column: Any) -> Array:
-    import pyarrow as pa  # noqa: PLC0415 - optional
-
-    if pa.types.is_timestamp(column.type):
-        column = column.cast(pa.timestamp("ns")).cast(pa.int64())
-    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+        return h5py.File(path, "r")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileError(f"{path}: is no file of HDF5, or is damaged: {reason}") from error

@@ -4,6 +4,9 @@ A message names its joints, in any order and not always all of them; so columns 
 ``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The columns ``sec`` and ``nanosec`` are
 the stamp of the message's header, ``time`` is the same in ns, and ``received`` the bag's own in ns.
 
+Messages that name no joints have their numbers instead: ``position/1``. An MCAP file without its
+end is read as far as it goes (`cut_mcap`).
+
 Messages of one layout are read at once (`joint_state_layout`), others one by one by rosbags.
 """
 
@@ -16,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.imports.readers.cut_mcap import CutMcap, lacks_end
 from hil.imports.readers.joint_state_layout import PARTS, OtherLayout, layout_of
 from hil.imports.tables import ROWS
 from hil.optional_packages import needed_for
@@ -36,6 +40,12 @@ if TYPE_CHECKING:
 TYPE = "sensor_msgs/msg/JointState"
 LAYOUTS = 32
 """Layouts of messages that are looked for in one recording; more are read one by one."""
+_MENDED = {
+    ".mcap": "mcap recover FILE.mcap -o MENDED.mcap",
+    ".bag": "rosbag reindex FILE.bag",
+    ".db3": "sqlite3 FILE.db3 .recover | sqlite3 MENDED.db3",
+}
+"""Commands that mend a damaged file, by its ending."""
 _TIMES = ("time", "received", "sec", "nanosec")
 
 
@@ -48,6 +58,13 @@ class JointStates:
         self.path = path
         self._topic = _topic_of(path, layout.topic)
         self.names = (*_TIMES, *self._joints())
+        present = {name.partition("/")[0] for name in self.names}
+        self.left_out: Mapping[str, str] = {
+            part: f"without values in all messages as {self._topic}"
+            for part in PARTS
+            if part not in present
+        }
+        self.notes = tuple(self._notes())
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block; messages with none of the joints asked for are no rows."""
@@ -67,14 +84,27 @@ class JointStates:
             for _, data in islice(self._raw(reader), 201):
                 message = reader.deserialize(data, TYPE)
                 for part in PARTS:
-                    if len(getattr(message, part)) == len(message.name):
-                        names |= {f"{part}/{joint}": None for joint in message.name}
+                    joints = message.name or _numbers(len(getattr(message, part)))
+                    if len(getattr(message, part)) == len(joints):
+                        names |= {f"{part}/{joint}": None for joint in joints}
         return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
+
+    def _notes(self) -> Iterator[str]:
+        columns = self.names[len(_TIMES) :]
+        if columns and all(column.partition("/")[2].isdigit() for column in columns):
+            yield f"its messages name no joints: columns are {columns[0]} and so on, in their order"
+        if self.path.is_file() and lacks_end(self.path):
+            yield "it has no end, as after a recorder was killed: all whole messages are read"
 
     def _raw(self, reader: Any) -> Iterator[tuple[int, bytes]]:
         here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]
         for _, received, data in reader.messages(here):
             yield received, data
+
+
+def _numbers(n: int) -> tuple[str, ...]:
+    """Names of joints that have none."""
+    return tuple(str(number + 1) for number in range(n))
 
 
 def _topic_of(path: Path, stated: str | None) -> str:
@@ -85,6 +115,8 @@ def _topic_of(path: Path, stated: str | None) -> str:
             topics = [t for t in topics if _has_efforts(reader, t)] or topics
     if not topics:
         has = f"its topics are {', '.join(others)}" if others else "it has no topics"
+        if isinstance(reader, CutMcap):
+            has = f"it has no end, as after a recorder was killed, and in what is whole {has}"
         raise FileError(f"{path}: has no topic of {TYPE}; {has}")
     if stated is None and len(topics) > 1:
         raise FileError(
@@ -111,8 +143,12 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     try:
         with file_errors(path, "read"):
-            reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
-            reader.open()
+            store, reader = get_typestore(Stores.LATEST), None  # type: Any, Any
+            if path.is_file() and lacks_end(path):
+                reader = CutMcap(path, store)
+            else:
+                reader = AnyReader([path], default_typestore=store)
+                reader.open()
         try:
             yield reader
         finally:
@@ -120,9 +156,10 @@ def _opened(path: Path) -> Iterator[Any]:
     except (OSError, FileError):
         raise
     except Exception as error:
+        mended = _MENDED.get(path.suffix, _MENDED[".db3"])
         raise FileError(
-            f"{path}: cannot be read as a bag: {error or type(error).__name__}; a recorder that"
-            " was killed may leave one without its end: reindex it"
+            f"{path}: cannot be read as a bag: {error or type(error).__name__}; what a recorder"
+            f" that was killed left of it may be mended: {mended}"
         ) from error
 
 
@@ -205,6 +242,8 @@ class Rows:
         values: Mapping[str, Array] | NDArray[np.void],
     ) -> bool:
         """Fill the rows of messages with the same names; return whether any joint is wanted."""
+        if not names:
+            names = _numbers(max(values[part].shape[1] for part in PARTS))
         if names not in self._places:
             self._places[names] = self._find(names)
         places = self._places[names]

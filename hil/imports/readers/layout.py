@@ -21,7 +21,25 @@ _COMMENTS = ("%", "#", "//")
 _LOOKED_AT = 30
 _UNITS = {
     *("", "-", "1", "%", "s", "ms", "us", "µs", "ns", "min", "rad", "deg", "°", "m", "mm"),
-    *("rad/s", "deg/s", "°/s", "rpm", "1/min", "m/s", "mm/s", "nm", "n*m", "n.m", "n", "a", "ma"),
+    *(
+        "rad/s",
+        "deg/s",
+        "°/s",
+        "rpm",
+        "1/min",
+        "turns",
+        "rev",
+        "turns/s",
+        "rev/s",
+        "m/s",
+        "mm/s",
+        "nm",
+        "n*m",
+        "n.m",
+        "n",
+        "a",
+        "ma",
+    ),
     *("v", "mv", "counts", "inc", "counts/s", "inc/s", "rad/s^2", "rad/s2", "m/s^2", "m/s2"),
 }
 _IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")

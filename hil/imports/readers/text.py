@@ -13,6 +13,7 @@ import io
 import warnings
 import zlib
 from contextlib import contextmanager, suppress
+from types import MappingProxyType
 from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -22,7 +23,7 @@ from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, 
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -40,6 +41,8 @@ class TextTable:
     """A table as text; see `hil.imports.tables.Table`."""
 
     time: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, path: Path, layout: Layout) -> None:
         self.path = path

@@ -4,7 +4,12 @@ Read is what the kinematics needs; fixed joints are merged with the next moving 
 the chain are left out. Angles that are a rounded multiple of a quarter turn (1.5708) count as that
 multiple: axes that are nearly parallel or square have other base parameters than those that are.
 
-The format: wiki.ros.org/urdf/XML. A xacro file is expanded first.
+The format: wiki.ros.org/urdf/XML. A xacro file is to be expanded first: what its elements and
+expressions stand for is in no part of the file, so either refuses the whole.
+
+Links form a tree, each joint with a motor of its own. A loop of links, a link with two parents and
+a joint that mimics another one are refused. A parallelogram drive is a serial chain all the same:
+its motor turns with two joints, which `couplings` of a robot file state.
 """
 
 from __future__ import annotations
@@ -32,6 +37,14 @@ ROUNDED = 1e-3
 MOST_JOINTS = 30
 """Of a chain: more is no robot, and takes forever."""
 MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+OTHER_TYPES = ("fixed", "floating", "planar")
+"""Types of joints that a URDF may state besides."""
+PARALLELOGRAM = (
+    "loops are not modelled. A parallelogram drive is a serial chain whose motor turns with two"
+    " joints: leave its crank and rod out, and state couplings in a robot file, such as couplings:"
+    " [{motor: 3, joint: 2, ratio: 1}]"
+)
+XACRO = "a URDF is expanded xacro: write one with: xacro FILE.xacro -o FILE.urdf"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,11 +82,14 @@ class UrdfJoint(LimitedJoint):
         Its frame in that of the joint before (the first one's: in the base link) at q = 0.
     axis : ndarray, shape (3,)
         Unit vector in its frame.
+    place : str
+        File and line of its limits, and its name, for messages.
     """
 
     link: str
     before: Array
     axis: Array
+    place: str = ""
 
     def motion(self, q: float) -> Array:
         """Transform of its displacement by `q`, shape (4, 4)."""
@@ -157,6 +173,7 @@ class UrdfReader:
         root = self.file.root
         if root.tag != "robot":
             raise self.file.wrong(root, f"<{root.tag}> must be <robot>: this is no URDF")
+        self._refuse_xacro()
         self.links = self.file.named("link")
         self._edges = {name: self._edge(each) for name, each in self.file.named("joint").items()}
         self.below: dict[str, list[UrdfEdge]] = {}
@@ -165,7 +182,9 @@ class UrdfReader:
             if edge.child in self.above:
                 other = self.above[edge.child].element.get("name")
                 raise self.file.wrong(
-                    edge.element, f"link {edge.child!r} is the child of joint {other!r} already"
+                    edge.element,
+                    f"link {edge.child!r} is the child of joint {other!r} already, and joint"
+                    f" {edge.element.get('name')!r} closes a loop; {PARALLELOGRAM}",
                 )
             self.above[edge.child] = edge
             self.below.setdefault(edge.parent, []).append(edge)
@@ -208,7 +227,11 @@ class UrdfReader:
             edges.insert(0, self.above[here])
             here = edges[0].parent
             if len(edges) > len(self.links):
-                raise FileError(f"{self._path}: link {here!r} is above itself; joints must not")
+                raise self.file.wrong(
+                    edges[0].element,
+                    f"link {here!r} is above itself: joint {edges[0].element.get('name')!r} closes"
+                    f" a loop; {PARALLELOGRAM}",
+                )
         if base is not None and here != base:
             raise FileError(
                 f"{self._path}: {tip!r} does not hang on {base!r} but on {here!r}; name a link"
@@ -220,7 +243,7 @@ class UrdfReader:
 
     def _longest(self, base: str | None) -> list[UrdfEdge]:
         """Edges of the chain with most moving joints; it ends at the last of them."""
-        chains = {}
+        chains, following = {}, []
         for tip in self.links:
             above = self.above.get(tip)
             if above is None or above.element.get("type") not in MOVING:
@@ -230,26 +253,57 @@ class UrdfReader:
                 starts = [k for k, edge in enumerate(edges) if edge.parent == base]
                 edges = edges[starts[0] :] if starts else []
             own = [e for e in edges if e.element.get("type") in MOVING]
-            if own and not any(e.element.find("mimic") is not None for e in own):
+            mimics = [e.element for e in own if e.element.find("mimic") is not None]
+            if mimics:
+                following.append((len(own) - len(mimics), mimics[0]))
+            elif own:
                 chains[tip] = (len(own), edges)
+        most = max((n for n, _ in chains.values()), default=0)
+        for n, mimic in following:
+            if n > most or not chains:
+                raise self._mimics(mimic)
         if not chains:
-            raise FileError(f"{self._path}: no chain of joints that move; is it expanded xacro?")
-        most = max(n for n, _ in chains.values())
+            raise FileError(
+                f"{self._path}: no chain of joints that move: it has {len(self._edges)} joints,"
+                f" none of them {', '.join(MOVING)}"
+            )
         best = [tip for tip, (n, _) in chains.items() if n == most]
         if len(best) > 1:
             raise FileError(
                 f"{self._path}: {len(best)} chains have {most} moving joints, to"
-                f" {', '.join(best)}; choose one with --to"
+                f" {', '.join(best)}; choose one with --to. If they meet in one body:"
+                f" {PARALLELOGRAM}"
             )
         return chains[best[0]][1]
+
+    def _mimics(self, element: Element) -> FileError:
+        """Return the error that a joint of the chain follows another one."""
+        mimic = element.find("mimic")
+        other = None if mimic is None else mimic.get("joint")
+        return self.file.wrong(
+            element,
+            f"joint {element.get('name')!r} mimics another one, {other!r}, and has no motor of its"
+            " own, which is not modelled: end the chain before it with --to. If a motor turns it,"
+            " remove <mimic>; if that motor turns with two joints, as in a parallelogram drive,"
+            " state couplings in a robot file, too",
+        )
+
+    def _refuse_xacro(self) -> None:
+        """Refuse elements and expressions of xacro anywhere in the file."""
+        for element in self.file.root.iter():
+            if element.tag.startswith("xacro:"):
+                raise self.file.wrong(element, f"<{element.tag}> is not expanded; {XACRO}")
+            for key, value in element.items():
+                if "${" in value or "$(" in value:
+                    raise self.file.wrong(
+                        element, f"{key} {value!r} of <{element.tag}> is not expanded; {XACRO}"
+                    )
 
     def _joint(self, edge: UrdfEdge, before: Array) -> UrdfJoint:
         element = edge.element
         name, stated = element.get("name", ""), element.get("type", "")
         if element.find("mimic") is not None:
-            raise self.file.wrong(
-                element, f"joint {name!r} mimics another one; end the chain before it with --to"
-            )
+            raise self._mimics(element)
         if stated not in MOVING:
             raise self.file.wrong(
                 element,
@@ -265,7 +319,9 @@ class UrdfReader:
             raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
+        at = self.file.line(element if limit is None else limit)
         return UrdfJoint(
+            place=f"{self._path}:{at}: joint {name!r}",
             name=name,
             link=edge.child,
             type="prismatic" if stated == "prismatic" else "revolute",
@@ -309,6 +365,11 @@ class UrdfReader:
         return exact
 
     def _edge(self, element: Element) -> UrdfEdge:
+        name, stated = element.get("name"), element.get("type")
+        if stated not in (known := (*MOVING, *OTHER_TYPES)):
+            raise self.file.wrong(
+                element, f"joint {name!r}: type {stated!r} must be one of {', '.join(known)}"
+            )
         ends = []
         for tag in ("parent", "child"):
             found = element.find(tag)

@@ -91,6 +91,17 @@ def test_a_urdfs_inertials_complete_what_the_motion_does_not_excite(
     assert set(model.prior.replaced) < set(model.names)
 
 
+def test_a_prior_of_inertials_that_no_body_has_is_refused_by_line_and_link(
+    hil: Hil, half_still: tuple[Path, Path]
+) -> None:
+    folder, stated = half_still
+    stated.write_text(stated.read_text().replace('ixx="0.2"', 'ixx="-0.2"'))
+    status, _, refused = hil("identify", folder, "--prior", "cad=0.3", "--urdf", stated)
+    assert status != 0
+    assert "head.urdf:3: link 'link1': principal moments of inertia" in refused
+    assert "head.urdf:5: link 'link2': principal moments of inertia" in refused
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [

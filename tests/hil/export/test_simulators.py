@@ -22,6 +22,7 @@ from hil.model.motors import motor_torque
 from hil.model.readers.urdf import UrdfReader
 from hil.model.robot import Robot, load_robot, robot_from_urdf
 from hil.results.consistency import with_consistent_robot
+from hil.tasks.exporting import exported_model
 
 pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
 
@@ -199,6 +200,15 @@ def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(a
     np.testing.assert_allclose(bodies, model.consistent.bodies, rtol=1e-9, atol=1e-12)
     assert "the body of link4 is that of tool too" in text
     assert "what joints grip carry keeps its inertials" in text
+
+
+def test_what_is_wrong_with_inertials_of_a_given_urdf_is_remarked_and_stands_in_the_file(arm):
+    model, _, path = arm
+    path.write_text(path.read_text().replace('<mass value="3"/>', '<mass value="-3"/>'))
+    _, exported = exported_model(model, "urdf", path, path)
+    (remark,) = (each for each in exported.remarks if "link3" in each)
+    assert "arm.urdf:8: link 'link3': mass -3 kg must be positive; until then" in remark
+    assert remark in " ".join(next(iter(exported.files.values())).split())
 
 
 @pytest.mark.parametrize("name", ["urdf", "mjcf"])

@@ -103,7 +103,37 @@ def test_text_in_a_column_is_no_column_of_numbers(tmp_path):
     (tmp_path / "a.csv").write_text("t,mode,q\n" + "".join(f"{k},run,{k}\n" for k in range(50)))
     text = draft_map(tmp_path / "a.csv", "a.csv")
     assert "#   3 q: 0 to 49, rising" in text
-    assert "mode" not in text
+    assert "# Left out:\n#   mode: 'run' in column 2 (mode), row 1, is no number\n" in text
+    assert text.count("mode") == 2
+
+
+def test_columns_without_a_number_are_left_out_by_name(tmp_path):
+    columns = table(2.0)
+    write_csv(tmp_path / "a.csv", {**columns, "m2": np.full(len(columns["t"]), np.nan)})
+    text = draft_map(tmp_path / "a.csv", "a.csv")
+    assert "#   m2: no number in any of its first 401 rows" in text
+
+
+def test_episodes_whose_stamps_begin_anew_are_segments(tmp_path):
+    columns = {name: np.tile(x, 3) for name, x in table(2.0).items()}
+    write_csv(tmp_path / "a.csv", {"episode": np.repeat(np.arange(3.0), 401), **columns})
+    found = drafted(tmp_path / "a.csv")
+    assert found["time"] == {"column": "t", "unit": "? s if 200 Hz"}
+    assert found["rows"] == [[1, 401], [402, 802], [803, 1203]]
+
+
+def test_list_columns_of_a_data_set_for_learning_are_joints(tmp_path):
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    q = pa.array([[k * 0.1, -k * 0.2] for k in range(300)], pa.list_(pa.float32(), 2))
+    columns = {"observation.state": q, "observation.effort": q, "action": q, "task": ["lift"] * 300}
+    parquet.write_table(pa.table({**columns, "timestamp": np.arange(300) / 30}), tmp_path / "a.pq")
+    found = drafted(tmp_path / "a.pq")
+    assert [[part["column"] for part in joint.values()] for joint in found["joints"]] == [
+        [f"observation.state/{j}", f"observation.effort/{j}"] for j in (1, 2)
+    ]
+    text = draft_map(tmp_path / "a.pq", "a.pq")
+    assert "#   task: a column of string, not of numbers" in text
+    assert "action/2: " in text
 
 
 @pytest.mark.parametrize(

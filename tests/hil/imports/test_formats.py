@@ -1,6 +1,7 @@
 """A recording is the same, to the last bit, from whatever file it comes."""
 
 import gzip
+import struct
 
 import h5py
 import numpy as np
@@ -12,7 +13,7 @@ from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
 from hil.imports.readers.text import TextTable
-from hil.imports.tables import column_of
+from hil.imports.tables import NoColumn, column_of
 from hil.optional_packages import remedy
 
 COLUMNS = table(4.0)
@@ -215,6 +216,160 @@ def test_blocks_end_anywhere(tmp_path, monkeypatch, name):
     blocks = list(found.blocks([6, 0]))
     assert len(blocks) > 20
     np.testing.assert_array_equal(np.concatenate(blocks)[:, 0], COLUMNS["m2"])
+
+
+Q = np.stack([COLUMNS["q1"], COLUMNS["q2"]], axis=1)
+
+
+def read(path, *names):
+    found = open_table(path, Format())
+    return np.concatenate(list(found.blocks([column_of(found, name) for name in names])))
+
+
+@pytest.mark.parametrize("kind", ["fixed", "list", "large", "structure"])
+def test_lists_of_parquet_are_a_column_for_each_element(tmp_path, kind):
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    of = {"fixed": pa.list_(pa.float64(), 2), "large": pa.large_list(pa.float64())}
+    values = pa.array(Q.tolist(), of.get(kind, pa.list_(pa.float64())))
+    if kind == "structure":
+        values = pa.array([{"state": row, "note": "so"} for row in Q.tolist()])
+    parquet.write_table(pa.table({"x": values, "t": COLUMNS["t"]}), tmp_path / "a.parquet")
+    begin = "x.state" if kind == "structure" else "x"
+    found = read(tmp_path / "a.parquet", f"{begin}/2", "t", f"{begin}/1")
+    np.testing.assert_array_equal(found, np.stack([Q[:, 1], COLUMNS["t"], Q[:, 0]], axis=1))
+    assert column_of(open_table(tmp_path / "a.parquet", Format()), 2) == 1
+    with pytest.raises(FileError, match=r"column x holds .*; name one of x.*/1 to x.*/2"):
+        read(tmp_path / "a.parquet", "x")
+
+
+def test_lists_of_parquet_that_end_early_or_are_missing_lack_numbers(tmp_path):
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    rows = {
+        "x": [None, [1.0, 2.0], [3.0], None, [4.0, 5.0, 6.0], []],
+        "one": [[k] for k in range(6)],
+    }
+    rows["image"] = [[0] * 1000] * 6
+    parquet.write_table(pa.table(rows), tmp_path / "a.parquet")
+    n = np.nan
+    np.testing.assert_array_equal(
+        read(tmp_path / "a.parquet", "x/1", "x/2", "one"),
+        [[n, n, 0], [1, 2, 1], [3, n, 2], [n, n, 3], [4, 5, 4], [n, n, 5]],
+    )
+    found = open_table(tmp_path / "a.parquet", Format())
+    assert found.left_out == {"image": "lists of 1000 numbers, of 1 to 300 that are read"}
+
+
+def structures():
+    """A scope with two inputs, cells of columns, and structures that a loop appended."""
+    signals = np.zeros((1, 2), dtype=[("values", object), ("label", object)])
+    for k in range(2):
+        signals[0, k] = (Q[:, k : k + 1], f"input {k}")
+    cells, several = np.empty((1, 2), object), np.zeros((1, N), [("t", object), ("q", object)])
+    cells[0, 0], cells[0, 1] = Q[:, 0], Q[:, 1]
+    for k in range(N):
+        several[0, k] = (COLUMNS["t"][k], Q[k])
+    return {"scope": {"time": COLUMNS["t"], "signals": signals}, "q": cells, "log": several}
+
+
+def test_structures_and_cells_of_matlab_are_columns(tmp_path):
+    from scipy.io import savemat
+
+    savemat(tmp_path / "a.mat", structures() | {"dt": 0.005, "empty": np.zeros((0, 0))})
+    names = ("scope.signals(2).values", "q{2}", "log.q/2")
+    np.testing.assert_array_equal(read(tmp_path / "a.mat", *names), np.tile(Q[:, 1:], 3))
+    np.testing.assert_array_equal(read(tmp_path / "a.mat", "log.t")[:, 0], COLUMNS["t"])
+    left_out = open_table(tmp_path / "a.mat", Format()).left_out
+    assert left_out["dt"] == "a single number"
+    assert left_out["scope.signals(1).label"] == "text"
+    assert left_out["empty"] == "an array of 0 x 0 numbers"
+
+
+def test_structures_and_cells_of_matlab_7_3_are_columns(tmp_path):
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+
+        def put(name, value, kind="double"):
+            file[name] = value
+            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
+            return file[name].ref
+
+        def refer(name, references, kind=None):
+            file.create_dataset(name, data=np.array(references)[:, None], dtype=h5py.ref_dtype)
+            if kind:
+                file[name].attrs["MATLAB_class"] = np.bytes_(kind)
+
+        columns = [put(f"#refs#/a{k}", Q[None, :, k]) for k in range(2)]
+        refer("q", columns, "cell")
+        refer("scope/values", columns)
+        refer("log/q", [put(f"#refs#/b{k}", Q[k][:, None]) for k in range(N)])
+        put("name", np.frombuffer(b"so", np.uint8).astype(np.uint16)[:, None], "char")
+        for name, attribute in (("none", "MATLAB_empty"), ("T", "MATLAB_object_decode")):
+            put(name, np.array([0, 0], np.uint64), "table" if name == "T" else "double")
+            file[name].attrs[attribute] = 1
+        file["outside"] = h5py.ExternalLink("other.mat", "/q")
+    names = ("scope(2).values", "q{2}", "log.q/2")
+    np.testing.assert_array_equal(read(tmp_path / "a.mat", *names), np.tile(Q[:, 1:], 3))
+    found = open_table(tmp_path / "a.mat", Format())
+    assert found.left_out["none"] == "empty, a double without values"
+    assert found.left_out["name"] == "text"
+    assert "writetable(T, 'FILE.csv')" in found.left_out["T"]
+    assert not {"T", "none", "name"} & set(found.names)
+    with pytest.raises(NoColumn, match=r"no column 'T\.q1': T is a table of MATLAB, an object"):
+        column_of(found, "T.q1")
+
+
+@pytest.mark.parametrize("kind", ["table", "timetable", "timeseries", "datetime"])
+def test_objects_of_matlab_are_named_with_their_class_and_how_to_save_them(tmp_path, kind, capfd):
+    """Two objects as MATLAB writes these before 7.3, beside each other."""
+
+    def element(type_, data):
+        return struct.pack("<II", type_, len(data)) + data.ljust(-(-len(data) // 8) * 8, b"\0")
+
+    def opaque(name):
+        number = struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1)
+        array = element(
+            14,
+            element(6, struct.pack("<II", 13, 0))
+            + element(5, struct.pack("<ii", 6, 1))
+            + element(1, b"")
+            + element(6, number),
+        )
+        parts = [
+            element(6, struct.pack("<II", 17, 0)),
+            element(1, name),
+            element(1, b"MCOS"),
+            element(1, kind.encode()),
+            array,
+        ]
+        return element(14, b"".join(parts))
+
+    header = b"MATLAB 5.0 MAT-file".ljust(124, b" ") + struct.pack("<HH", 0x0100, 0x4D49)
+    (tmp_path / "a.mat").write_bytes(header + opaque(b"first") + opaque(b"second"))
+    with pytest.raises(FileError) as refused:
+        open_table(tmp_path / "a.mat", Format())
+    for name in ("first", "second"):
+        assert f"{name}: a {kind} of MATLAB, an object, which is not read; in" in str(refused.value)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.h5"])
+def test_arrays_that_are_no_columns_are_left_out_by_name(tmp_path, name):
+    if name == "a.npz":
+        np.savez(tmp_path / name, q=Q, note=np.array("so"), image=np.zeros((9, 9, 9)),
+                 thing=np.array([{}], dtype=object))  # fmt: skip
+    else:
+        with h5py.File(tmp_path / name, "w") as file:
+            file["q"], file["note"], file["image"] = Q, "so", np.zeros((9, 9, 9))
+    left_out = open_table(tmp_path / name, Format()).left_out
+    assert left_out["image"] == "an array of 9 x 9 x 9 numbers"
+    assert "not of numbers" in left_out["note"]
+    if name == "a.npz":
+        assert left_out["thing"] == "an array of Python's objects, which are never unpickled"
+
+
+def test_an_empty_file_says_so(tmp_path):
+    (tmp_path / "a.mat").write_bytes(b"")
+    with pytest.raises(FileError, match=r"a.mat: is empty \(0 bytes\); copy or download it again"):
+        open_table(tmp_path / "a.mat", Format())
 
 
 @pytest.mark.parametrize(("name", "package"), [("a.parquet", "pyarrow"), ("a.mcap", "rosbags")])

@@ -45,6 +45,13 @@ def test_a_run_folder_has_all_that_a_run_has(tmp_path):
 UNITS = [
     ("position", "q", "deg", {}, 180 / np.pi),
     ("position", "q", "counts", {"per_unit": 1e-4}, 1e4),
+    ("position", "q", "counts", {"per_unit": 2 * np.pi / 3}, 1.5 / np.pi),
+    ("position", "q", "counts", {"per_unit": 6.2832}, 1 / 6.2832),
+    ("position", "q", "turns", {}, 0.5 / np.pi),
+    ("position", "q", "rev", {}, 0.5 / np.pi),
+    ("velocity", "v", "turns/s", {}, 0.5 / np.pi),
+    ("velocity", "v", "rev/s", {}, 0.5 / np.pi),
+    ("velocity", "v", "counts/s", {"per_unit": 2 * np.pi}, 0.5 / np.pi),
     ("velocity", "v", "deg/s", {}, 180 / np.pi),
     ("velocity", "v", "rpm", {}, 30 / np.pi),
     ("torque", "m", "A", {"gain": 2.5}, 0.4),

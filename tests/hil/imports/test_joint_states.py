@@ -8,6 +8,7 @@ from checked_files.yaml_file import FileError
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
+from hil.imports.tables import NoColumn, column_of
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 
@@ -98,9 +99,125 @@ def test_one_of_several_topics_must_be_named(tmp_path):
         open_table(bag, Format(topic="/joints"))
 
 
-@pytest.mark.parametrize("name", ["mcap", "rosbag"])
-def test_a_bag_without_its_end_is_refused(tmp_path, name):
+def write_mcap(path, compression, chunk_size, states=None):
+    """Write joint states as MCAP."""
+    from mcap.writer import CompressionType, Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=chunk_size, compression=CompressionType[compression],
+                        use_chunking=chunk_size > 0)  # fmt: skip
+        writer.start(profile="ros2")
+        schema = writer.register_schema(TYPE, "ros2msg", ROS2.generate_msgdef(TYPE)[0].encode())
+        channel = writer.register_channel("/joint_states", "cdr", schema)
+        for k, message in enumerate(states or messages(ROS2)):
+            data, t = bytes(ROS2.serialize_cdr(message, TYPE)), BEGIN * 10**9 + k
+            writer.add_message(channel, t, data, t)
+        writer.finish()
+
+
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+@pytest.mark.parametrize("chunk_size", [0, 3000, 10**7])
+@pytest.mark.parametrize("share", [0.6, 0.95])
+def test_an_mcap_of_a_killed_recorder_is_read_as_far_as_it_goes(
+    tmp_path, compression, chunk_size, share
+):
+    path = tmp_path / "cut.mcap"
+    write_mcap(path, compression, chunk_size)
+    whole = read(path, "effort/elbow", "position/shoulder")
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    if (compression, chunk_size, share) == ("ZSTD", 10**7, 0.6):  # its only block is cut
+        with pytest.raises(FileError, match=r"it has no end, .* in what is whole it has no topics"):
+            open_table(path, Format())
+        return
+    found = read(path, "effort/elbow", "position/shoulder")
+    assert open_table(path, Format()).notes == (
+        "it has no end, as after a recorder was killed: all whole messages are read",
+    )
+    n = len(found)
+    assert n > 0.5 * share * len(whole)  # summary and index are a third of a small file
+    np.testing.assert_array_equal(found, whole[:n])
+
+
+def test_the_statement_of_an_import_says_that_the_end_is_missing(tmp_path):
+    write_mcap(tmp_path / "cut.mcap", "LZ4", 3000)
+    content = (tmp_path / "cut.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(content[:-20])
+    stated = []
+    the_map = write_map(tmp_path, a_map("cut.mcap", time=None, joints=JOINTS))
+    import_recordings([the_map], tmp_path / "run", lambda s: stated.extend(s.lines()))
+    assert (
+        "cut.mcap: it has no end, as after a recorder was killed: all whole messages"
+        in "\n".join(stated)
+    )
+
+
+def read(path, *names):
+    table = open_table(path, Format(topic="/joint_states"))
+    return np.concatenate(list(table.blocks([table.names.index(name) for name in names])))
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [("rosbag", "rosbag reindex FILE.bag"), ("rosbag2", r"sqlite3 FILE.db3 .rec")],
+)
+def test_a_damaged_bag_is_refused_with_the_command_that_mends_it(tmp_path, name, remedy):
     bag = make(tmp_path, name)
-    bag.write_bytes(bag.read_bytes()[:5000])
-    with pytest.raises(FileError, match=r"cannot be read as a bag: .*reindex it"):
-        open_table(bag, Format(topic="/joint_states"))
+    file = bag if bag.is_file() else next(bag.glob("*.db3"))
+    file.write_bytes(file.read_bytes()[:5000])
+    with pytest.raises(FileError, match=f"cannot be read as a bag: .*mended: {remedy}"):
+        open_table(file, Format(topic="/joint_states"))
+
+
+def test_a_damaged_chunk_of_a_whole_mcap_names_mcap_recover(tmp_path):
+    write_mcap(tmp_path / "a.mcap", "LZ4", 3000)
+    content = bytearray((tmp_path / "a.mcap").read_bytes())
+    content[3000:3100] = bytes(100)
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(FileError, match=r"cannot be read as a bag: .*mcap recover FILE.mcap"):
+        list(open_table(tmp_path / "a.mcap", Format()).blocks([4]))
+
+
+def test_a_folder_without_its_metadata_is_its_only_file(tmp_path):
+    bag = make(tmp_path, "rosbag2")
+    whole = read(bag, "position/elbow")
+    (bag / "metadata.yaml").unlink()
+    np.testing.assert_array_equal(read(bag, "position/elbow"), whole)
+    (bag / "more.db3").write_bytes(b"SQLite")
+    with pytest.raises(FileError, match=r"without the metadata.yaml .*bag/bag.db3, .*bag/more.db3"):
+        open_table(bag, Format())
+
+
+def without(*parts):
+    """Joint states of which parts are empty."""
+    for message in messages(ROS2):
+        if len(message.name) > 1:
+            for part in parts:
+                setattr(message, part, [] if part == "name" else np.zeros(0))
+            yield message
+
+
+def test_messages_that_name_no_joints_have_columns_by_number(tmp_path):
+    write_mcap(tmp_path / "a.mcap", "NONE", 3000, [*without("name")])
+    write_mcap(tmp_path / "b.mcap", "NONE", 3000, [*without()])
+    found = open_table(tmp_path / "a.mcap", Format())
+    assert found.names[4:] == tuple(f"{p}/{j}" for p in ("position", "velocity", "effort")
+                                    for j in (1, 2))  # fmt: skip
+    shoulder, elbow = read(tmp_path / "b.mcap", "effort/shoulder", "effort/elbow").T
+    swapped = np.arange(len(elbow)) % 2 == 0
+    np.testing.assert_array_equal(
+        read(tmp_path / "a.mcap", "effort/1")[:, 0], np.where(swapped, elbow, shoulder)
+    )
+    with pytest.raises(
+        NoColumn, match=r"'position/elbow'.*its messages name no joints: columns are"
+    ):
+        column_of(found, "position/elbow")
+
+
+def test_a_part_without_values_is_named(tmp_path):
+    write_mcap(tmp_path / "a.mcap", "NONE", 3000, [*without("effort")])
+    found = open_table(tmp_path / "a.mcap", Format())
+    with pytest.raises(
+        NoColumn, match=r"effort is without values in all messages as /joint_states"
+    ):
+        column_of(found, "effort/elbow")

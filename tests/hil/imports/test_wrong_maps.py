@@ -72,6 +72,8 @@ MAPS = {
     "counts without their worth": (with_joint(0, A, unit="counts"), "counts need per_unit"),
     "counts for one rad": (
         with_joint(0, A, unit="counts", per_unit=65536), "write its inverse"),
+    "counts that exceed a turn": (
+        with_joint(0, A, unit="counts", per_unit=7), "per_unit 7 must be in (0, 2 pi] rad (or m)"),
     "per_unit of radians": (with_joint(0, A, per_unit=0.1), "per_unit is for counts, not for rad"),
     "a sign of 2": (with_joint(0, A, sign=2), "joints.0.position.sign: 2: "),
     "rows beyond the end": (
@@ -144,6 +146,12 @@ def all_missing(path):
     write_csv(path, COLUMNS | {"q1": np.full(len(COLUMNS["t"]), np.nan)})
 
 
+def in_turn(path):
+    rows = np.arange(len(COLUMNS["t"]))
+    q, m = (np.where(rows % 2 == k, np.nan, COLUMNS[name]) for k, name in enumerate(("q1", "m1")))
+    write_csv(path, COLUMNS | {"q1": q, "m1": m})
+
+
 def other_lengths(path):
     np.savez(path, **COLUMNS | {"m2": COLUMNS["m2"][:-5]})
 
@@ -168,7 +176,12 @@ FILES = {
     "words": ("a.csv", lambda p: p.write_text("to be\nor not\n"), "a.csv: has no row of numbers"),
     "text among numbers": (
         "a.csv", text_in_numbers, "a.csv:101: 'oops' in column 2 (q1), row 100, is no number"),
-    "nothing but NaN": ("a.csv", all_missing, "no two rows with all columns present"),
+    "nothing but NaN": (
+        "a.csv", all_missing, "joints.0.position.column: column q1 holds no number in any of 801"
+        " rows; name another"),
+    "numbers of two columns in turn": (
+        "a.csv", in_turn, "columns present; choose other columns or rows; 401 of 801 rows hold no"
+        " number in q1; 400 of 801 rows hold no number in m1"),
     "bytes": ("a.csv", binary, "a.csv: holds zero bytes: it is no text"),
     "10 GiB of nothing": ("a.csv", sparse, "a.csv: holds zero bytes"),
     "10 GiB of nothing after a table": ("a.csv", sparse_after_a_table, "a.csv: holds zero bytes"),

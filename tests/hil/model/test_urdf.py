@@ -180,16 +180,40 @@ def joint_of_type(kind: str) -> str:
     )
 
 
+def with_a_loop() -> str:
+    closing = '<joint name="p3" type="fixed"><parent link="right"/><child link="left"/></joint>'
+    return with_fingers().replace("</robot>", closing + "</robot>")
+
+
+def wrist_behind_a_mimic() -> str:
+    text = urdf("x", [*ROBOTS["pan-tilt"], (REVOLUTE, "0 0 0.1", "0 0 0", "0 0 1")])
+    start = text.index("</joint>", text.index('name="joint2"'))
+    return text[:start] + '<mimic joint="joint1"/>' + text[start:]
+
+
+def with_xacro(element: str) -> str:
+    return urdf("x", ROBOTS["pan-tilt"]).replace("</robot>", f"{element}\n</robot>")
+
+
 @pytest.mark.parametrize(
     ("text", "tip", "message"),
     [
         ("", None, "1: is no XML"),
         ("<robot><link", None, "1: is no XML"),
         ("<sdf/>", None, "1: <sdf> must be <robot>"),
-        ('<robot><link name="a"/></robot>', None, "no chain of joints that move"),
+        ('<robot><link name="a"/></robot>', None, "no chain of joints that move: it has 0 joints"),
         (with_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),
         (with_fingers('<mimic joint="finger1"/>'), "right", r"10: joint 'finger2' mimics another"),
+        (with_fingers('<mimic joint="finger1"/>'), "right", "end the chain .* couplings"),
+        (wrist_behind_a_mimic(), None, "6: joint 'joint2' mimics another one, 'joint1', and has"),
         (joint_of_type("floating"), "link2", "6: joint 'joint2': type 'floating' must be"),
+        (joint_of_type("Revolute"), None, "6: joint 'joint2': type 'Revolute' must be one of rev"),
+        (with_a_loop(), None, "11: link 'left' is the child of joint 'finger1' already, and joint"),
+        (with_a_loop(), None, "loops are not modelled. A parallelogram .* couplings: .{motor: 3"),
+        (with_fingers(), None, "If they meet in one body: loops are not modelled"),
+        (with_xacro('<xacro:include filename="a"/>'), None, "7: <xacro:include> is not expanded"),
+        (with_xacro('<gazebo ref="${name}"/>'), None, r"7: ref '\$\{name\}' of <gazebo> is not"),
+        (with_xacro('<a><b c="$(find arm)/x"/></a>'), None, r"7: c '\$\(find arm\)/x' of <b> is"),
         (urdf("x", ROBOTS["UR10e"]), "tool0", "no link 'tool0'; links are base, link1"),
         (urdf("x", ROBOTS["UR10e"]), "base", "there is no joint between"),
         (urdf("x", [(REVOLUTE, "0 0", "0 0 0", "0 0 1")]), None, "4: xyz '0 0' must be 3 finite"),
@@ -212,8 +236,45 @@ def test_what_is_wrong_is_said_with_its_line(
 
 def test_a_loop_of_links_is_refused(tmp_path: Path) -> None:
     text = urdf("x", ROBOTS["pan-tilt"]).replace('parent link="base"', 'parent link="link2"')
-    with pytest.raises(FileError, match=r"above itself|no chain"):
+    with pytest.raises(FileError, match=r"robot.urdf:\d+: link 'link.' is above itself: joint 'jo"):
         chain_of(tmp_path, text)
+
+
+def test_an_expanded_xacro_that_keeps_its_namespace_is_a_urdf(tmp_path: Path) -> None:
+    space = ' xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    text = urdf("x", ROBOTS["pan-tilt"]).replace(">", space, 1)
+    assert len(chain_of(tmp_path, text).joints) == 2
+
+
+@pytest.mark.parametrize("name", ["arm.URDF", "description.xml", "arm.urdf.xacro"])
+def test_a_urdf_is_read_whatever_its_ending(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(urdf("x", ROBOTS["pan-tilt"]))
+    assert load_robot(tmp_path / name).n_joints == 2
+
+
+@pytest.mark.parametrize(
+    ("joint", "limits", "message"),
+    [
+        (
+            "joint1",
+            'lower="-170" upper="170"',
+            "robot.urdf:4: joint 'joint1': q_min: -170 rad must",
+        ),
+        ("joint2", 'lower="2" upper="-2"', "robot.urdf:6: joint 'joint2': q_max: -2 rad must be"),
+    ],
+)
+def test_a_wrong_limit_is_refused_at_its_line_of_the_urdf(
+    tmp_path: Path, joint: str, limits: str, message: str
+) -> None:
+    text = re.sub(
+        rf'(name="{joint}".*?<limit )lower="[^"]*" upper="[^"]*"',
+        rf"\1{limits}",
+        urdf("x", ROBOTS["pan-tilt"]),
+        flags=re.DOTALL,
+    )
+    (tmp_path / "robot.urdf").write_text(text)
+    with pytest.raises(FileError, match=message):
+        load_robot(tmp_path / "robot.urdf")
 
 
 def test_a_urdf_in_the_place_of_a_robot_file_is_a_robot_that_cannot_be_moved(

@@ -1,0 +1,123 @@
+"""Detection of two sources in one recording: two publishers on a topic, or merged files.
+
+Each source is smooth, and both together are not. Where their rows alternate, second differences of
+every second row are small, those of all rows are twice the distance of the two. Where one comes
+less often, its rows leave those around it by far, and what comes before and after them is as near
+as if they were not there; they are near to one another, as spikes are not.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.imports.evidence import Suspicion
+from hil.imports.held import rows_held
+from hil.imports.instants import roughness
+from hil.imports.tables import ROWS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.arrays import Array, Integers
+    from hil.imports.samples import Samples
+
+ALTERNATING = 3.0
+"""Second differences of all rows over those of every second one from which on rows alternate: of
+white noise they are 1, of all that is smoother less."""
+RETURNED = 0.2
+"""Part of its distance from the rows around it within which these are near to each other."""
+FAR = 0.05
+"""Part of a joint's range that a row of another source is away, in half of the joints at least."""
+OFTEN = 0.02
+"""Share of the rows from which on another source is in them: 1 in 50, as 2 Hz among 100 Hz."""
+_ENOUGH = 50
+"""Rows that can be judged."""
+GREATEST = 1e100
+"""Value up to which squares can be added up."""
+
+
+class _Mixed(NamedTuple):
+    """Rows of a second source: number, first row, and distance from the first source."""
+
+    rows: int
+    first: int
+    distance: Array
+
+
+def source_suspicions(samples: Samples, segments: Sequence[Integers]) -> Iterator[Suspicion]:
+    """Yield a suspicion where the rows of two sources are mixed."""
+    for segment in segments:
+        rows = segment[samples.complete[segment]]
+        for begin in range(0, len(rows), ROWS):
+            part = rows[begin : begin + ROWS]
+            if len(part) < _ENOUGH:
+                continue
+            q = samples.values[part, : samples.n_joints].clip(-GREATEST, GREATEST)
+            if (mixed := _visits(q) or _alternating(q, samples.time[part])) is not None:
+                yield _suspicion(samples, part, mixed)
+                return
+
+
+def _suspicion(samples: Samples, rows: Integers, mixed: _Mixed) -> Suspicion:
+    row = int(rows[mixed.first])
+    file = int(np.searchsorted(samples.begins, row, side="right")) - 1
+    joint = int(np.argmax(mixed.distance))
+    return Suspicion(
+        "spikes",
+        ("files", file),
+        f"rows alternate between two sources: {mixed.rows} of {len(rows)} rows, the first of them"
+        f" row {row - samples.begins[file] + 1}, are away from those before and after by"
+        f" {mixed.distance[joint]:.3g} rad or m of joint {joint + 1} and form a smooth signal of"
+        " their own, as of two publishers on one topic, commanded and measured states, or two"
+        " merged files; record or export one of them alone",
+    )
+
+
+def _visits(q: Array) -> _Mixed | None:
+    """Find rows of a rarer second source."""
+    there, back = np.abs(q[1:-1] - q[:-2]), np.abs(q[2:] - q[1:-1])
+    away, gap = np.minimum(there, back), np.abs(q[2:] - q[:-2])
+    ranges = np.ptp(q, axis=0)
+    far = (away > FAR * ranges) & (gap < RETURNED * away) & (ranges > 0)
+    visiting = far.mean(axis=1) >= min(0.5, 0.5 * np.mean(ranges > 0))
+    visiting &= far.any(axis=1)
+    rows = 1 + np.flatnonzero(visiting)
+    if len(rows) < max(OFTEN * len(q), 3):
+        return None
+    distance: Array = np.median(away[visiting], axis=0)
+    if _smooth(q[rows], distance):
+        return _Mixed(len(rows), int(rows[0]), distance)
+    return None
+
+
+def _smooth(q: Array, distance: Array) -> bool:
+    """Return True if rows of a second source form a smooth signal."""
+    # of alternating rows both sources are among them: every second one is of the same
+    nearest = np.minimum(np.abs(q[1:-1] - q[:-2]), np.abs(q[2:] - q[:-2]))
+    away = distance > 0
+    return bool(away.any() and (np.median(nearest, axis=0) < RETURNED * distance)[away].all())
+
+
+def _alternating(q: Array, time: Array) -> _Mixed | None:
+    """Find two sources in turn with nearly equal positions."""
+    ranges = np.ptp(q, axis=0)
+    moves = ranges > FAR * ranges.max()
+    if not moves.any() or any(rows_held(x) > 1 for x in q[:, moves].T):
+        return None
+    every = _least(q, time)
+    second = (_least(q[::2], time[::2]) + _least(q[1::2], time[1::2])) / 2
+    if not np.all(every[moves] > ALTERNATING * second[moves]):
+        return None
+    return _Mixed(len(q) // 2, 1, np.where(moves, every / 2, 0.0))
+
+
+def _least(q: Array, time: Array) -> Array:
+    """Root mean square second differences, by count or by stamps, whichever are less."""
+    period = float(np.median(np.diff(time)))
+    if not period > 0:
+        period = 1.0
+        time = np.arange(len(time), dtype=np.float64)
+    squares = roughness(q, np.diff(time), period)
+    return np.asarray(np.sqrt(squares.min(axis=0) / max(1, len(q) - 2)))

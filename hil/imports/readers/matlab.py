@@ -1,0 +1,215 @@
+"""Files of MATLAB, before and since version 7.3, which is HDF5.
+
+Columns are called as in MATLAB: ``data.q`` is a field of a structure, ``signals(2).values`` one of
+a structure array, ``q{2}`` an element of a cell array, ``data.q/1`` the first column of a matrix.
+Structure arrays and cells with more elements than each of these has numbers are one element a
+sample, as loops that append write them: ``log.q/1`` is a column over all of them.
+
+Tables, timetables, timeseries and other objects are left out: their layout is not public. So are
+text, functions, and variables without values, in whose place version 7.3 writes their size.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, Any, cast
+
+import h5py
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.imports.readers.arrays import hdf5_of, table_of
+from hil.runs.atomic_file import file_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from hil.imports.map_file import Format
+    from hil.imports.tables import ArrayTable
+
+SEPARATE = 100
+"""Elements of a cell or structure array that are offered one by one: scopes have some inputs each,
+and a draft with more columns is not read."""
+_SAVED = {
+    "table": "writetable({0}, 'FILE.csv')",
+    "timetable": "writetimetable({0}, 'FILE.csv')",
+    "timeseries": "t = {0}.Time; x = {0}.Data; save('FILE.mat', 't', 'x')",
+}
+"""How to save objects of some classes as what is read."""
+_ELSE = "take its numbers out as arrays, t and x, and save('FILE.mat', 't', 'x')"
+
+
+def open_matlab(path: Path, _: Format) -> ArrayTable:
+    """Open a file of MATLAB; errors are those of `hil.imports.readers.open_table`."""
+    with file_errors(path, "read"):
+        since_7_3 = h5py.is_hdf5(path)
+    contents = _Contents()
+    if since_7_3:
+        for name, item in _items(hdf5_of(path)):
+            if not name.startswith("#"):
+                contents.add_hdf5(name, item)
+    else:
+        for name, value in _variables(path):
+            contents.add(name, value)
+    return table_of(path, contents.arrays, contents.left_out)
+
+
+def _object(name: str, kind: str) -> str:
+    """Describe an object of MATLAB, with the command that saves its numbers."""
+    saved = _SAVED.get(kind, _ELSE).format(name)
+    return f"a {kind} of MATLAB, an object, which is not read; in MATLAB write {saved}"
+
+
+class _Contents:
+    """Arrays of numbers in a file, by name, and what else it holds."""
+
+    def __init__(self) -> None:
+        self.arrays: dict[str, Any] = {}
+        self.left_out: dict[str, str] = {}
+
+    def add(self, name: str, value: Any) -> None:
+        """Add a variable, field or element as scipy reads those before 7.3."""
+        from scipy.io.matlab import MatlabFunction, MatlabOpaque  # noqa: PLC0415 - slow to load
+
+        if isinstance(value, MatlabOpaque):
+            self.left_out[name] = _object(name, _class_of(value))
+        elif isinstance(value, MatlabFunction):
+            self.left_out[name] = "a function"
+        elif not isinstance(value, np.ndarray):
+            self.left_out[name] = f"a {type(value).__name__}; save it as full array: full({name})"
+        elif value.dtype.names and value.size:
+            elements = value.ravel(order="F")
+            for field in value.dtype.names:
+                fields = [element[field] for element in elements]
+                one_by_one = _structures(name, field, len(fields))
+                self._add_several(fields, f"{name}.{field}", one_by_one, self.add)
+        elif value.dtype == object and value.size:
+            self._add_several(list(value.ravel(order="F")), name, _cells(name), self.add)
+        elif value.dtype.kind == "U":
+            self.left_out[name] = "text"
+        else:
+            self._add_numbers(name, value)
+
+    def add_hdf5(self, name: str, item: Any) -> None:
+        """Add a variable, field or element of version 7.3."""
+        kind = item.attrs.get("MATLAB_class", b"")
+        kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+        if item.attrs.get("MATLAB_empty", 0):
+            self.left_out[name] = f"empty, a {kind or 'variable'} without values"
+        elif "MATLAB_object_decode" in item.attrs:
+            self.left_out[name] = _object(name, kind)
+        elif isinstance(item, h5py.Group):
+            for field, value in _items(item):
+                if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:
+                    elements = _elements(value)
+                    if "MATLAB_class" not in value.attrs:  # of a structure array; a cell has one
+                        one_by_one = _structures(name, field, len(elements))
+                    else:
+                        one_by_one = _cells(f"{name}.{field}")
+                    self._add_several(elements, f"{name}.{field}", one_by_one, self.add_hdf5)
+                else:
+                    self.add_hdf5(f"{name}.{field}", value)
+        elif item.dtype == h5py.ref_dtype:
+            self._add_several(_elements(item), name, _cells(name), self.add_hdf5)
+        elif kind == "char":
+            self.left_out[name] = "text"
+        else:
+            self._add_numbers(name, item)
+
+    def _add_numbers(self, name: str, array: Any) -> None:
+        if array.size == 1:
+            self.left_out[name] = "a single number"
+        else:
+            self.arrays[name] = array
+
+    def _add_several(
+        self,
+        elements: Sequence[Any],
+        together: str,
+        one_by_one: Callable[[int], str],
+        add: Callable[[str, Any], None],
+    ) -> None:
+        """Add elements as rows of one array, or one by one where elements are no samples."""
+        if _are_samples(elements):
+            self.arrays[together] = np.array([np.ravel(element) for element in elements])
+        elif len(elements) > SEPARATE:
+            self.left_out[together] = f"{len(elements)} elements that are no arrays of one size"
+        else:
+            for number, element in enumerate(elements, start=1):
+                add(one_by_one(number), element)
+
+
+def _items(group: h5py.Group) -> Iterator[tuple[str, Any]]:
+    """Yield the members of a group without links to other places or files."""
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            yield name, group[name]
+
+
+def _are_samples(elements: Sequence[Any]) -> bool:
+    """Return True if elements of equal shape outnumber the values of each element."""
+    first = elements[0]
+    if not hasattr(first, "shape") or not 0 < first.size < len(elements):
+        return False
+    return all(
+        getattr(each, "shape", None) == first.shape
+        and each.dtype.kind in "fiub"
+        and "MATLAB_object_decode" not in getattr(each, "attrs", ())
+        for each in elements
+    )
+
+
+def _structures(name: str, field: str, n: int) -> Callable[[int], str]:
+    """Return a function that names a field of each of `n` structures."""
+    return lambda number: f"{name}({number}).{field}" if n > 1 else f"{name}.{field}"
+
+
+def _cells(name: str) -> Callable[[int], str]:
+    return lambda number: f"{name}{{{number}}}"
+
+
+def _elements(references: h5py.Dataset) -> list[Any]:
+    """Return the targets of the references of a cell or structure array, in MATLAB's order."""
+    # a matrix lies turned in HDF5, so that rows there follow each other as columns in MATLAB
+    return [references.file[reference] for reference in references[()].ravel()]
+
+
+def _variables(path: Path) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of the variables of a file before 7.3."""
+    from scipy.io.matlab import MatReadError, MatReadWarning, loadmat  # noqa: PLC0415 - slow
+
+    try:
+        with file_errors(path, "read"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", MatReadWarning)  # several objects are all called None
+            with path.open("rb") as file:
+                named = any(file.read(20))
+            # zeros are variables without a name, which older readers skip one by one for ever
+            loaded = loadmat(path) if named else None
+            objects = list(_objects(path)) if loaded and "None" in loaded else []
+    except (ValueError, TypeError, NotImplementedError, KeyError, MatReadError) as error:
+        raise FileError(f"{path}: is no file of MATLAB, or is damaged: {error}") from error
+    if loaded is None:
+        raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
+    yield from ((n, v) for n, v in loaded.items() if not n.startswith("__") and n != "None")
+    yield from objects
+
+
+def _objects(path: Path) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of objects, all called None by scipy."""
+    from scipy.io.matlab import loadmat, varmats_from_mat  # noqa: PLC0415 - slow to load
+
+    with path.open("rb") as file:
+        for name, variable in varmats_from_mat(file):
+            if name == "None":
+                value = loadmat(cast("Any", variable)).get("None")
+                if value is not None:
+                    yield _decoded(value["s0"].item()), value
+
+
+def _class_of(value: Any) -> str:
+    return _decoded(value["s2"].item())
+
+
+def _decoded(text: object) -> str:
+    return text.decode("latin-1") if isinstance(text, bytes) else str(text)

@@ -1,0 +1,169 @@
+"""Files of Parquet: columns of numbers, of instants, and of lists of numbers.
+
+Instants become nanoseconds. A list column, as data sets of LeRobot have them, is one column for
+each of its elements, ``observation.state/1``; of a structure it is ``name.field``. A row whose list
+ends earlier lacks the number.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.imports.tables import ROWS
+from hil.model.readers.urdf import MOST_JOINTS
+from hil.optional_packages import needed_for
+from hil.runs.atomic_file import file_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from hil.arrays import Array
+    from hil.imports.map_file import Format
+
+LONGEST = 10 * MOST_JOINTS
+"""Elements of a list that are offered: ten quantities of every joint; a longer one is an image."""
+
+
+class _Place(NamedTuple):
+    """A column's name, fields of structures within, and element of a list, from 0."""
+
+    column: str
+    fields: tuple[str, ...] = ()
+    element: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Name as a map states it."""
+        within = ".".join((self.column, *self.fields))
+        return within if self.element is None else f"{within}/{self.element + 1}"
+
+
+class ParquetTable:
+    """A table of Parquet; see `hil.imports.tables.Table`."""
+
+    time: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, path: Path, file: Any) -> None:
+        self.path = path
+        self._file = file
+        left_out: dict[str, str] = {}
+        schema = file.schema_arrow
+        plain = [_Place(name) for name in schema.names]
+        found = [
+            each
+            for number, place in enumerate(plain)
+            for each in self._found(place, schema.field(number).type, left_out)
+        ]
+        # numbers of the file's own columns are those of the file, whatever the others consist of
+        self._places = [*plain, *(place for place in found if place not in plain)]
+        self._read = set(found)
+        self.names: tuple[str, ...] = tuple(place.name for place in self._places)
+        self.left_out: Mapping[str, str] = left_out
+
+    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
+        """Read columns block by block."""
+        places = [self._places[index] for index in columns]
+        for place in places:
+            self._refuse_no_numbers(place)
+        names = list(dict.fromkeys(place.column for place in places))
+        for batch in self._file.iter_batches(ROWS, columns=names):
+            yield np.stack([_numbers(batch.column(p.column), p) for p in places], axis=1)
+
+    def _refuse_no_numbers(self, place: _Place) -> None:
+        if place in self._read:
+            return
+        kind = self._file.schema_arrow.field(place.column).type
+        parts = [each.name for each in self._places if each.column == place.column][1:]
+        remedy = f"name one of {parts[0]} to {parts[-1]}" if parts else "choose another column"
+        raise FileError(f"{self.path}: column {place.name} holds {kind}, not numbers; {remedy}")
+
+    def _found(self, place: _Place, kind: Any, left_out: dict[str, str]) -> Iterator[_Place]:
+        """Yield the columns of numbers that a column is, or consists of."""
+        from pyarrow import types  # noqa: PLC0415 - optional
+
+        if types.is_struct(kind):
+            for field in kind:
+                inner = place._replace(fields=(*place.fields, field.name))
+                yield from self._found(inner, field.type, left_out)
+        elif _is_list(kind) and _is_number(kind.value_type):
+            n = kind.list_size if types.is_fixed_size_list(kind) else self._length(place)
+            if not 0 < n <= LONGEST:
+                left_out[place.name] = f"lists of {n} numbers, of 1 to {LONGEST} that are read"
+            elif n == 1:
+                yield place
+            else:
+                yield from (place._replace(element=k) for k in range(n))
+        elif _is_number(kind):
+            yield place
+        else:
+            left_out[place.name] = f"a column of {kind}, not of numbers"
+
+    def _length(self, place: _Place) -> int:
+        """Length of the first list of a column that is not missing; 0 if there is none."""
+        for batch in self._file.iter_batches(ROWS, columns=[place.column]):
+            for value in _within(batch.column(place.column), place):
+                if value.is_valid:
+                    return len(value)
+        return 0
+
+
+def open_parquet(path: Path, _: Format) -> ParquetTable:
+    """Open a file of Parquet."""
+    with needed_for(path):
+        from pyarrow import ArrowException  # noqa: PLC0415 - optional
+        from pyarrow.parquet import ParquetFile  # noqa: PLC0415
+    try:
+        with file_errors(path, "read"):
+            return ParquetTable(path, ParquetFile(path, memory_map=True))
+    except ArrowException as error:
+        raise FileError(f"{path}: is no file of Parquet, or is damaged: {error}") from error
+
+
+def _is_list(kind: Any) -> bool:
+    from pyarrow import types  # noqa: PLC0415 - optional
+
+    return any(
+        check(kind) for check in (types.is_list, types.is_large_list, types.is_fixed_size_list)
+    )
+
+
+def _is_number(kind: Any) -> bool:
+    from pyarrow import types  # noqa: PLC0415 - optional
+
+    known = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal)
+    return any(check(kind) for check in (*known, types.is_timestamp))
+
+
+def _within(column: Any, place: _Place) -> Any:
+    """Return the values of a column, or of a field within structures."""
+    import pyarrow.compute as pc  # noqa: PLC0415 - optional
+
+    return pc.struct_field(column, list(place.fields)) if place.fields else column
+
+
+def _numbers(column: Any, place: _Place) -> Array:
+    import pyarrow as pa  # noqa: PLC0415 - optional
+
+    column = _within(column, place)
+    if _is_list(column.type):
+        column = _elements(column, place.element or 0)
+    if pa.types.is_timestamp(column.type):
+        column = column.cast(pa.timestamp("ns")).cast(pa.int64())
+    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+
+
+def _elements(lists: Any, element: int) -> Any:
+    """Return one element of each list; missing where the list is too short or missing."""
+    import pyarrow as pa  # noqa: PLC0415 - optional
+    import pyarrow.compute as pc  # noqa: PLC0415 - optional
+
+    lengths = pc.list_value_length(lists).fill_null(0).to_numpy(zero_copy_only=False)
+    long = lengths > element
+    starts = np.cumsum(lengths) - lengths + element
+    at = pa.array(np.where(long, starts, 0), mask=~long)
+    return lists.flatten().take(at)

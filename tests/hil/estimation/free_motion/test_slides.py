@@ -1,0 +1,85 @@
+"""Slides along gravity: what no recording tells apart is said so, and the remedy works."""
+
+import numpy as np
+import pytest
+from free_run import recorded, some_motion
+
+from hil.errors import NotIdentifiable
+from hil.estimation.identify import estimate
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
+from hil.model.robot import Robot
+
+G = 9.81
+UNKNOWN = {"gear_ratio": 1.0, "rotor_inertia": "unknown", "torque_constant": "unknown"}
+
+
+def lift(rotor_inertia="unknown", gravity=(0.0, 0.0, -G), axis=0):
+    """A slide and a joint that turns on it, in either order."""
+    limits = {
+        "q_min": -3.0, "q_max": 3.0, "velocity_limit": 9.0, "acceleration_limit": 90.0,
+        "torque_limit": 900.0,
+    }  # fmt: skip
+    slide = limits | {
+        "frame": {"alpha": 0}, "type": "prismatic", "parameters": ["m"],
+        "drive": UNKNOWN | {"rotor_inertia": rotor_inertia},
+    }  # fmt: skip
+    turning = limits | {
+        "frame": {"alpha": "-pi/2" if axis == 0 else 0, "theta": 0},
+        "parameters": ["Izz", "sx", "sy", "m"],
+        "drive": UNKNOWN | {"rotor_inertia": 0.0},
+    }
+    joints = [slide, turning] if axis == 0 else [turning, slide]
+    return Robot.from_values("lift", joints, gravity=gravity)
+
+
+def recordings(robot, truth):
+    return recorded(robot, truth, n=2, noise=0.02)
+
+
+def truth_of(robot):
+    """Standard parameters of 30 kg on the slide, 8 kg of rotor and 5 kg that turn."""
+    known = {"m": 30.0, "Izz": 0.9, "sx": 1.5, "sy": 0.4, "Ia": 8.0}
+    standard = np.zeros(len(robot.standard_parameters))
+    for number, name in enumerate(robot.standard_parameters):
+        if name in robot.present:
+            standard[number] = known.get(name.rstrip("12"), 0.0)
+    return base_parameters(robot).matrix @ standard
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -G), (0.0, G * 0.6, -G * 0.8)])
+def test_the_rotor_of_a_slide_along_gravity_is_named_with_what_to_state(axis, gravity):
+    robot = lift(gravity=gravity, axis=axis)
+    with pytest.raises(NotIdentifiable) as refused:
+        estimate(robot, recordings(robot, truth_of(robot)), "free motion")
+    message = str(refused.value)
+    assert f"no recording tells the rotor inertia of axis {axis + 1} (p" in message
+    assert f"State the rotor_inertia of joint {axis + 1} in the robot file" in message
+    assert "do not excite" not in message
+
+
+def test_with_the_rotor_in_the_mass_torques_are_the_same_and_the_offset_has_its_weight():
+    unknown, zero = lift(), lift(rotor_inertia=0.0)
+    data = recordings(unknown, truth_of(unknown))
+    found = estimate(zero, data, "free motion")
+    q, qd, qdd = some_motion(np.arange(500) * 0.01, seed=7)
+    expected = inverse_dynamics(unknown, truth_of(unknown), q, qd, qdd)
+    torques = inverse_dynamics(zero, found.p, q, qd, qdd)
+    expected[:, 0] += 8.0 * G  # the weight that the offset of friction takes away again
+    np.testing.assert_allclose(torques, expected, atol=0.02 * np.abs(expected).max(axis=0).max())
+
+
+def test_a_slide_across_gravity_needs_no_rotor_inertia():
+    robot = lift(gravity=(0.0, -G, 0.0))
+    found = estimate(robot, recordings(robot, truth_of(robot)), "free motion")
+    assert np.isfinite(found.p).all()
+
+
+def test_motions_of_one_joint_alone_are_still_refused_for_what_they_do_not_excite():
+    robot = lift()
+    data = recordings(robot, truth_of(robot))
+    for _, recording in data:
+        recording.q[:, 1] = 0.3
+    with pytest.raises(NotIdentifiable, match=r"joint 1 in the robot file .*do not excite p"):
+        estimate(robot, data, "free motion")

@@ -1,0 +1,81 @@
+"""Measurements that are published more often than they are taken are found, and taken once."""
+
+import numpy as np
+import pytest
+from small_recording import a_map, table, write_csv, write_map
+
+from hil.imports.held import rows_held
+from hil.imports.importing import import_recordings
+
+RATE = 200.0
+
+
+def made(folder, columns, **changes):
+    write_csv(folder / "data.csv", columns)
+    stated = []
+    the_map = write_map(folder, a_map(**changes))
+    run = import_recordings([the_map], folder / "run", lambda s: stated.extend(s.lines()))
+    return run, "\n".join(stated)
+
+
+def held(columns, rows, *names):
+    """Columns by name, of which some are held over so many rows."""
+    at = np.arange(len(columns["t"])) // rows * rows
+    return {name: x[at] if name in names else x for name, x in columns.items()}
+
+
+MEASURED = ("q1", "q2", "v1", "v2", "m1", "m2")
+
+
+@pytest.mark.parametrize("rows", [2, 3, 4, 10])
+def test_a_recording_published_too_often_is_that_of_its_measurements(tmp_path, rows):
+    columns = table(20.0, RATE)
+    run, stated = made(tmp_path, held(columns, rows, *MEASURED), velocity=True)
+    assert f"positions and torques and velocities over {rows} rows each" in stated
+    recording = run["map-01"].recording
+    assert recording.period == pytest.approx(rows / RATE)
+    taken = slice(None, recording.n_samples * rows, rows)
+    np.testing.assert_array_equal(recording.q[:, 0], columns["q1"][taken])
+    np.testing.assert_array_equal(recording.tau[:, 1], columns["m2"][taken])
+
+
+def test_a_publisher_that_is_late_now_and_then_makes_no_difference(tmp_path):
+    columns, random = table(20.0, RATE), np.random.default_rng(3)
+    lengths = random.choice([3, 4, 4, 4, 4, 5], 2000)
+    at = np.repeat(np.cumsum(lengths) - lengths, lengths)[: len(columns["t"])]
+    late = {name: x if name == "t" else x[at] for name, x in columns.items()}
+    _, stated = made(tmp_path, late)
+    assert "positions and torques over 4 rows each; " in stated
+
+
+def test_what_stands_still_in_between_leaves_no_gap(tmp_path):
+    columns = table(30.0, RATE)
+    still = np.clip(np.arange(6001), None, 2000) + np.clip(np.arange(6001) - 4000, 0, None)
+    columns = {name: x if name == "t" else x[still] for name, x in columns.items()}
+    run, stated = made(tmp_path, held(columns, 4, *MEASURED))
+    assert "gap" not in stated
+    assert len(list(run)) == 1
+
+
+def test_torques_alone_that_are_held_are_stated_and_nothing_is_left_out(tmp_path):
+    columns = table(20.0, RATE)
+    run, stated = made(tmp_path, held(columns, 4, "m1", "m2"))
+    assert "held samples, the same values again: torques over 4 rows each" in stated
+    assert "left out" not in stated
+    assert run["map-01"].recording.n_samples == 4001
+
+
+@pytest.mark.parametrize("count", [1e-4, 1e-3, 1e-2, 0.05])
+@pytest.mark.parametrize("speed", [0.1, 1.0, 5.0])
+def test_no_encoder_is_so_coarse_that_its_positions_count_as_held(count, speed):
+    q = np.sin(speed * np.arange(20_000) / 1000)
+    assert rows_held(np.round(q / count) * count) == 1
+    noisy = q + 0.5 * count * np.random.default_rng(1).standard_normal(len(q))
+    assert rows_held(np.round(noisy / count) * count) == 1
+
+
+def test_joints_at_rest_and_motions_with_stops_are_not_held():
+    t = np.arange(20_000) / 1000
+    assert rows_held(np.full(20_000, 0.3)) == 1
+    assert rows_held(np.round(np.clip(np.sin(t), -0.3, 0.3), 4)) == 1
+    assert rows_held(np.where(t % 2 < 1, 0.0, np.sin(9 * t))) == 1
