@@ -138,3 +138,17 @@ def test_a_served_plant_takes_pushes_as_well(path: Path) -> None:
         stop.set()
         server.join()
     hand.close()
+
+
+@pytest.mark.parametrize("kind", [socket.SOCK_DGRAM, socket.SOCK_STREAM])
+def test_a_socket_at_which_somebody_listens_is_not_replaced(
+    path: Path, kind: socket.SocketKind
+) -> None:
+    plant = load_machine("manutec-r15")
+    with socket.socket(socket.AF_UNIX, kind) as other:
+        other.bind(str(path))
+        if kind == socket.SOCK_STREAM:
+            other.listen()
+        with pytest.raises(FileError, match="no socket can be made there"):
+            Hand(str(path), plant)
+        assert path.is_socket()
