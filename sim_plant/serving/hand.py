@@ -84,7 +84,7 @@ def _push(datagram: bytes, n_axes: int) -> tuple[NDArray[np.float64], float] | N
         said: Any = json.loads(datagram)
         torque = np.array(said["torque"], dtype=float)
         lasts = float(said["lasts"])
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, ArithmeticError, RecursionError):
         return None
     if torque.shape != (n_axes,) or not np.isfinite([*torque, lasts]).all():
         return None

@@ -73,6 +73,8 @@ def test_a_push_lasts_as_long_as_it_says_and_the_next_one_goes_on(path: Path) ->
         b'{"torque": [1, 2, 3, 4, 5, "x"], "lasts": 0.2}',
         b'{"torque": [1, 2, 3, 4, 5, 6], "lasts": NaN}',
         b'{"torque": [1, 2, 3, 4, 5, 6]}',
+        b'{"torque": [1, 2, 3, 4, 5, 6], "lasts": 1%b}' % (b"0" * 400),
+        b'{"torque": [1, 2, 3, 4, 5, 1%b], "lasts": 1}' % (b"0" * 400),
     ],
 )
 def test_what_is_no_push_moves_nothing(path: Path, data: bytes) -> None:
