@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
+from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_variables
 from hil.imports.tables import ROWS, ArrayTable
 from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
@@ -34,6 +36,10 @@ def open_arrays(path: Path, _: Format) -> ArrayTable:
     """Open arrays of NumPy; errors are those of `hil.imports.readers.open_table`."""
     try:
         with file_errors(path, "read"):
+            if zipfile.is_zipfile(path):
+                with zipfile.ZipFile(path) as archive:
+                    size = sum(each.file_size for each in archive.infolist())
+                refuse_beyond(path, size, "its arrays")
             loaded = np.load(path, mmap_mode="r", allow_pickle=False)
             if isinstance(loaded, np.ndarray):
                 return table_of(path, {"": loaded})
@@ -121,6 +127,7 @@ def datasets_of(path: Path, separator: str) -> dict[str, Any]:
 
     def take(name: str, item: object) -> None:
         if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            refuse_elsewhere(path, name, item)
             found[name.replace("/", separator)] = item
 
     file.visititems(take)
@@ -142,6 +149,7 @@ def _variables(path: Path) -> dict[str, Any]:
         with file_errors(path, "read"):
             with path.open("rb") as file:
                 named = any(file.read(20))
+            refuse_inflated_variables(path)
             # zeros are variables without a name, which older readers skip one by one for ever
             loaded = loadmat(path, simplify_cells=True) if named else None
     except (ValueError, TypeError, NotImplementedError, KeyError, MatReadError) as error:
