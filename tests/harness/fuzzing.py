@@ -278,7 +278,9 @@ def _messages(types: Any, ros1: bool) -> Any:
     kinds = types.types
     stamp_of, header_of = kinds["builtin_interfaces/msg/Time"], kinds["std_msgs/msg/Header"]
     for k in range(40):
-        header = {"stamp": stamp_of(sec=k, nanosec=0), "frame_id": ""} | ({"seq": k} if ros1 else {})
+        header = {"stamp": stamp_of(sec=k, nanosec=0), "frame_id": ""} | (
+            {"seq": k} if ros1 else {}
+        )
         yield kinds[TYPE](
             header=header_of(**header), name=["a", "b"], position=np.ones(2) * k,
             velocity=np.ones(2), effort=np.ones(2),
