@@ -12,6 +12,9 @@ import unicodedata
 
 LONGEST = 200
 """Characters of a foreign text that are shown: two lines of a terminal of 100 columns."""
+LINE, LINES = 4000, 500
+"""Characters of a line of a message, and lines of one, that a terminal shows: twice the longest of
+ours, and a line for each joint, column or object of a file that is wrong throughout."""
 _WRITTEN_OUT = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Categories of Unicode that a terminal obeys or that end a line: controls, formats (marks of
 direction among them), surrogates, separators of lines and paragraphs."""
@@ -42,6 +45,17 @@ def one_line(text: str, longest: int = LONGEST) -> str:
     if len(line) <= longest and len(text) <= 2 * longest:
         return line
     return f"{line[:longest]}... ({len(text)} characters)"
+
+
+def shown(message: str) -> str:
+    """Return a message as a terminal shows it: printable, and cut where a foreign text fills it."""
+    lines = [_cut(line) for line in printable(message).split("\n")]
+    more = len(lines) - LINES
+    return "\n".join([*lines[:LINES], f"... and {more} lines more"] if more > 0 else lines)
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= LINE else f"{line[:LINE]}... ({len(line)} characters)"
 
 
 def _code(character: str) -> str:

@@ -1,4 +1,4 @@
-"""Files of strangers for every reader: valid ones with bytes and words changed, and what came of it.
+"""Files of strangers for every reader: valid ones, changed, and what came of them.
 
 An example is named by its format and a number, from which it is made anew. `attempt` reads one in a
 process of its own and tells whether the reader returned or refused it, as it must, in how much
