@@ -185,7 +185,8 @@ def _in_child(kind: str, path: Path, writing: int) -> None:
             place = arguments[0]
             if isinstance(place, (str, bytes)):
                 full = os.path.realpath(os.fsdecode(place))
-                if not full.startswith((inside, os.devnull)):
+                nameless = event == "open" and Path(full).is_dir()  # goes with its process
+                if not nameless and not full.startswith((inside, os.devnull)):
                     outside.append(f"{event} {full}")
 
     sys.addaudithook(watch)
@@ -198,6 +199,7 @@ def _in_child(kind: str, path: Path, writing: int) -> None:
     except BaseException:
         how, text = "traceback", traceback.format_exc()
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before
+    memory = max(memory, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024)
     answer = {"how": how, "text": text[-4000:], "memory": memory, "outside": outside}
     with os.fdopen(writing, "wb") as out:
         out.write(json.dumps(answer).encode())

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 EXAMPLES = 5
 """Of each format, beside those that were found once."""
 FOUND: dict[str, list[int]] = {}
-"""Numbers of examples that a reader did not take as it must, and takes since."""
+"""Numbers of examples that a reader of ours did not take as it must, and takes since.
+
+Those that end a library in C, which readers call in a process of its own, are not kept here.
+"""
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -9,6 +9,9 @@ on, ``1``, ``2`` in a .npy. Fields of a structured array are columns by their na
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 import zipfile
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +19,7 @@ import h5py
 import numpy as np
 
 from checked_files.budget import refuse_beyond
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_variables
 from hil.imports.tables import ROWS, ArrayTable
@@ -142,29 +146,53 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
 
 
 def _variables(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat  # noqa: PLC0415 - needed for nothing else
-    from scipy.io.matlab import MatReadError  # noqa: PLC0415
+    """Variables of a file before 7.3, which a process of its own reads.
 
-    try:
-        with file_errors(path, "read"):
-            with path.open("rb") as file:
-                named = any(file.read(20))
-            refuse_inflated_variables(path)
-            # zeros are variables without a name, which older readers skip one by one for ever
-            loaded = loadmat(path, simplify_cells=True) if named else None
-    except (ValueError, TypeError, NotImplementedError, KeyError, MatReadError) as error:
-        raise FileError(f"{path}: is no file of MATLAB, or is damaged: {error}") from error
-    if loaded is None:
-        raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
-    return dict(_flat({k: v for k, v in loaded.items() if not k.startswith("__")}, ""))
+    SciPy's reader in C may end on a damaged file, and with it the process that it is in.
+    """
+    with file_errors(path, "read"):
+        with path.open("rb") as file:
+            named = any(file.read(20))
+        # zeros are variables without a name, which older readers skip one by one for ever
+        if not named:
+            raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
+        refuse_inflated_variables(path)
+        with tempfile.TemporaryFile() as found:
+            done = subprocess.run(  # noqa: S603 - our own program
+                [sys.executable, "-P", "-c", _MATLAB, str(path.absolute()), str(found.fileno())],
+                pass_fds=[found.fileno()],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            if done.returncode:
+                last = (done.stderr.strip().splitlines() or ["its reader ended"])[-1]
+                why = one_line(last.partition(": ")[2] or last)
+                raise FileError(f"{path}: is no file of MATLAB, or is damaged: {why}")
+            found.seek(0)
+            with np.load(found, allow_pickle=False) as arrays:
+                names = arrays["names"].tolist()
+                return {name: arrays[f"arr_{k}"] for k, name in enumerate(names)}
 
 
-def _flat(values: dict[str, Any], within: str) -> Iterator[tuple[str, np.ndarray]]:
+_MATLAB = """
+import os, sys
+import numpy as np
+from scipy.io import loadmat
+
+def flat(values, within):
     for name, value in values.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{within}{name}.")
-        elif isinstance(value, np.ndarray):
+            yield from flat(value, f"{within}{name}.")
+        elif isinstance(value, np.ndarray) and not value.dtype.hasobject:
             yield f"{within}{name}", value
+
+loaded = loadmat(sys.argv[1], simplify_cells=True)
+found = dict(flat({k: v for k, v in loaded.items() if not k.startswith("__")}, ""))
+with os.fdopen(int(sys.argv[2]), "wb") as out:
+    np.savez(out, *found.values(), names=np.array(list(found), dtype=str))
+"""
+"""Program that reads a file of MATLAB and writes its arrays as a .npz; fields are ``data.q``."""
 
 
 class ParquetTable:
