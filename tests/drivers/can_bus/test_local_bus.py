@@ -284,14 +284,14 @@ def test_a_folder_that_others_could_read_is_closed_to_them(
 
 
 @pytest.mark.parametrize(("mode", "refused"), [(0o777, True), (0o770, True), (0o1777, False)])
-def test_a_folder_in_which_others_can_replace_ours_is_refused(
+def test_a_place_open_to_others_is_refused(
     join: Callable[..., can.BusABC],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     mode: int,
     refused: bool,
 ) -> None:
-    base = tmp_path / "shared" / "own"
+    base = tmp_path / "s" / "o"
     base.mkdir(mode=0o700, parents=True)
     base.parent.chmod(mode)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(base))
