@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 # some hundred processes of the tests load this package: compiled once, not by each of them
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help demo test tests test-long pythons lowest coverage vcan docs lint bench figures paper view-bundle release clean
+.PHONY: help demo test tests test-long pythons lowest lock audit coverage vcan docs lint bench figures paper view-bundle release clean
 
 LONG ?= long or hypothesis
 PROFILE ?= ci-long
@@ -15,8 +15,13 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; 
 	"$$p" -c '$(USABLE)' >/dev/null 2>&1 && echo "$$p" && break; done)
 PYTHONS ?= python3.11 python3.12 python3.13 python3.14
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
-# uv takes a seventh of pip's time; where it is not to be had, or finds no index, pip does it
+# uv takes a seventh of pip's time; where it is not to be had, or finds no index, pip does it. Both
+# install what requirements/ states, by hash; `make lock` states it anew.
 UV := $(BIN)/python -m uv pip install --quiet --python $(BIN)/python
+HASHED := --require-hashes -r requirements
+LOCK := $(BIN)/python -m uv pip compile --quiet --universal --python-version 3.11 --upgrade \
+	--generate-hashes --no-emit-index-url --no-annotate --no-header
+ITSELF := --no-deps --no-build-isolation -e .
 # long tests wait much, for clocks and other processes: one more of them than there are cores
 BESIDE := $(shell expr $$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2) + 1)
 MADE := $(VENV)/made
@@ -29,6 +34,8 @@ help:
 	@echo 'make test-long   the others: whole sessions, studies, tutorials, browsers; property tests anew'
 	@echo 'make pythons  the same under every Python that is here, of $(PYTHONS)'
 	@echo 'make lowest   the tests with the lowest versions of all packages that users need'
+	@echo 'make lock     requirements/: versions and hashes of all packages, stated anew'
+	@echo 'make audit    known weaknesses of these packages'
 	@echo 'make coverage the tests, and how many lines they reach'
 	@echo 'make vcan     the tests on SocketCAN, in a QEMU guest where the kernel has no vcan0'
 	@echo 'make docs     the documentation as a site, into build/docs'
@@ -86,6 +93,19 @@ coverage: $(DEV)
 		echo "lines covered of $$package: $$($(BIN)/coverage report --include="$$package/*" --format=total) %"; \
 	done
 
+# versions and hashes of all packages, for every Python and platform; without addresses of an index
+lock: $(DEV)
+	@echo uv | $(LOCK) - -o requirements/uv.txt
+	@echo pip-audit | $(LOCK) - -o requirements/audit.txt
+	@echo 'setuptools>=77' | $(LOCK) pyproject.toml - -o requirements/run.txt
+	@$(LOCK) pyproject.toml --extra dev -o requirements/dev.txt
+
+# known weaknesses of the packages; asks the index, so that no other target depends on it
+audit:
+	@'$(PYTHON)' -m venv .venv-audit
+	@.venv-audit/bin/python -m pip --quiet install $(HASHED)/audit.txt
+	.venv-audit/bin/pip-audit --require-hashes --disable-pip -r requirements/dev.txt
+
 vcan: $(DEV)
 	@sh tools/test_on_vcan.sh
 
@@ -141,12 +161,16 @@ $(MADE):
 	@'$(PYTHON)' -m venv $(VENV)
 	@touch $@
 
-$(RUNTIME): pyproject.toml | $(MADE)
+$(RUNTIME): pyproject.toml requirements/run.txt | $(MADE)
 	@echo 'installing what it needs into $(VENV), once'
-	@{ $(PIP) install uv && $(UV) -e .; } 2>/dev/null || $(PIP) install -e .
+	@{ $(PIP) install $(HASHED)/uv.txt && $(UV) $(HASHED)/run.txt; } 2>/dev/null || \
+		$(PIP) install $(HASHED)/run.txt
+	@$(UV) $(ITSELF) 2>/dev/null || $(PIP) install $(ITSELF)
 	@touch $@
 
-$(DEV): pyproject.toml | $(MADE)
+$(DEV): pyproject.toml requirements/dev.txt | $(MADE)
 	@echo 'installing it and its checks into $(VENV); half a minute, once'
-	@{ $(PIP) install uv && $(UV) -e '.[dev]'; } 2>/dev/null || $(PIP) install -e '.[dev]'
+	@{ $(PIP) install $(HASHED)/uv.txt && $(UV) $(HASHED)/dev.txt; } 2>/dev/null || \
+		$(PIP) install $(HASHED)/dev.txt
+	@$(UV) $(ITSELF) 2>/dev/null || $(PIP) install $(ITSELF)
 	@touch $(RUNTIME) $@

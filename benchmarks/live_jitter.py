@@ -1,4 +1,4 @@
-"""SYNC of `hil run` on the wall clock without a live page, with one, and with 50 that watch it.
+"""SYNC of `hil run` without a live page, with one, with 50, and beside 200 hostile connections.
 
 Plant, run, page and those who watch are processes of their own, on a local channel, at 250 Hz. The
 plant stands for drives, which are never late, so it has the real-time class. The three cases take
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 INTERFACE, CHANNEL = "local", f"live-jitter-{os.getpid()}"
-PAGES = 50
+PAGES, HOSTILE = 50, 200
 PERIOD = 0.004
 HEARTBEAT = "heartbeat_timeout: 0.5"
 MOTION = 2.0
@@ -122,11 +122,31 @@ def watch(url: str, pages: int) -> None:
                 readers.remove(reader)
 
 
+def drip(url: str, connections: int) -> None:
+    """Hold connections and send a byte of a request over each ten times a second, until the end."""
+    parts = urlsplit(url)
+    address, held = (parts.hostname or "", parts.port or 80), list[socket.socket]()
+    while True:
+        try:
+            while len(held) < connections:
+                held.append(socket.create_connection(address))
+        except ConnectionRefusedError:
+            return
+        for each in list(held):
+            try:
+                each.send(b"X")
+            except OSError:  # left for a newer one, which takes its turn
+                held.remove(each)
+                each.close()
+        time.sleep(0.1)
+
+
 LIVE = ("--live", "0")
 CASES = {
     "no page": Case(),
     "one page": Case(LIVE, partial(watch, pages=1)),
     f"{PAGES} pages": Case(LIVE, partial(watch, pages=PAGES)),
+    f"{HOSTILE} hostile": Case(LIVE, partial(drip, connections=HOSTILE)),
 }
 
 

@@ -55,6 +55,9 @@ DEPTH_MAX = 32
 """Deepest nesting that a file may have."""
 VALUES_MAX = 200_000
 """Most values that a file may hold once its aliases are followed."""
+NUMBER_MAX = 100
+"""Most characters of a number: the time that YAML's notation to base 60 takes grows with their
+square, and a float has 24 at most."""
 _SHOWN_MAX = 60
 _MISSING = "missing; add this key"
 _TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it flat"
@@ -85,10 +88,15 @@ class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> object:
         """Build one value."""
+        kind = node.tag.rpartition(":")[2]
+        if kind in {"int", "float"} and len(node.value) > NUMBER_MAX:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"{_shown(node.value)} is no number of at most {NUMBER_MAX} characters",
+                node.start_mark,
+            )  # fmt: skip
         try:
             return super().construct_object(node, deep)
         except _NOT_CONVERTIBLE as error:
-            kind = node.tag.rpartition(":")[2]
             raise yaml.constructor.ConstructorError(
                 None, None, f"{_shown(node.value)} is no {kind}", node.start_mark
             ) from error

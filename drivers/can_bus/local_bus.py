@@ -6,17 +6,24 @@ no server. Frames arrive whole, in the order in which they were sent, and none i
 lets the sender wait, as a bus under load would, and it goes on receiving meanwhile, so that two
 who send to each other do not wait for ever. A peer who hangs misses what does not fit into its
 queue, as the receiver of a CAN node would; one whose process died is dropped at the next frame.
+
+Other users of the machine neither read, send nor delete here: the channel's folder is this user's
+alone (mode 0700) and no link, nobody else can put another in its place, and nothing is connected to
+or removed that is no socket of this user with a name that this module gives.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import select
 import socket
+import stat
 import struct
 import tempfile
 import time
 from collections import deque
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,6 +47,8 @@ FD_SETSIZE = 1024
 _FRAME = struct.Struct("=IB3x8s")
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 _numbers = count()
+_MEMBER = re.compile(r"\d+-\d+")  # number of the process, number of the bus in it
+_CHANNEL = re.compile(r"\w[\w.-]*")
 
 
 class LocalBus(can.BusABC):
@@ -48,7 +57,8 @@ class LocalBus(can.BusABC):
     Parameters
     ----------
     channel : str
-        Any name that can be a file's; same name, same machine, same user: same bus.
+        Letters, digits, dots, underscores and hyphens, the first no dot and no hyphen; same name,
+        same machine, same user: same bus.
     can_filters : optional
         As everywhere in python-can.
     receive_own_messages : bool
@@ -57,7 +67,8 @@ class LocalBus(can.BusABC):
     Raises
     ------
     can.CanInitializationError
-        The channel's name cannot be a file's, or its folder cannot be written.
+        The channel's name is not plain, or its folder cannot be made, is a link, or is open to
+        other users.
     """
 
     def __init__(
@@ -68,7 +79,7 @@ class LocalBus(can.BusABC):
         receive_own_messages: bool = False,
         **_: Any,
     ) -> None:
-        self._folder = _folder(str(channel))
+        self._folder = _own_folder(str(channel))
         self._echo = receive_own_messages
         self._inbox: deque[tuple[float, bytes]] = deque()
         self._peers: dict[Path, socket.socket] = {}
@@ -80,7 +91,6 @@ class LocalBus(can.BusABC):
         self._arrivals = select.poll()
         self._arrivals.register(self._socket, select.POLLIN)
         try:
-            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._socket.bind(str(self._address))
         except OSError as error:
             self._socket.close()
@@ -210,7 +220,7 @@ class LocalBus(can.BusABC):
         if changed == self._seen:
             return
         self._seen = changed
-        there = {path for path in self._folder.iterdir() if path != self._address}
+        there = {path for path in self._folder.iterdir() if path != self._address and _ours(path)}
         for address in set(self._peers) - there:
             self._peers.pop(address).close()
         for address in there - set(self._peers):
@@ -230,8 +240,70 @@ class LocalBus(can.BusABC):
         address.unlink(missing_ok=True)
 
 
-def _folder(channel: str) -> Path:
-    if not channel or channel != Path(channel).name:
-        raise can.CanInitializationError(f"channel {channel!r}: must be a name such as bench")
-    base = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
-    return Path(base) / f"can-local-{os.getuid()}" / channel
+def _ours(path: Path) -> bool:
+    """Whether a path is a socket of this user that a bus has made, and no link to one."""
+    if not _MEMBER.fullmatch(path.name):
+        return False
+    try:
+        state = path.lstat()
+    except FileNotFoundError:  # its bus has left meanwhile
+        return False
+    return stat.S_ISSOCK(state.st_mode) and state.st_uid == os.getuid()
+
+
+def _own_folder(channel: str) -> Path:
+    """Make the folder of a channel, or take the one that is there if it is this user's alone."""
+    if not _CHANNEL.fullmatch(channel):
+        raise can.CanInitializationError(
+            f"channel {channel!r}: must be a name such as bench, of letters, digits, '.', '_' and"
+            " '-', that begins with a letter, a digit or '_'"
+        )
+    folder = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()).resolve()
+    try:
+        for above in (folder, *folder.parents):
+            _refuse_changeable(above)
+        for name in (f"can-local-{os.getuid()}", channel):
+            folder /= name
+            with suppress(FileExistsError):
+                folder.mkdir(mode=0o700)
+            _refuse_foreign(folder)
+    except OSError as error:
+        raise can.CanInitializationError(
+            f"{folder}: {error.strerror or error}; choose a short channel name, and with"
+            " XDG_RUNTIME_DIR a folder of your own"
+        ) from error
+    return folder
+
+
+def _refuse_changeable(folder: Path) -> None:
+    """Refuse a folder in which another user can replace what this user has made."""
+    state = folder.stat()
+    # whoever owns / can do everything in any case: root, or the outside of a container
+    trusted = state.st_uid in {0, os.getuid(), Path("/").stat().st_uid}
+    if trusted and (state.st_mode & stat.S_ISVTX or not state.st_mode & 0o022):
+        return
+    raise can.CanInitializationError(
+        f"{folder}: user {state.st_uid} owns it with mode {stat.S_IMODE(state.st_mode):04o}, so"
+        " that others can replace a channel's folder in it; set XDG_RUNTIME_DIR to a folder of"
+        " your own with mode 0700, or remove the write permission of others"
+    )
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Refuse a folder of a channel that is a link, belongs to others, or was open to their writing.
+
+    One that others could only read, as earlier versions made it, is closed to them.
+    """
+    state = folder.lstat()
+    if not stat.S_ISDIR(state.st_mode):
+        found = "is a link" if stat.S_ISLNK(state.st_mode) else "is no folder"
+    elif state.st_uid != os.getuid():
+        found = f"belongs to user {state.st_uid}"
+    elif state.st_mode & 0o022:
+        found = f"has mode {stat.S_IMODE(state.st_mode):04o}, in which others can write"
+    else:
+        return folder.chmod(0o700)
+    raise can.CanInitializationError(
+        f"{folder}: {found}; a channel's folder must be user {os.getuid()}'s own with mode 0700:"
+        " remove it, or set XDG_RUNTIME_DIR to a folder of your own"
+    )

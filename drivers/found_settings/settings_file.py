@@ -9,14 +9,14 @@ changes itself: an object that is not in `SETTINGS` is refused.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-import yaml
 from pydantic import BeforeValidator, Field, model_validator
 
+from checked_files.foreign_text import one_line
 from checked_files.names import ShownName
 from checked_files.yaml_file import FileModel, load_yaml
+from checked_files.yaml_text import quoted
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import VELOCITY_FEED_FORWARDS
 from drivers.commissioning.held_values import ASSIGNMENTS, COMMANDS
@@ -60,15 +60,11 @@ WRITTEN_ONCE = frozenset(
 """Those of the profile of which a session holds one value from the end of start-up to its own."""
 
 
-def _printable(text: object) -> object:
-    """Take what a terminal could mistake for commands out of a name, and what is too long."""
-    if not isinstance(text, str):
-        return text
-    return "".join(c if c.isprintable() else "?" for c in text[:LONGEST_NAME])
+def _shown_name(text: object) -> object:
+    return one_line(text) if isinstance(text, str) else text
 
 
-LONGEST_NAME = 200
-Name = Annotated[str, BeforeValidator(_printable)]
+Name = Annotated[str, BeforeValidator(_shown_name)]
 
 
 BusName = Annotated[ShownName, Field(max_length=4096)]
@@ -274,7 +270,7 @@ def dump_found_settings(settings: FoundSettings) -> str:
         f"bitrate: {settings.bitrate} # bit/s",
         f"sdo_timeout: {settings.sdo_timeout!r} # s",
         *(
-            f"{key}: {_quoted(value)}"
+            f"{key}: {quoted(value)}"
             for key, value in (("interface", settings.interface), ("channel", settings.channel))
             if value is not None
         ),
@@ -308,7 +304,7 @@ def difference(found: FoundIdentity, present: FoundIdentity) -> str:
 def _drive_lines(drive: FoundDrive) -> Sequence[str]:
     identity = ", ".join(f"{key}: {_shown(getattr(drive.identity, key))}" for key in IDENTITY)
     return [
-        f"- name: {_quoted(drive.name)}",
+        f"- name: {quoted(drive.name)}",
         f"  node: {drive.node}",
         *([] if drive.alias is None else [f"  alias: {drive.alias}"]),
         f"  identity: {{{identity}}}",
@@ -323,12 +319,8 @@ def _object_line(each: FoundObject) -> str:
     refused = ", refused: true" if each.refused else ""
     return (
         f"  - {{index: 0x{each.index:04X}, subindex: {each.subindex}, type: {each.type},"
-        f" value: {each.value}{written}{refused}, name: {_quoted(each.name)}}}"
+        f" value: {each.value}{written}{refused}, name: {quoted(each.name)}}}"
     )
-
-
-def _quoted(text: str) -> str:
-    return yaml.safe_dump(text, default_style='"', width=math.inf).rstrip("\n")
 
 
 def _shown(value: bool | int | None) -> str:

@@ -8,13 +8,13 @@ refuses the file until that is done; so nothing can be overlooked and nothing is
 
 from __future__ import annotations
 
-import json
-import re
 import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED
+from checked_files.yaml_text import comment, quoted
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import TorqueUnit
@@ -73,7 +73,7 @@ def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | No
     refuse_unfit(axes)
     sources = ", ".join(dict.fromkeys(axis.dictionary.source for axis in axes))
     lines = [
-        f"# Drafted from {_plain(sources)}.",
+        comment(f"Drafted from {sources}."),
         f"# What nobody but you can know is marked {UNSTATED}: replace each mark and its text by",
         "# the value, joint side and SI unless said otherwise. Until then the file is refused.",
         *_shared(axes, bitrate),
@@ -240,23 +240,18 @@ def _drafted(key: str, drafted: Drafted) -> str:
 def _line(key: str, value: object, unit: str, hint: str) -> str:
     """Return a line with the value and its unit or source, or one to be stated."""
     if value is None:
-        return f"{key}: {UNSTATED} {json.dumps(_plain(hint), ensure_ascii=False)}"
-    return f"{key}: {value}" + (f" # {unit}" if unit else "")
+        return f"{key}: {UNSTATED} {quoted(one_line(hint, 1000))}"
+    return f"{key}: {value}" + (f" {comment(unit)}" if unit else "")
 
 
 def _comment(text: str, indent: str = "") -> list[str]:
     """Return a comment, folded."""
     start = f"{indent or '  '}# "
     return textwrap.wrap(
-        _plain(text),
+        one_line(text, 1000),
         WIDTH - len(indent and "    "),
         initial_indent=start,
         subsequent_indent=f"{start}  ",
         break_long_words=False,
         break_on_hyphens=False,
     )
-
-
-def _plain(text: str) -> str:
-    """Return a text of a foreign file as one line of printable characters."""
-    return re.sub(r"\s+", " ", "".join(c if c.isprintable() else " " for c in text)).strip()

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from checked_files.foreign_text import shown
 from hil.cli.equipment import COUNTED, HELP, epilog, equipped, set_output, without_types
-from hil.terminal.console import out, printable
+from hil.terminal.console import out
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -149,12 +150,12 @@ def main(
         program(None if arguments is None else list(arguments), prog_name=name)
     except OSError as error:
         message = f"{error.filename or name}: {error.strerror or error}"
-        sys.stderr.write(f"{printable(message)}\n")
+        sys.stderr.write(f"{shown(message)}\n")
         sys.exit(1)
     except Exception as error:
         if not _explained(error) or out.verbose:
             raise
-        sys.stderr.write(f"{printable(str(error))}\n")
+        sys.stderr.write(f"{shown(str(error))}\n")
         sys.exit(1)
 
 

@@ -134,4 +134,7 @@ def _write_json(path: str) -> None:
         import json
 
         found = {"command": path, **{key: value for key, value in out.given.items() if value}}
-        sys.stdout.write(json.dumps(found, indent=2, ensure_ascii=False) + "\n")
+        text = json.dumps(found, indent=2, ensure_ascii=False)
+        if not text.replace("\n", "").isprintable():  # JSON escapes them, and means the same
+            text = json.dumps(found, indent=2)
+        sys.stdout.write(f"{text}\n")

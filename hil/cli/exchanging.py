@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from checked_files.foreign_text import shown
 from hil.cli.arguments import Masses, Without, body_bounds
 from hil.cli.completion import files, formats, runs
 from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, refuse_no_folder
-from hil.terminal.console import out, printable, say, working
+from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
     from hil.imports.statement import Statement
@@ -175,7 +176,7 @@ def _model_written(
         model = Model.load(source)
         if model.failed and not force:
             text = f"its identification {model.outcome}; --force writes it all the same, with"
-            sys.stderr.write(printable(f"{source}: {text} FAILED on top of every file\n"))
+            sys.stderr.write(shown(f"{source}: {text} FAILED on top of every file\n"))
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")
         bounds = body_bounds(masses) if masses else None

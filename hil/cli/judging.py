@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from checked_files.foreign_text import printable
 from hil.cli.arguments import RealTime, RobotsBus, RunPath, Without, expand_records
 from hil.cli.completion import files, robots, runs
 from hil.cli.measuring import OnBus
@@ -28,7 +29,7 @@ from hil.cli.outputs import (
     show_causes,
 )
 from hil.cli.results import Method, Others, refuse_unknown
-from hil.terminal.console import give, out, printable, say, working
+from hil.terminal.console import give, out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

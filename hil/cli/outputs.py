@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from hil.terminal.console import give, give_each, out, printable, say, working
+from checked_files.foreign_text import printable
+from hil.terminal.console import give, give_each, out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -57,6 +57,10 @@ def view(
         Path | None,
         typer.Option("--urdf", help="URDF of the robot, for its visual meshes."),
     ] = None,
+    meshes: Annotated[
+        Path | None,
+        typer.Option("--meshes", help="Folder of meshes outside of the URDF's own or package."),
+    ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
 ) -> None:
@@ -65,14 +69,14 @@ def view(
     if path.is_dir():
         _refuse(robot_file, "--robot", "a run, which has its own")
         _refuse(workspace, "--workspace", "a run, which has its own")
-        read, page = partial(_of_run, path, model_path, urdf), path / RUN_PAGE
+        read, page = partial(_of_run, path, model_path, urdf, meshes), path / RUN_PAGE
     elif _is_plan(path):
-        read = partial(_of_plan, path, robot_file, workspace, model_path, urdf)
+        read = partial(_of_plan, path, robot_file, workspace, model_path, urdf, meshes)
         page = page_of_plan(path)
     else:
         _refuse(robot_file, "--robot", "a robot")
         _refuse(model_path, "--model", "a robot, which stands still")
-        read, page = partial(_of_robot, what, workspace, urdf), Path(f"{path.stem}.html")
+        read, page = partial(_of_robot, what, workspace, urdf, meshes), Path(f"{path.stem}.html")
     refuse_page(output or page)
     with working(f"reading {what}"):
         make = read()
@@ -117,16 +121,19 @@ def _of_plan(
     workspace: Path | None,
     model_path: Path | None,
     urdf: Path | None,
+    meshes: Path | None,
 ) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load
     from hil.results.model import loaded
 
     plan, robot = load(path, robot_file, workspace)
     model = loaded(model_path, robot) if model_path else None
-    return scene_of_plan(plan, robot, model, _visuals(urdf, robot))
+    return scene_of_plan(plan, robot, model, _visuals(urdf, robot, meshes))
 
 
-def _of_run(path: Path, model_path: Path | None, urdf: Path | None) -> Callable[[int], Scene]:
+def _of_run(
+    path: Path, model_path: Path | None, urdf: Path | None, meshes: Path | None
+) -> Callable[[int], Scene]:
     from hil.results.model import loaded
     from hil.results.model_file import NAME
     from hil.runs.run import Run
@@ -136,10 +143,12 @@ def _of_run(path: Path, model_path: Path | None, urdf: Path | None) -> Callable[
     if model_path is None and (path / NAME).exists():
         model_path = path / NAME
     model = loaded(model_path, run.robot) if model_path else None
-    return partial(of_run, run, model=model, visuals=_visuals(urdf, run.robot))
+    return partial(of_run, run, model=model, visuals=_visuals(urdf, run.robot, meshes))
 
 
-def _of_robot(name: str, workspace: Path | None, urdf: Path | None) -> Callable[[int], Scene]:
+def _of_robot(
+    name: str, workspace: Path | None, urdf: Path | None, meshes: Path | None
+) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load_guard
     from hil.model.robot import DESCRIPTIONS, load_robot
     from hil.view.scene import of_robot
@@ -148,7 +157,7 @@ def _of_robot(name: str, workspace: Path | None, urdf: Path | None) -> Callable[
     guard = load_guard(workspace, robot)
     if urdf is None and name.lower().endswith(DESCRIPTIONS):
         urdf = Path(name)
-    visuals = _visuals(urdf, robot)
+    visuals = _visuals(urdf, robot, meshes)
 
     def make(_most: int) -> Scene:
         return of_robot(robot, guard, visuals)
@@ -156,13 +165,13 @@ def _of_robot(name: str, workspace: Path | None, urdf: Path | None) -> Callable[
     return make
 
 
-def _visuals(urdf: Path | None, robot: Robot) -> Sequence[Visual]:
+def _visuals(urdf: Path | None, robot: Robot, meshes: Path | None) -> Sequence[Visual]:
     """Visual meshes of a URDF; what of them is left out is stated."""
     if urdf is None:
         return ()
     from hil.view.visuals import visuals
 
-    found = visuals(urdf, robot)
+    found = visuals(urdf, robot, meshes)
     for each in found.left_out:
         say(each, style="yellow")
     return found.visuals

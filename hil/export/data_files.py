@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 
+from checked_files.yaml_text import comment
 from hil.export.exported import Exported
 from hil.export.simple_friction import (
     friction_of_joints,
@@ -214,7 +215,7 @@ def write_ros2(model: Model, origin: tuple[str, ...]) -> Exported:
         },
     }
     remarks = friction_remarks(model)
-    head = "".join(f"# {line}\n" for line in (*origin, *NOTES, *remarks))
+    head = "".join(f"{comment(line)}\n" for line in (*origin, *NOTES, *remarks))
     text = head + yaml.safe_dump(content, sort_keys=False)
     return Exported({f"{robot.name}.ros2.yaml": text}, remarks)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.results.model import Model
 from hil.runs.atomic_file import file_errors, write_file
@@ -62,7 +63,7 @@ def cautions(model: Model) -> tuple[str, ...]:
     simulated = (NO_REAL_MACHINE,) if model.provenance.of_virtual_plant else ()
     if model.outcome is None or not model.failed:
         return simulated
-    return (f"FAILED: {' '.join(model.outcome.clause.split())}", *simulated)
+    return (f"FAILED: {one_line(model.outcome.clause, 1000)}", *simulated)
 
 
 def passed(model: Model) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from checked_files.foreign_text import shown
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
 from hil.errors import NotEnoughData, UnknownName
@@ -62,6 +63,7 @@ def export(
         There is no such format.
     """
     refuse_unknown(name)
+    origin = tuple(map(shown, origin))
     if name not in SIMULATORS:
         return FORMATS[name](model, origin)
     costs = statements(model.robot, model.consistent) if model.consistent else ()

@@ -7,7 +7,6 @@ the guess that the mark's text states, so that nothing guessed goes unread.
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,7 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED, FileError
+from checked_files.yaml_text import comment, quoted, to_be_stated
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
 from hil.imports.tables import SECONDS, listed
@@ -85,14 +86,14 @@ def draft_map(path: Path, name: str) -> str:
     joints = _joints([column for column in columns if column not in time])
     return "\n".join(
         [
-            f"# Map of {plain(name)}, drafted from its first {looked_at} rows.",
-            *(f"# {plain(note).capitalize()}." for note in table.notes),
+            comment(f"Map of {name}, drafted from its first {looked_at} rows."),
+            *(comment(f"{note.capitalize()}.") for note in table.notes),
             f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
             "# Columns and what they hold:",
-            *(f"#   {described(column)}" for column in columns),
+            *(f"#   {one_line(described(column), 400)}" for column in columns),
             *_left_out_lines({**empty, **table.left_out}),
-            f"robot: {UNSTATED} a robot file, a URDF, or the name of a robot",
-            f"files: [{json.dumps(name)}]",
+            f"robot: {to_be_stated('a robot file, a URDF, or the name of a robot')}",
+            f"files: [{quoted(name)}]",
             *_time_lines(time, from_format=bool(table.time)),
             *_segment_lines(time, looked_at),
             "joints: # in the robot's order, as many as it has",
@@ -108,7 +109,7 @@ def draft_map(path: Path, name: str) -> str:
 def _left_out_lines(left_out: Mapping[str, str]) -> Iterator[str]:
     if left_out:
         yield "# Left out:"
-        yield from (f"#   {plain(name)}: {plain(what)}" for name, what in left_out.items())
+        yield from (comment(f"  {name}: {what}") for name, what in left_out.items())
 
 
 def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
@@ -144,23 +145,23 @@ def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
 def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[str]:
     if not time:
         yield "time:"
-        yield f"  rate: {UNSTATED} samples per second [Hz]"
+        yield f"  rate: {to_be_stated('samples per second [Hz]')}"
     elif from_format:
         yield "time: {column: sec, unit: s, plus: {column: nanosec, unit: ns}}"
     elif len(time) > 1:
         yield "time:"
         yield f"  column: {time[0].key}"
-        yield f"  unit: {UNSTATED} s"
+        yield f"  unit: {to_be_stated('s')}"
         yield "  plus:"
         yield f"    column: {time[1].key}"
-        yield f"    unit: {UNSTATED} ns"
+        yield f"    unit: {to_be_stated('ns')}"
     else:
         step = time[0].step
         rates = {unit: 1 / (step * s) for unit, s in SECONDS.items() if step > 0}
         likely = [f"{unit} if {rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5]
         yield "time:"
         yield f"  column: {time[0].key}"
-        yield f"  unit: {UNSTATED} {', '.join(likely) or ', '.join(SECONDS)}"
+        yield f"  unit: {to_be_stated(', '.join(likely or SECONDS))}"
 
 
 def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
@@ -213,18 +214,19 @@ def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
             continue
         yield f"{start}{key}:"
         start = "    "
-        number = column.key if column else f"{UNSTATED} number or name of the column of its {key}s"
-        yield f"      column: {number}"
+        lacking = f"number or name of the column of its {key}s"
+        yield f"      column: {column.key if column else to_be_stated(lacking)}"
         yield f"      unit: {_unit(key, column, from_ros=from_ros)}"
         if key == "torque" and not from_ros:
-            yield f"      gain: {UNSTATED} N m, or N, for one unit; 1 for N m and N; or unknown"
+            gain = "N m, or N, for one unit; 1 for N m and N; or unknown"
+            yield f"      gain: {to_be_stated(gain)}"
 
 
 def _unit(key: str, column: SeenColumn | None, *, from_ros: bool) -> str:
     if from_ros:
         turning = {"position": "rad", "velocity": "rad/s", "torque": "N m"}[key]
         return f"{turning} # as ROS has it for joints that turn"
-    return f"{UNSTATED} {_UNITS[key]}{_guess(key, column)}"
+    return to_be_stated(f"{_UNITS[key]}{_guess(key, column)}")
 
 
 def _guess(key: str, column: SeenColumn | None) -> str:
@@ -233,7 +235,7 @@ def _guess(key: str, column: SeenColumn | None) -> str:
         return ""
     most = max(abs(column.low), abs(column.high))
     if match := _UNIT_IN_NAME.search(column.name):
-        return f"; up to {most:.4g}, and its name says {plain(match[1] or match[2])}"
+        return f"; up to {most:.4g}, and its name says {one_line(match[1] or match[2], 40)}"
     if key != "position":
         return f"; up to {most:.4g}"
     likely = "rad or m" if most < 7 else "deg" if most <= 400 else "counts or mm"
@@ -258,7 +260,7 @@ class SeenColumn:
     @property
     def key(self) -> str:
         """Name or number as a map states it."""
-        return json.dumps(self.name) if self.name else str(self.number)
+        return quoted(self.name) if self.name else str(self.number)
 
 
 def look(table: Table) -> tuple[list[SeenColumn], int, dict[str, str]]:
@@ -318,14 +320,9 @@ def _seen(index: int, name: str, values: Array) -> SeenColumn:
 
 def described(column: SeenColumn) -> str:
     """What a comment says of a column."""
-    name = f" {plain(column.name)}" if column.name else ""
+    name = f" {one_line(column.name)}" if column.name else ""
     rising = ", rising" if column.rises else ""
     return f"{column.number}{name}: {column.low:.6g} to {column.high:.6g}{rising}"
-
-
-def plain(text: str) -> str:
-    """Text as it may stand in a comment or a mark, whatever a file calls its columns."""
-    return " ".join(re.sub(r"[^\x21-\x39\x3b-\x7e\xa1-\uffff]|#", " ", text).split())
 
 
 def words_of(name: str) -> list[str]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import yaml
 
 from checked_files.yaml_file import FileError
+from checked_files.yaml_text import comment
 from hil.errors import UnknownName
 from hil.imports.map_file import load_map
 from hil.imports.one_map import OneMap, import_one
@@ -240,4 +241,6 @@ def _with_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
             drive = joint.setdefault("drive", dict(_UNKNOWN_DRIVE))
             drive["torque_constant_uncertainty"] = uncertainty
     text = yaml.safe_dump(content, sort_keys=False, width=200)
-    return parse_robot(f"# {robot.source}, with the gains' uncertainties\n{text}", robot.source)
+    return parse_robot(
+        f"{comment(f'{robot.source}, with the uncertainties of gains')}\n{text}", robot.source
+    )

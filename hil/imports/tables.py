@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
 
 if TYPE_CHECKING:
@@ -169,7 +170,9 @@ class ArrayTable:
                 f"{self.path}: columns must have equal numbers of rows, not {each}; choose columns"
                 " of one recording"
             )
-        for begin in range(0, next(iter(lengths.values())), ROWS):
+        rows = next(iter(lengths.values()))
+        refuse_beyond(self.path, 8 * rows * len(columns), f"{rows} rows of {len(columns)} columns")
+        for begin in range(0, rows, ROWS):
             part = slice(begin, begin + ROWS)
             block = [np.asarray(self._columns[index][1](part), dtype=float) for index in columns]
             yield np.stack(block, axis=1)

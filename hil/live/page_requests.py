@@ -3,7 +3,8 @@
 A page of another site may try to reach this one through the browser of whoever visits it. So a
 request is refused whose host is not ours (a name that was made to point here), that comes from
 another origin, or, for a stop or a push, that lacks a header which only our own page may set.
-Served on another address than the loopback, every path begins with a secret.
+Served on another address than the loopback, every path begins with a secret; on the loopback, to
+which every user of this computer has access, the connection must be one of this user's programs.
 
 A push is of the virtual plant's arm alone, and goes to the plant itself, never to the bus or to the
 process that runs it: a datagram to the socket at which the plant takes pushes.
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import gzip
 import hmac
+import io
 import ipaddress
 import json
 import socket
@@ -20,17 +22,23 @@ from functools import cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 from urllib.parse import urlsplit
+
+from hil.live.incoming import is_ours
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from http.server import HTTPServer
 
+    from typing_extensions import Buffer
+
     from hil.live.streams import Streams
 
 ASSETS = Path(__file__).parent / "assets"
 VIEW = Path(__file__).parents[1] / "view" / "assets"
+STRONGEST, LONGEST = 1e4, 1.0
+"""Bounds of a push as the plant has them (`sim_plant.serving.hand`) [N m or N, s]."""
 STOP_HEADER = "X-Hil-Stop"
 PUSH_HEADER = "X-Hil-Push"
 SECURITY = {
@@ -78,12 +86,42 @@ class Site(NamedTuple):
     hand: str = ""
 
 
+class Whole(NamedTuple):
+    """A request that has come whole.
+
+    Attributes
+    ----------
+    connection : socket
+    data : bytes
+    """
+
+    connection: socket.socket
+    data: bytes
+
+
+def takes_time(data: bytes, site: Site) -> bool:
+    """Whether the answer to a request is more than a few words: a file, or the events of the run.
+
+    Who does not know the secret is not answered so.
+    """
+    method, _, rest = data.partition(b" ")
+    place = _within(rest.partition(b" ")[0].decode("latin-1"), site.secret)
+    return method == b"GET" and (place == "events" or place in FILES)
+
+
 class Requests(BaseHTTPRequestHandler):
     """Answers one request; the class attribute `site` is set by a subclass."""
 
     site: Site
     server: HTTPServer
-    timeout = 10.0  # of reading and of writing [s]
+    timeout = 10.0  # of an answer as a whole [s]
+
+    def setup(self) -> None:
+        """Read what has come already, and write to the connection."""
+        whole = cast("Whole", self.request)
+        self.connection = whole.connection
+        self.rfile = io.BytesIO(whole.data)
+        self.wfile = _Answer(self.connection)
 
     def do_GET(self) -> None:
         """Answer with a file, or with the events of the run."""
@@ -102,8 +140,7 @@ class Requests(BaseHTTPRequestHandler):
         place = self._place()
         if place is None:
             return
-        length = self.headers.get("Content-Length", "")
-        body = self.rfile.read(min(int(length), 1024) if length.isdecimal() else 0)
+        body = self.rfile.read()
         asked = {"stop": STOP_HEADER} | ({"push": PUSH_HEADER} if self.site.hand else {})
         if place not in asked:
             self._text(HTTPStatus.NOT_FOUND, "nothing but stop can be asked for")
@@ -112,7 +149,8 @@ class Requests(BaseHTTPRequestHandler):
         elif place == "push" and not _is_push(body):
             self._text(
                 HTTPStatus.BAD_REQUEST,
-                'a push must read {"torque": [a number an axis], "lasts": seconds}',
+                'a push must read {"torque": [a number an axis], "lasts": seconds}, torques within'
+                f" +-{STRONGEST:g} N m or N, for at most {LONGEST:g} s",
             )
         elif self.site.streams.ended:
             self._text(HTTPStatus.CONFLICT, "the run has ended already")
@@ -149,14 +187,17 @@ class Requests(BaseHTTPRequestHandler):
         if origin is not None and origin != f"http://{host}":
             self._text(HTTPStatus.FORBIDDEN, "another site's pages get nothing here")
             return None
-        place = self.path.split("?")[0].removeprefix("/")
-        if not self.site.secret:
-            return place
-        secret, _, place = place.partition("/")
-        if hmac.compare_digest(secret.encode(), self.site.secret.encode()):
-            return place
-        self._text(HTTPStatus.FORBIDDEN, "the address lacks the secret that hil run has shown")
-        return None
+        place = _within(self.path, self.site.secret)
+        if place is None:
+            self._text(HTTPStatus.FORBIDDEN, "the address lacks the secret that hil run has shown")
+        elif not self.site.secret and not is_ours(self.connection):
+            self._text(
+                HTTPStatus.FORBIDDEN,
+                "the page is served to the user of the run alone; for others, serve it with"
+                " --live-address",
+            )
+            return None
+        return place
 
     def _events(self) -> None:
         head = "HTTP/1.0 200 OK\r\nContent-Type: text/event-stream\r\n"
@@ -188,6 +229,22 @@ class Requests(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
 
+class _Answer(io.BufferedIOBase):
+    """An answer, written as a whole within the time of its connection."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+
+    def writable(self) -> bool:
+        """Take bytes."""
+        return True
+
+    def write(self, content: Buffer) -> int:
+        """Send all of it, or raise an `OSError`."""
+        self._connection.sendall(content)
+        return memoryview(content).nbytes
+
+
 @cache
 def _content(files: tuple[Path, ...], compressed: bool) -> bytes:
     content = b"".join(file.read_bytes() for file in files)
@@ -199,13 +256,26 @@ def names_of_this_computer() -> frozenset[str]:
     return frozenset({"localhost", socket.gethostname().lower()})
 
 
+def _within(path: str, secret: str) -> str | None:
+    """What a path asks for behind the secret; None where the secret is not the one."""
+    place = path.partition("?")[0].removeprefix("/")
+    if not secret:
+        return place
+    said, _, place = place.partition("/")
+    return place if hmac.compare_digest(said.encode(), secret.encode()) else None
+
+
 def _is_push(body: bytes) -> bool:
     try:
         said = json.loads(body)
-        numbers = [*said["torque"], said["lasts"]]
+        torques, lasts = [*said["torque"]], said["lasts"]
     except (ValueError, TypeError, KeyError, RecursionError):
         return False
-    return all(isinstance(each, (int, float)) for each in numbers)
+    return (
+        all(isinstance(each, (int, float)) for each in (*torques, lasts))
+        and all(abs(each) <= STRONGEST for each in torques)  # which nothing is that is no number
+        and 0 <= lasts <= LONGEST
+    )
 
 
 def _ours(host: str, port: int, names: frozenset[str]) -> bool:

@@ -18,6 +18,7 @@ import math
 import os
 import secrets
 import select
+import selectors
 import socket
 import sys
 import time
@@ -25,17 +26,18 @@ from contextlib import suppress
 from http.server import ThreadingHTTPServer
 from socketserver import TCPServer
 from threading import Semaphore, Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+from hil.live.incoming import WAITING_MAX, Incoming, TooLarge
 from hil.live.listener import begin_listening, url_host
-from hil.live.page_requests import Requests, Site, names_of_this_computer
+from hil.live.page_requests import Requests, Site, Whole, names_of_this_computer, takes_time
 from hil.live.streams import Streams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 CONNECTIONS_MAX = 128
-"""At a time, those of pages among them."""
+"""Requests for files and events that are answered at a time, each by a thread."""
 CLOSED = 8.0
 """Time without a page after which all count as closed [s]: one that is loaded anew is soon back."""
 _BUSY = (
@@ -45,7 +47,10 @@ _BUSY = (
 
 
 class PageServer(ThreadingHTTPServer):
-    """An HTTP server of the live page, a thread a connection.
+    """An HTTP server of the live page: a thread for each file or stream of events.
+
+    Whatever is answered in a few words, a stop or a refusal, is answered at once by the thread that
+    accepts connections, so that no number of them takes the place of a stop.
 
     Parameters
     ----------
@@ -63,6 +68,9 @@ class PageServer(ThreadingHTTPServer):
         is_long = ipaddress.ip_address(address).version == 6
         self.address_family = socket.AF_INET6 if is_long else socket.AF_INET
         self._free = Semaphore(CONNECTIONS_MAX)
+        self._site = site
+        self._waiting: dict[Incoming, None] = {}  # in the order in which they came
+        self._selector = selectors.DefaultSelector()
         super().__init__((address, port), type("Requests", (Requests,), {"site": site}))
 
     def server_bind(self) -> None:
@@ -70,22 +78,78 @@ class PageServer(ThreadingHTTPServer):
         TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), self.server_address[1]
 
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread, or refuse where there are too many."""
-        if self._free.acquire(blocking=False):
-            super().process_request(request, client_address)
-            return
-        request.setblocking(False)
-        with suppress(OSError):  # it has gone
-            request.send(_BUSY)
-        self.shutdown_request(request)
+    def serve_forever(self, poll_interval: float = 0.5) -> None:
+        """Accept connections, and answer each request once it has come whole."""
+        self.socket.setblocking(False)
+        self._selector.register(self.socket, selectors.EVENT_READ)
+        while True:
+            for key, _ in self._selector.select(poll_interval):
+                if key.fileobj is self.socket:
+                    self._accept()
+                elif key.data in self._waiting:  # else it has just been left for a newer one
+                    self._receive(key.data)
+            now = time.monotonic()
+            for late in [each for each in self._waiting if each.ends < now]:
+                self._leave(late)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer, and leave the place to the next one."""
+    def _accept(self) -> None:
+        for _ in range(self.request_queue_size):
+            try:
+                connection, _ = self.socket.accept()
+            except OSError:  # nobody else, or it has gone again
+                return
+            connection.setblocking(False)
+            if len(self._waiting) >= WAITING_MAX:
+                self._leave(next(iter(self._waiting)), _BUSY)
+            incoming = Incoming(connection)
+            self._waiting[incoming] = None
+            self._selector.register(connection, selectors.EVENT_READ, incoming)
+            self._receive(incoming)
+
+    def _receive(self, incoming: Incoming) -> None:
         try:
-            super().process_request_thread(request, client_address)
+            data = incoming.receive()
+        except (OSError, TooLarge):
+            self._leave(incoming)
+        else:
+            if data is not None:
+                self._forget(incoming)
+                self._dispatch(Whole(incoming.connection, data))
+
+    def _dispatch(self, request: Whole) -> None:
+        """Answer at once, or in a thread where that takes time and there is a place."""
+        if not takes_time(request.data, self._site):
+            self.process_request_thread(cast("Any", request), None)
+        elif self._free.acquire(blocking=False):
+            Thread(target=self._answer, args=(request,), daemon=True).start()
+        else:
+            self._close(request.connection, _BUSY)
+
+    def _answer(self, request: Whole) -> None:
+        request.connection.settimeout(Requests.timeout)
+        try:
+            self.process_request_thread(cast("Any", request), None)
         finally:
             self._free.release()
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close the connection of a request."""
+        self._close(request.connection)
+
+    def _leave(self, incoming: Incoming, words: bytes = b"") -> None:
+        self._forget(incoming)
+        self._close(incoming.connection, words)
+
+    def _forget(self, incoming: Incoming) -> None:
+        del self._waiting[incoming]
+        self._selector.unregister(incoming.connection)
+
+    def _close(self, connection: socket.socket, words: bytes = b"") -> None:
+        with suppress(OSError):  # it has gone
+            if words:
+                connection.send(words)
+            connection.shutdown(socket.SHUT_WR)
+        connection.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of connections that break: the terminal is the run's."""

@@ -24,6 +24,8 @@ LinkParameter = Literal["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "s
 LINK_PARAMETERS: tuple[LinkParameter, ...] = get_args(LinkParameter)
 """Of every link, in the order of eq. (4): inertia about the frame's origin, first moment, mass."""
 
+MOST_JOINTS = 30
+"""Joints of a chain: more is no robot, and the time for the equations grows with their cube."""
 EARTH = (0.0, 0.0, -9.81)
 """Gravity where the base stands upright [m/s^2]."""
 _MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
@@ -152,7 +154,7 @@ class RobotFile(FileModel):
     name: PlainName
     gravity: tuple[float, float, float]
     lengths: dict[str, float] = Field(default_factory=dict)
-    joints: Annotated[tuple[Joint, ...], Field(min_length=1)]
+    joints: Annotated[tuple[Joint, ...], Field(min_length=1, max_length=MOST_JOINTS)]
     ties: tuple[str, ...] = ()
     couplings: tuple[CoupledMotor, ...] | None = None
     springs: tuple[Spring, ...] | None = None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 from dataclasses import MISSING, asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ import h5py
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError, refuse_endless
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import RecordedMotion
@@ -108,7 +110,9 @@ def read_measured(path: Path) -> Measured:
     try:
         refuse_endless(path)
         with h5py.File(path, "r") as file:
-            names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in file]
+            there = set(file)  # `in` would follow links
+            names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in there]
+            _refuse_elsewhere(path, file, names)
             arrays = {name: _array(file, name) for name in names}
             attributes = dict(file.attrs)
         return _decode(path, arrays, attributes)
@@ -136,6 +140,20 @@ def _units(name: str, robot: Robot) -> str | list[str]:
     slides = stated.replace("N m", "N").replace("rad", "m")
     each = [stated if turns else slides for turns in robot.revolute]
     return each if robot.revolute.any() else slides
+
+
+def _refuse_elsewhere(path: Path, file: h5py.File, names: list[str]) -> None:
+    """Refuse arrays that are in other files, or declare more than the file may become."""
+    for name in names:
+        kind = file.get(name, getlink=True)
+        dataset = file[name] if isinstance(kind, h5py.HardLink) else None
+        if dataset is None or dataset.external or dataset.is_virtual:
+            raise FileError(
+                f"{path}: {name} is missing or in another file, which is not read;"
+                f" {replace_or_leave_out(path)}"
+            )
+        largest = max(dataset.size, math.prod(dataset.chunks or ()))
+        refuse_beyond(path, largest * dataset.dtype.itemsize, name)
 
 
 def _array(file: h5py.File, name: str) -> np.ndarray:

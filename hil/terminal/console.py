@@ -4,9 +4,9 @@ Plain strings without a style are messages, which ``--quiet`` leaves out; tables
 and warnings are not. With ``--json`` standard output holds one JSON object of the tables and of
 what a command gives besides (`give`), and everything else goes to standard error.
 
-Text from files is shown with control characters written out: names of columns and files come from
-somebody else, and an escape sequence in one would move the cursor, recolour or rename the
-operator's terminal.
+Text from files is shown with control characters written out, whatever prints it: names of columns
+and files come from somebody else, and an escape sequence in one would move the cursor, recolour or
+rename the operator's terminal.
 """
 
 from __future__ import annotations
@@ -15,18 +15,12 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.segment import Segment
+
+from checked_files.foreign_text import printable, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-
-_KEPT = "\n\t"
-_CONTROL = [*range(0x20), *range(0x7F, 0xA0)]
-_WRITTEN_OUT = {code: f"\\x{code:02x}" for code in _CONTROL if chr(code) not in _KEPT}
-
-
-def printable(text: str) -> str:
-    """Text with each control character as its code in hexadecimal, save line ends and tabs."""
-    return text.translate(_WRITTEN_OUT)
 
 
 class Output(Console):
@@ -66,6 +60,14 @@ class Output(Console):
             if tables and not objects:
                 return
         super().print(*objects, **how)
+
+    def render(self, renderable: Any, options: Any = None) -> Iterator[Segment]:
+        """Render whatever is printed, tables too, without characters that the terminal obeys."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment(printable(segment.text), segment.style)
 
 
 out = Output()
@@ -148,7 +150,7 @@ def _plain(text: Any) -> str:
 
 def say(text: str, style: str | None = None, console: Console = out) -> None:
     """Print a line as it is: nothing in it is markup, and the terminal alone wraps it."""
-    console.print(printable(text), style=style, highlight=False, markup=False, soft_wrap=True)
+    console.print(shown(text), style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -122,8 +122,16 @@ class Visuals(NamedTuple):
     left_out: tuple[str, ...]
 
 
-def visuals(urdf: Path, robot: Robot) -> Visuals:
+def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
     """Read the visual meshes of a URDF that `robot` was made from.
+
+    Parameters
+    ----------
+    urdf : Path
+    robot : Robot
+    meshes : Path, optional
+        Folder from which meshes are read as well; other files outside of the URDF's own folder and
+        package are left out.
 
     Raises
     ------
@@ -140,7 +148,7 @@ def visuals(urdf: Path, robot: Robot) -> Visuals:
     for link, pose, element in _placed(reader, chain):
         for visual in element.findall("visual"):
             try:
-                corners = _triangles(reader, visual, urdf)
+                corners = _triangles(reader, visual, urdf, meshes)
             except FileError as error:
                 left_out.append(f"{error}; left out")
                 continue
@@ -189,7 +197,7 @@ def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, 
             yield number, pose, reader.links[name]
 
 
-def _triangles(reader: UrdfReader, visual: Element, urdf: Path) -> Array:
+def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | None) -> Array:
     """Triangles (n, 3, 3) of a visual in its own frame [m]."""
     geometry = visual.find("geometry")
     shape = geometry[0] if geometry is not None and len(geometry) else None
@@ -207,25 +215,44 @@ def _triangles(reader: UrdfReader, visual: Element, urdf: Path) -> Array:
     if shape.tag != "mesh":
         raise reader.file.wrong(shape, f"<{shape.tag}> is no shape that is shown")
     scale = np.array(numbers(shape, "scale", 3) or [1.0] * 3)
-    corners: Array = read_triangles(_file(shape.get("filename", ""), urdf)) * scale
+    corners: Array = read_triangles(_inside(_file(shape.get("filename", ""), urdf), meshes)) * scale
     return corners
 
 
-def _file(stated: str, urdf: Path) -> Path:
-    """Path of a mesh: beside the URDF, or in the package's folder at or above it."""
+def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
+    """Path of a mesh, and the folder that it must be in: the URDF's, or that of the package.
+
+    A package's folder is at or above the URDF, by its name or by its package.xml.
+    """
     name = unquote(stated.removeprefix("file://"))
+    above = urdf.resolve().parents
     if not name.startswith("package://"):
-        return urdf.parent / name
-    inner = Path(name.removeprefix("package://"))
-    package, *rest = inner.parts or ("",)
-    for folder in urdf.resolve().parents:
-        for candidate in (
-            folder / inner,
-            folder.joinpath(*rest) if folder.name == package else None,
-        ):
-            if candidate is not None and candidate.is_file():
-                return candidate
-    return urdf.parent / inner
+        own = next((each for each in above if (each / "package.xml").is_file()), urdf.parent)
+        return urdf.parent / name, own
+    package, *rest = Path(name.removeprefix("package://")).parts or ("",)
+    for folder in above if package not in {"", ".."} else ():
+        for root in (folder / package, *([folder] if folder.name == package else [])):
+            if (found := root.joinpath(*rest)).is_file():
+                return found, root
+    return urdf.parent.joinpath(package, *rest), urdf.parent
+
+
+def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
+    """Return the path of a mesh that is in its folder, or in one that the user names.
+
+    Raises
+    ------
+    FileError
+        It is elsewhere: a file of the user's that a stranger's URDF names.
+    """
+    path, root = found
+    allowed = [each.resolve() for each in (root, meshes) if each is not None]
+    if not any(path.resolve().is_relative_to(each) for each in allowed):
+        raise FileError(
+            f"{path}: is outside of {root}, the folder of the URDF or of its package; name its"
+            " folder: --meshes"
+        )
+    return path
 
 
 def _moved(corners: Array, pose: Array) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import socket
 from contextlib import suppress
 from pathlib import Path
@@ -41,7 +42,7 @@ class Hand:
     Parameters
     ----------
     path : str
-        Where the socket is made; one that another plant left behind is replaced.
+        Where the socket is made; one of this user that a plant left behind is replaced.
     plant : Plant
 
     Raises
@@ -83,7 +84,7 @@ def _push(datagram: bytes, n_axes: int) -> tuple[NDArray[np.float64], float] | N
         said: Any = json.loads(datagram)
         torque = np.array(said["torque"], dtype=float)
         lasts = float(said["lasts"])
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, ArithmeticError, RecursionError):
         return None
     if torque.shape != (n_axes,) or not np.isfinite([*torque, lasts]).all():
         return None
@@ -94,7 +95,7 @@ def _bound(path: str) -> socket.socket:
     made = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     made.setblocking(False)
     try:
-        if Path(path).is_socket():
+        if _left_behind(Path(path)):
             Path(path).unlink()
         made.bind(path)
     except OSError as error:
@@ -104,3 +105,17 @@ def _bound(path: str) -> socket.socket:
             " a file that does not exist, at most 100 bytes long, in a folder that may be written"
         ) from error
     return made
+
+
+def _left_behind(path: Path) -> bool:
+    """Whether a path is a socket of this user, and no link, at which nobody listens."""
+    if path.is_symlink() or not path.is_socket() or path.lstat().st_uid != os.getuid():
+        return False
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as knock:
+        try:
+            knock.connect(str(path))
+        except ConnectionRefusedError:
+            return True
+        except OSError:  # of another kind: somebody serves there
+            return False
+    return False

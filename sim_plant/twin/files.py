@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from checked_files.yaml_text import comment, scalar
+from checked_files.yaml_text import number as _n
 from sim_plant.build import PRODUCT_CODE, REVISION, VENDOR_ID
 from sim_plant.twin.draft import SYNC_PERIOD
 
@@ -23,10 +25,12 @@ def plant_text(file: PlantFile, source: str) -> str:
     loops = file.loops
     noise = f"{{torque: {_n(file.noise.torque)}, ripple: {_n(file.noise.ripple)}}}"
     head = [
-        f"# A virtual twin of {source}: frames, ranges, limits and drive trains are its, the rest",
+        comment(
+            f"A virtual twin of {source}: frames, ranges, limits and drive trains are its, the rest"
+        ),
         "# is assumed, scaled from its limits. Change it as you like; what the links weigh is the",
         "# truth that an identification is to find. Joint side is rad and N m, or m and N.",
-        f"name: {file.name}",
+        f"name: {scalar(file.name)}",
         f"seed: {file.seed}",
         "drift: true",
         f"gravity: [{', '.join(_n(g) for g in file.gravity)}] # m/s2, in the base frame",
@@ -40,7 +44,7 @@ def plant_text(file: PlantFile, source: str) -> str:
 
 def _plant_axis(axis: PlantAxis) -> Iterator[str]:
     drive = axis.drive
-    yield f"  - name: {axis.name}"
+    yield f"  - name: {scalar(axis.name)}"
     yield f"    joint: {axis.joint}"
     yield f"    frame: {{{_stated(axis.frame)}}}"
     yield f"    link: {{{_stated(axis.link)}}}"
@@ -77,7 +81,9 @@ def _stated(part: BaseModel) -> str:
 def drives_text(twin: Twin, source: str) -> str:
     """Text of the drives file; `source` names the robot file."""
     head = [
-        f"# Drives of the virtual twin of {source}, as its plant file has them. Joint side and SI",
+        comment(
+            f"Drives of the virtual twin of {source}, as its plant file has them. Joint side and SI"
+        ),
         "# unless said otherwise. Your own machine wants a drives file of its own: hil drives new.",
         "bitrate: 1000000 # bit/s",
         f"sync_period: {_n(SYNC_PERIOD)} # s",
@@ -96,7 +102,7 @@ def _drives_axis(twin: Twin, number: int) -> Iterator[str]:
     axis = twin.file.axes[number]
     drive, (low, high) = axis.drive, axis.drive.reach
     unit = "rad" if axis.joint == "revolute" else "m"
-    yield f"  - name: {axis.name}"
+    yield f"  - name: {scalar(axis.name)}"
     yield f"    node: {drive.node}"
     yield (
         f"    identity: {{vendor: {VENDOR_ID:#x}, product: {PRODUCT_CODE:#x},"
@@ -143,10 +149,3 @@ def _position_window(axis: PlantAxis) -> float:
     drive, (low, high) = axis.drive, axis.drive.reach
     increment = 6.3 / drive.increments / drive.gear_ratio
     return max((high - low) / 3000, 5 * increment, 3 * axis.friction.presliding)
-
-
-def _n(value: float) -> str:
-    """A number as a file may have it: as short as it is exact."""
-    text = repr(float(value) + 0.0).removesuffix(".0")
-    mantissa, e, exponent = text.partition("e")
-    return f"{mantissa}.0{e}{exponent}" if e and "." not in mantissa else text

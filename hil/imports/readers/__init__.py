@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from checked_files.budget import allowed, refuse_beyond
 from checked_files.errors import HilError
 from checked_files.yaml_file import FileError
 from hil.runs.atomic_file import file_errors
@@ -124,4 +125,9 @@ class SoundTable:
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""
         with sound(self.path):
-            yield from self._table.blocks(columns)
+            size, most = 0, allowed(self.path)
+            for block in self._table.blocks(columns):
+                size += block.nbytes
+                if size > most:
+                    refuse_beyond(self.path, size, "what has been read so far")
+                yield block

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
+from hil.imports.readers.unpacked import refuse_elsewhere
 from hil.imports.tables import ArrayTable, listed
 from hil.runs.atomic_file import file_errors
 
@@ -33,6 +35,10 @@ def open_arrays(path: Path, _: Format) -> ArrayTable:
     left_out: dict[str, str] = {}
     try:
         with file_errors(path, "read"):
+            if zipfile.is_zipfile(path):
+                with zipfile.ZipFile(path) as archive:
+                    size = sum(each.file_size for each in archive.infolist())
+                refuse_beyond(path, size, "its arrays")
             loaded = np.load(path, mmap_mode="r", allow_pickle=False)
             if isinstance(loaded, np.ndarray):
                 return table_of(path, {"": loaded})
@@ -135,6 +141,7 @@ def open_hdf5(path: Path, _: Format) -> ArrayTable:
 
     def take(name: str, item: object) -> None:
         if isinstance(item, h5py.Dataset):
+            refuse_elsewhere(path, name, item)
             found[name] = item
 
     hdf5_of(path).visititems(take)

@@ -21,6 +21,7 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.readers.cut_mcap import CutMcap, lacks_end
 from hil.imports.readers.joint_state_layout import PARTS, OtherLayout, layout_of
+from hil.imports.readers.unpacked import refuse_inflated_chunks
 from hil.imports.tables import ROWS
 from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
@@ -46,6 +47,8 @@ _MENDED = {
     ".db3": "sqlite3 FILE.db3 .recover | sqlite3 MENDED.db3",
 }
 """Commands that mend a damaged file, by its ending."""
+LARGEST = 1 << 26
+"""Bytes of messages that are read at once: as many as a block of text becomes."""
 _TIMES = ("time", "received", "sec", "nanosec")
 
 
@@ -56,6 +59,11 @@ class JointStates:
 
     def __init__(self, path: Path, layout: Format) -> None:
         self.path = path
+        if path.is_dir():
+            _refuse_links(path)
+        for each in (path,) if path.is_file() else path.glob("*.mcap"):
+            with needed_for(path):
+                refuse_inflated_chunks(each)
         self._topic = _topic_of(path, layout.topic)
         self.names = (*_TIMES, *self._joints())
         present = {name.partition("/")[0] for name in self.names}
@@ -72,7 +80,7 @@ class JointStates:
         with _opened(self.path) as reader:
             rows = Rows(wanted, lambda data: reader.deserialize(data, TYPE), cdr=reader.is2)
             messages = self._raw(reader)
-            while block := list(islice(messages, ROWS)):
+            while block := list(_some(messages)):
                 found = rows.of([data for _, data in block], np.array([r for r, _ in block], float))
                 if len(found):
                     yield found
@@ -107,6 +115,15 @@ def _numbers(n: int) -> tuple[str, ...]:
     return tuple(str(number + 1) for number in range(n))
 
 
+def _some(messages: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+    """The next `ROWS` messages, or fewer where they are large."""
+    size = 0
+    for received, data in islice(messages, ROWS):
+        yield received, data
+        if (size := size + len(data)) > LARGEST:
+            return
+
+
 def _topic_of(path: Path, stated: str | None) -> str:
     with _opened(path) as reader:
         topics = sorted({c.topic for c in reader.connections if c.msgtype == TYPE})
@@ -133,6 +150,22 @@ def _has_efforts(reader: Any, topic: str) -> bool:
     for _, _, data in reader.messages(here):
         return len(reader.deserialize(data, TYPE).effort) > 0
     return False
+
+
+def _refuse_links(folder: Path) -> None:
+    """Refuse a rosbag2 with files that are links to outside of its folder.
+
+    Raises
+    ------
+    FileError
+    """
+    inside = folder.resolve()
+    for each in folder.iterdir():
+        if not each.resolve().is_relative_to(inside):
+            raise FileError(
+                f"{each}: leads to {each.resolve()}, outside of the bag's folder; copy the file"
+                " into the folder, or name it in the map in place of the folder"
+            )
 
 
 @contextmanager

@@ -11,19 +11,26 @@ text, functions, and variables without values, in whose place version 7.3 writes
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
+import tempfile
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import h5py
 import numpy as np
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrays import hdf5_of, table_of
+from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_variables
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
     from hil.imports.map_file import Format
     from hil.imports.tables import ArrayTable
@@ -44,15 +51,59 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
     """Open a file of MATLAB; errors are those of `hil.imports.readers.open_table`."""
     with file_errors(path, "read"):
         since_7_3 = h5py.is_hdf5(path)
+    if not since_7_3:
+        return table_of(path, *_read_apart(path))
     contents = _Contents()
-    if since_7_3:
-        for name, item in _items(hdf5_of(path)):
-            if not name.startswith("#"):
-                contents.add_hdf5(name, item)
-    else:
-        for name, value in _variables(path):
-            contents.add(name, value)
+    for name, item in _items(hdf5_of(path)):
+        if not name.startswith("#"):
+            contents.add_hdf5(name, item)
+    for name, array in contents.arrays.items():
+        if isinstance(array, h5py.Dataset):
+            refuse_elsewhere(path, name, array)
     return table_of(path, contents.arrays, contents.left_out)
+
+
+def _read_apart(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return arrays of a file before 7.3 and what it holds besides, read by another process.
+
+    SciPy's reader in C may end on a damaged file, and with it the process that it is in.
+    """
+    with file_errors(path, "read"):
+        with path.open("rb") as file:
+            named = any(file.read(20))
+        # zeros are variables without a name, which older readers skip one by one for ever
+        if not named:
+            raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
+        refuse_inflated_variables(path)
+        with tempfile.TemporaryFile() as found:
+            done = subprocess.run(  # noqa: S603 - our own program
+                [sys.executable, "-P", "-m", __name__, str(path.absolute()), str(found.fileno())],
+                pass_fds=[found.fileno()],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            if done.returncode:
+                last = (done.stderr.strip().splitlines() or ["its reader ended"])[-1]
+                why = one_line(last.partition(": ")[2] or last)
+                raise FileError(f"{path}: is no file of MATLAB, or is damaged: {why}")
+            found.seek(0)
+            with np.load(found, allow_pickle=False) as arrays:
+                names, left_out = json.loads(str(arrays["contents"]))
+                return {name: arrays[f"arr_{k}"] for k, name in enumerate(names)}, left_out
+
+
+def _write_apart(path: Path, descriptor: int) -> None:
+    """Write what a file before 7.3 holds as a .npz: what the other process does."""
+    contents = _Contents()
+    for name, value in _variables(path):
+        contents.add(name, value)
+    objects = [name for name, array in contents.arrays.items() if np.asarray(array).dtype.hasobject]
+    for name in objects:
+        contents.left_out[name] = f"an array of {type(contents.arrays.pop(name)).__name__}"
+    text = json.dumps([list(contents.arrays), contents.left_out])
+    with os.fdopen(descriptor, "wb") as out:
+        np.savez(out, *contents.arrays.values(), contents=np.array(text))
 
 
 def _object(name: str, kind: str) -> str:
@@ -177,20 +228,12 @@ def _elements(references: h5py.Dataset) -> list[Any]:
 
 def _variables(path: Path) -> Iterator[tuple[str, Any]]:
     """Yield names and values of the variables of a file before 7.3."""
-    from scipy.io.matlab import MatReadError, MatReadWarning, loadmat  # noqa: PLC0415 - slow
+    from scipy.io.matlab import MatReadWarning, loadmat  # noqa: PLC0415 - slow to load
 
-    try:
-        with file_errors(path, "read"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", MatReadWarning)  # several objects are all called None
-            with path.open("rb") as file:
-                named = any(file.read(20))
-            # zeros are variables without a name, which older readers skip one by one for ever
-            loaded = loadmat(path) if named else None
-            objects = list(_objects(path)) if loaded and "None" in loaded else []
-    except (ValueError, TypeError, NotImplementedError, KeyError, MatReadError) as error:
-        raise FileError(f"{path}: is no file of MATLAB, or is damaged: {error}") from error
-    if loaded is None:
-        raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MatReadWarning)  # several objects are all called None
+        loaded = loadmat(path)
+        objects = list(_objects(path)) if "None" in loaded else []
     yield from ((n, v) for n, v in loaded.items() if not n.startswith("__") and n != "None")
     yield from objects
 
@@ -213,3 +256,7 @@ def _class_of(value: Any) -> str:
 
 def _decoded(text: object) -> str:
     return text.decode("latin-1") if isinstance(text, bytes) else str(text)
+
+
+if __name__ == "__main__":
+    _write_apart(Path(sys.argv[1]), int(sys.argv[2]))

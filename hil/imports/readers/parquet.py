@@ -13,7 +13,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.tables import ROWS
-from hil.model.readers.urdf import MOST_JOINTS
+from hil.model.robot_file import MOST_JOINTS
 from hil.optional_packages import needed_for
 from hil.runs.atomic_file import file_errors
 

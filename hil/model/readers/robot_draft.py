@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED
+from checked_files.yaml_text import comment, number, scalar, to_be_stated
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
 from hil.model.readers.axes_to_frames import frames_of
@@ -51,11 +53,13 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float]) -> str:
         In the URDF's base link, or in the table's frame 0 [m/s^2].
     """
     if isinstance(source, UrdfChain):
-        title = [f"# Robot {_ends(source)}, drafted from a URDF.", *_ABOUT_MARKS]
+        title = [comment(f"Robot {_ends(source)}, drafted from a URDF."), *_ABOUT_MARKS]
         return _text(source, gravity, title, _to_be_stated)
     title = [
-        f"# Robot {_comment(source.name)}, drafted from a table of {source.notation}"
-        " Denavit-Hartenberg",
+        comment(
+            f"Robot {one_line(source.name)}, drafted from a table of {source.notation}"
+            " Denavit-Hartenberg"
+        ),
         "# parameters. Here d and r are what the table calls a and d.",
         *_ABOUT_MARKS,
     ]
@@ -72,14 +76,14 @@ def robot_as_stated(chain: UrdfChain, gravity: Sequence[float]) -> str:
         In the base link [m/s^2].
     """
     title = [
-        f"# Robot {_ends(chain)}, as its URDF says.",
+        comment(f"Robot {_ends(chain)}, as its URDF says."),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
     return _text(chain, gravity, title, _left_open)
 
 
 def _ends(chain: UrdfChain) -> str:
-    return f"{chain.robot}, from {chain.base} to {chain.tip}"
+    return f"{one_line(chain.robot)}, from {one_line(chain.base)} to {one_line(chain.tip)}"
 
 
 def _text(
@@ -93,15 +97,14 @@ def _text(
     lengths = _Lengths()
     lines = [
         line
-        for number, joint in enumerate(source.joints)
-        for line in (*_joint(joint, _frame(frames, number, lengths)), *rest(joint))
+        for index, joint in enumerate(source.joints)
+        for line in (*_joint(joint, _frame(frames, index, lengths)), *rest(joint))
     ]
     return "\n".join(
         [
             *title,
-            # as robot files may have it
-            f"name: {re.sub(r'[^A-Za-z0-9._-]+', '-', name).strip('._-') or 'robot'}",
-            f"gravity: [{', '.join(_number(round(g, 9)) for g in in_frame_0)}] # m/s2, in frame 0",
+            f"name: {scalar(_plain(name))}",
+            f"gravity: [{', '.join(number(round(g, 9)) for g in in_frame_0)}] # m/s2, in frame 0",
             f"lengths: {{{lengths}}} # m",
             "joints:",
             *lines,
@@ -127,21 +130,21 @@ class _Lengths:
         return ("-" if value < 0 else "") + (known or name)
 
     def __str__(self) -> str:
-        return ", ".join(f"{name}: {_number(value)}" for name, value in self._known.items())
+        return ", ".join(f"{name}: {number(value)}" for name, value in self._known.items())
 
 
-def _frame(frames: Frames, number: int, lengths: _Lengths) -> str:
-    keys = [f"alpha: {_angle(frames.alpha[number])}"]
-    for key, value in (("d", frames.d[number]), ("r", frames.r[number])):
+def _frame(frames: Frames, index: int, lengths: _Lengths) -> str:
+    keys = [f"alpha: {_angle(frames.alpha[index])}"]
+    for key, value in (("d", frames.d[index]), ("r", frames.r[index])):
         if value:
-            keys.append(f"{key}: {lengths.expression(float(value), f'{key}{number + 1}')}")
-    if frames.theta[number]:
-        keys.insert(1 + bool(frames.d[number]), f"theta: {_angle(frames.theta[number])}")
+            keys.append(f"{key}: {lengths.expression(float(value), f'{key}{index + 1}')}")
+    if frames.theta[index]:
+        keys.insert(1 + bool(frames.d[index]), f"theta: {_angle(frames.theta[index])}")
     return ", ".join(keys)
 
 
 def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
-    yield f"  - frame: {{{frame}}} # {_comment(joint.name)}"
+    yield f"  - frame: {{{frame}}} {comment(joint.name)}"
     if joint.type != "revolute":
         yield f"    type: {joint.type}"
 
@@ -149,12 +152,12 @@ def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
 def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
     """Limits and drive train of a robot that is to be moved."""
     for key, value, what in _limits(joint):
-        yield f"    {key}: {f'{UNSTATED} {what}' if math.isnan(value) else _number(value)}"
+        yield f"    {key}: {to_be_stated(what) if math.isnan(value) else number(value)}"
     yield "    drive:"
     per = "" if joint.type == "revolute" else ", motor angle over way [rad/m]"
-    yield f"      gear_ratio: {UNSTATED} motor turns per joint turn{per}"
-    yield f"      rotor_inertia: {UNSTATED} of the motor, 0 for a direct drive [kg m2]"
-    yield f"      torque_constant: {UNSTATED} of the motor [N m/A]"
+    yield f"      gear_ratio: {to_be_stated(f'motor turns per joint turn{per}')}"
+    yield f"      rotor_inertia: {to_be_stated('of the motor, 0 for a direct drive [kg m2]')}"
+    yield f"      torque_constant: {to_be_stated('of the motor [N m/A]')}"
 
 
 def _left_open(joint: LimitedJoint) -> Iterator[str]:
@@ -162,7 +165,7 @@ def _left_open(joint: LimitedJoint) -> Iterator[str]:
     endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
     for key, value, _ in _limits(joint):
         stated = endless.get(key, math.nan) if math.isnan(value) else value
-        yield f"    {key}: {UNKNOWN if math.isnan(stated) else _number(stated)}"
+        yield f"    {key}: {UNKNOWN if math.isnan(stated) else number(stated)}"
 
 
 def _limits(joint: LimitedJoint) -> Iterator[tuple[str, float, str]]:
@@ -178,14 +181,11 @@ def _limits(joint: LimitedJoint) -> Iterator[tuple[str, float, str]]:
 def _angle(angle: float) -> str:
     quarters = round(angle / QUARTER)
     if angle != quarters * QUARTER:
-        return _number(angle)
+        return number(angle)
     known = {0: "0", 1: "pi/2", -1: "-pi/2", 2: "pi", -2: "-pi"}
     return known.get(quarters) or f"{quarters}*pi/2"
 
 
-def _number(value: float) -> str:
-    return repr(float(value) + 0.0).removesuffix(".0")
-
-
-def _comment(stated: str) -> str:
-    return " ".join(re.sub(r"[^\x20-\x7e\xa0-\uffff]", " ", stated).split())
+def _plain(name: str) -> str:
+    """Return a name as robot files may have it."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("._-") or "robot"

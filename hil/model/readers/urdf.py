@@ -24,6 +24,7 @@ import numpy as np
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, meant
+from hil.model.robot_file import MOST_JOINTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 
 ROUNDED = 1e-3
 """How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
-MOST_JOINTS = 30
-"""Of a chain: more is no robot, and takes forever."""
 MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 OTHER_TYPES = ("fixed", "floating", "planar")
 """Types of joints that a URDF may state besides."""

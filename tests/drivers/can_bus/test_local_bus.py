@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import os
+import socket
+import stat
 import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import can
@@ -208,8 +213,8 @@ def test_who_leaves_is_no_longer_sent_to(join: Callable[..., can.BusABC]) -> Non
         gone.recv(0)
 
 
-@pytest.mark.parametrize("channel", ["", "a/b", "n" * 300])
-def test_a_channel_that_cannot_be_a_file_is_refused(
+@pytest.mark.parametrize("channel", ["", ".", "..", "a/b", "../a", "-a", "a b", "a\n", "n" * 300])
+def test_a_channel_without_a_plain_name_is_refused(
     join: Callable[..., can.BusABC], channel: str
 ) -> None:
     with pytest.raises(can.CanInitializationError, match="channel"):
@@ -219,3 +224,175 @@ def test_a_channel_that_cannot_be_a_file_is_refused(
 def test_can_fd_is_refused(join: Callable[..., can.BusABC]) -> None:
     with pytest.raises(can.CanOperationError, match="classical"):
         join().send(can.Message(arbitration_id=1, is_fd=True))
+
+
+def test_a_channel_that_names_the_folder_above_deletes_nothing_there(
+    join: Callable[..., can.BusABC], tmp_path: Path
+) -> None:
+    kept = tmp_path / "notes.txt"
+    kept.write_text("kept")
+    with pytest.raises(can.CanInitializationError, match="must be a name"):
+        join("..").send(frame())
+    assert kept.exists()
+
+
+def test_what_is_no_socket_of_ours_stays_in_the_folder_of_a_channel(
+    join: Callable[..., can.BusABC], tmp_path: Path
+) -> None:
+    with join("bench"):
+        (folder,) = tmp_path.glob("can-local-*/bench")
+    target = tmp_path / "notes.txt"
+    target.write_text("kept")
+    (folder / "1-1").write_text("a file with the name of a member")
+    (folder / "1-2").symlink_to(target)
+    (folder / "1-3").mkdir()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.bind(str(folder / "other"))
+    join("bench").send(frame())
+    assert {path.name for path in folder.iterdir()} >= {"1-1", "1-2", "1-3", "other"}
+    assert target.read_text() == "kept"
+
+
+@pytest.mark.parametrize("planted", ["can-local-UID", "can-local-UID/bench"])
+@pytest.mark.parametrize("kind", ["link", "open", "file"])
+def test_a_folder_that_somebody_planted_is_refused(
+    join: Callable[..., can.BusABC], tmp_path: Path, planted: str, kind: str
+) -> None:
+    path = tmp_path / planted.replace("UID", str(os.getuid()))
+    if path.parent != tmp_path:
+        path.parent.mkdir(mode=0o700)
+    if kind == "link":
+        (tmp_path / "target").mkdir(mode=0o700)
+        path.symlink_to(tmp_path / "target")
+    elif kind == "open":
+        path.mkdir()
+        path.chmod(0o770)
+    else:
+        path.touch(0o700)
+    with pytest.raises(can.CanInitializationError, match="own with mode 0700"):
+        join("bench")
+
+
+def test_a_folder_that_others_could_read_is_closed_to_them(
+    join: Callable[..., can.BusABC], tmp_path: Path
+) -> None:
+    folder = tmp_path / f"can-local-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o755)
+    join("bench")
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+@pytest.mark.parametrize(("mode", "refused"), [(0o777, True), (0o770, True), (0o1777, False)])
+def test_a_place_open_to_others_is_refused(
+    join: Callable[..., can.BusABC],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    mode: int,
+    refused: bool,
+) -> None:
+    base = tmp_path / "s" / "o"
+    base.mkdir(mode=0o700, parents=True)
+    base.parent.chmod(mode)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(base))
+    with (
+        pytest.raises(can.CanInitializationError, match="can replace") if refused else nullcontext()
+    ):
+        join("bench")
+
+
+TWO_USERS = """
+import json, os, socket, sys
+import can
+from drivers.can_bus.local_bus import LocalBus
+
+os.chroot(sys.argv[1])  # in the test's folder, since its parents admit this user alone
+os.chdir("/tmp")
+os.environ["XDG_RUNTIME_DIR"] = ""
+MINE, THEIRS = 61_001, 61_002
+
+def become(user):
+    os.setgroups([]); os.setresgid(user, user, user); os.setresuid(user, user, user)
+
+def as_user(user, act):
+    reading, writing = os.pipe()
+    if not os.fork():
+        become(user)
+        os.write(writing, json.dumps(act()).encode())
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading) as answer:
+        said = json.load(answer)
+    os.wait()
+    return said
+
+def tried(act, *arguments):
+    try:
+        act(*arguments)
+    except (OSError, can.CanError) as error:
+        return str(error)
+    return ""
+
+def send(bus):
+    bus.send(can.Message(arbitration_id=0x99, is_extended_id=False))
+
+def intrude():
+    with LocalBus("bench") as theirs, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as raw:
+        send(theirs)
+        folder = f"/tmp/can-local-{MINE}/bench"
+        return {"list": tried(os.listdir, folder), "write": tried(raw.connect, member),
+                "delete": tried(os.unlink, member), "plant": tried(os.mkdir, folder + "/x")}
+
+def plant():
+    os.umask(0)
+    os.makedirs(f"/tmp/can-local-{MINE + 2}/bench")
+    raw = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    raw.bind(f"/tmp/can-local-{MINE + 2}/bench/1-1")
+    return ""
+
+if sys.argv[2] == "intrude":
+    os.setresuid(MINE, MINE, 0)
+    with LocalBus("bench") as bus:
+        member = str(bus._address)
+        os.setresuid(0, 0, 0)
+        said = as_user(THEIRS, intrude)
+        said["heard"] = str(bus.recv(0.1))
+else:
+    as_user(THEIRS, plant)
+    said = {"join": as_user(MINE + 2, lambda: tried(LocalBus, "bench")),
+            "left": os.listdir(f"/tmp/can-local-{MINE + 2}/bench")}
+print(json.dumps(said))
+"""
+
+
+def _two_users(folder: Path, what: str) -> dict[str, str]:
+    if os.geteuid() != 0:
+        pytest.skip("only root can act as two users")
+    folder.chmod(0o755)
+    (folder / "tmp").mkdir()
+    (folder / "tmp").chmod(0o1777)
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", TWO_USERS, str(folder), what],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    if "os.chroot" in done.stderr:
+        pytest.skip("this root may not change its root folder")
+    assert not done.returncode, done.stderr
+    said: dict[str, str] = json.loads(done.stdout)
+    return said
+
+
+def test_another_user_neither_reads_nor_sends_nor_deletes_on_a_channel(tmp_path: Path) -> None:
+    said = _two_users(tmp_path, "intrude")
+    for act in ("list", "write", "delete", "plant"):
+        assert "Permission denied" in said[act], act
+    assert said["heard"] == "None"
+
+
+def test_a_channel_that_another_user_has_planted_is_refused_and_left_alone(tmp_path: Path) -> None:
+    said = _two_users(tmp_path, "plant")
+    assert "belongs to user 61002" in said["join"]
+    assert said["left"] == ["1-1"]

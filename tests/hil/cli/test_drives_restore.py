@@ -414,5 +414,5 @@ def test_names_in_a_file_are_neither_markup_nor_commands_to_the_terminal(
     )
     status, out, err = hil("drives", "restore", path)
     assert (status, err) == (0, "")
-    assert "[/red]?]0;? (node 1)" in out
-    assert "[/]?[2Jx" in out
+    assert r"[/red]\x1b]0;\x07 (node 1)" in out
+    assert r"[/]\x1b[2Jx" in out

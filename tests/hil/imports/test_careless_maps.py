@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from small_recording import a_map, motion, table, write_csv, write_map
 
+from checked_files.foreign_text import printable
 from checked_files.yaml_file import FileError
 from hil.imports.importing import import_recordings
-from hil.terminal.console import printable
 
 COLUMNS = table(4.0, rate=100.0)
 Q = motion(COLUMNS["t"])[0]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager, suppress
 from itertools import takewhile
 from threading import Thread
 from typing import TYPE_CHECKING, Any
@@ -15,11 +17,13 @@ import pytest
 from live_page import PUSH, SERVER, STOP, Served, events, hand, served, watching
 
 from drivers.drive_bus import Sample
-from hil.live import page_server, streams
+from hil.live import incoming, page_server, streams
+from hil.live.incoming import REQUEST_MAX, WAITING_MAX, is_ours
 from hil.live.listener import Listener, ListenerFailed
-from hil.live.page_requests import FILES
-from hil.live.page_server import CONNECTIONS_MAX
+from hil.live.page_requests import FILES, LONGEST, STRONGEST, Site, takes_time
+from hil.live.page_server import PageServer
 from hil.live.streams import CLIENTS_MAX, Streams
+from sim_plant.serving import hand as plants_hand
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -109,6 +113,7 @@ def test_nothing_but_a_stop_can_be_asked_for(page: Served) -> None:
     assert page.ask("PUT", "/stop", STOP)[0] == 501
 
 
+ENDLESS = f'{{"torque": [0], "lasts": 1{"0" * 400}}}'
 PUSHED = '{"torque": [0, 30, 0, 0, 0, 0], "lasts": 0.3}'
 
 
@@ -121,7 +126,10 @@ def test_a_push_goes_to_the_plant_and_nowhere_else(tmp_path: Path) -> None:
         assert page.ask("POST", "/push", None, PUSHED)[0] == 403  # as a form of another site would
         foreign = {**PUSH, "Origin": "http://evil.example"}
         assert page.ask("POST", "/push", foreign, PUSHED)[0] == 403
-        for wrong in ("", "{", "[]", '{"torque": 3, "lasts": 1}', '{"torque": ["x"], "lasts": 1}'):
+        for wrong in ("", "{", "[]", '{"torque": 3, "lasts": 1}', '{"torque": ["x"], "lasts": 1}',
+                      '{"torque": [0], "lasts": 1e9}', '{"torque": [0], "lasts": -1}',
+                      '{"torque": [0], "lasts": NaN}', '{"torque": [1e9], "lasts": 1}',
+                      '{"torque": [Infinity], "lasts": 1}', ENDLESS):  # fmt: skip
             assert page.ask("POST", "/push", PUSH, wrong)[0] == 400
         plant.setblocking(False)
         with pytest.raises(BlockingIOError):
@@ -132,6 +140,10 @@ def test_a_push_goes_to_the_plant_and_nowhere_else(tmp_path: Path) -> None:
         page.publish("end", how="finished", text="")
         until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 409)
         assert page.stops == []
+
+
+def test_a_push_is_bounded_as_the_plant_bounds_it() -> None:
+    assert (STRONGEST, LONGEST) == (plants_hand.STRONGEST, plants_hand.LONGEST)
 
 
 def test_where_there_is_no_hand_nothing_can_be_pushed(page: Served) -> None:
@@ -239,16 +251,136 @@ def _is_served(page: Served) -> bool:
 
 
 def test_connections_that_ask_for_nothing_cost_only_themselves(page: Served) -> None:
-    """Those beyond the bound get their answer at once; what is served goes on."""
+    """Where there are too many the oldest get their answer at once; what is served goes on."""
     with watching(page.port) as one:
         got = events(one)
-        idle = [socket.create_connection(("127.0.0.1", page.port)) for _ in range(CONNECTIONS_MAX)]
-        idle[-1].settimeout(30)
-        assert b"503" in idle[-1].recv(100)
+        idle = [socket.create_connection(("127.0.0.1", page.port)) for _ in range(WAITING_MAX + 1)]
+        idle[0].settimeout(30)
+        assert b"503" in idle[0].recv(100)
         page.publish("note", text="still here")
         assert any(line.get("text") == "still here" for line in got)
     for each in idle:
         each.close()
+
+
+def test_a_stop_takes_a_tenth_of_a_second_beside_200_connections_that_send_byte_by_byte(
+    page: Served,
+) -> None:
+    request = iter(b"POST /stop HTTP/1.0\r\n" + b"X-Slow: 1\r\n" * 40)
+    slow = [socket.create_connection(("127.0.0.1", page.port)) for _ in range(200)]
+    took = []
+    for _ in range(5):
+        byte = bytes([next(request)])
+        for each in slow:
+            with suppress(OSError):  # left for a newer one
+                each.send(byte)
+        begun = time.monotonic()
+        assert page.ask("POST", "/stop", STOP)[0] == 202
+        took.append(time.monotonic() - begun)
+    assert sorted(took)[2] < 0.1
+    for each in slow:
+        each.close()
+
+
+def test_a_stop_is_taken_where_every_place_of_a_page_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(page_server, "CONNECTIONS_MAX", 1)
+    with _in_process() as (port, stops):
+        with watching(port) as one:
+            assert b"200" in one.recv(100)
+            with watching(port) as other:
+                assert b"503" in other.recv(100)
+            with socket.create_connection(("127.0.0.1", port), timeout=30) as asking:
+                asking.sendall(
+                    b"POST /stop HTTP/1.0\r\nHost: 127.0.0.1:%d\r\nX-Hil-Stop: 1\r\n\r\n" % port
+                )
+                assert b"202" in asking.recv(100)
+        assert stops == [1]
+
+
+def test_a_request_that_does_not_come_whole_in_time_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(incoming, "DEADLINE", 0.2)
+    with (
+        _in_process() as (port, _),
+        socket.create_connection(("127.0.0.1", port), timeout=30) as slow,
+    ):
+        slow.sendall(b"GET / HTTP/1.0\r\n")
+        begun = time.monotonic()
+        assert slow.recv(100) == b""
+        assert time.monotonic() - begun < 5.0
+
+
+def test_a_request_that_is_too_large_is_left(page: Served) -> None:
+    with socket.create_connection(("127.0.0.1", page.port), timeout=30) as large:
+        with suppress(OSError):
+            large.sendall(b"GET / HTTP/1.0\r\n" + b"X: 1\r\n" * REQUEST_MAX)
+        with suppress(ConnectionResetError):
+            assert large.recv(100) == b""
+    assert page.ask("GET", "/")[0] == 200
+
+
+@contextmanager
+def _in_process() -> Iterator[tuple[int, list[int]]]:
+    """Serve in a thread of this process; it ends with the tests."""
+    stops: list[int] = []
+    site = Site(Streams(), lambda: stops.append(1), "", frozenset())
+    server = PageServer("127.0.0.1", 0, site)
+    Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+    yield server.server_port, stops
+
+
+def test_who_does_not_know_the_secret_takes_no_place() -> None:
+    site = Site(Streams(), list, "s3cret", frozenset())
+    for path, known in (("/s3cret/events", True), ("/s3cret/", True), ("/s3cret/none", False),
+                        ("/events", False), ("/", False), ("/wrong/events", False)):  # fmt: skip
+        assert takes_time(f"GET {path} HTTP/1.0\r\n\r\n".encode(), site) == known
+    assert not takes_time(b"POST /s3cret/stop HTTP/1.0\r\n\r\n", site)
+
+
+AS_ANOTHER_USER = """
+import encodings.idna, json, os, socket, sys
+os.setgroups([]); os.setresgid(*[61_002] * 3); os.setresuid(*[61_002] * 3)
+port, got = int(sys.argv[1]), []
+for what in ("GET /", "GET /events", "POST /stop", "POST /push"):
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as asked:
+        head = f"Host: 127.0.0.1:{port}\\r\\nX-Hil-Stop: 1\\r\\nX-Hil-Push: 1\\r\\n\\r\\n"
+        asked.sendall(f"{what} HTTP/1.0\\r\\n{head}".encode())
+        got.append(int(asked.recv(100).split()[1]))
+print(json.dumps(got))
+"""
+
+
+@pytest.mark.skipif(
+    os.geteuid() != 0 or not os.path.exists("/proc/net/tcp"),  # noqa: PTH110
+    reason="root alone can become another user, and Linux alone says whose a connection is",
+)
+def test_another_user_of_this_computer_neither_watches_nor_stops_the_run(page: Served) -> None:
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", AS_ANOTHER_USER, str(page.port)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(done.stdout) == [403, 403, 403, 403]
+    assert page.stops == []
+    assert page.ask("GET", "/")[0] == 200
+
+
+@pytest.mark.parametrize("family", [socket.AF_INET, socket.AF_INET6])
+def test_a_connection_of_our_own_is_ours(family: socket.AddressFamily) -> None:
+    with socket.socket(family) as listening:
+        try:
+            listening.bind(("::1" if family == socket.AF_INET6 else "127.0.0.1", 0))
+        except OSError:
+            pytest.skip("this computer has no such addresses")
+        listening.listen()
+        with socket.create_connection(listening.getsockname()[:2]):
+            connection, _ = listening.accept()
+            with connection:
+                assert is_ours(connection)
 
 
 def test_a_page_that_never_reads_is_left(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -208,3 +208,8 @@ def test_the_view_shows_table_1_equation_22_by_group_and_table_2(manutec, monkey
         assert piece in shown
     order = [shown.index(f"│ p{k} ") for k in (5, 8, 13, 1, 2, 14, 3)]
     assert order == sorted(order)
+
+
+def test_more_joints_than_any_robot_has_are_refused(chains):
+    with pytest.raises(FileError, match=r"joints: .*at most 30 items"):
+        chains.robot(*[chains.joint()] * 31)

@@ -127,6 +127,35 @@ def test_what_cannot_be_shown_is_left_out_and_stated(scara: Path) -> None:
     assert "arm.dae: .dae must be .stl or .obj; convert it; left out" in found.left_out[0]
 
 
+@pytest.mark.parametrize(
+    "stated",
+    ["../../arm.stl", "{}/arm.stl", "file://{}/arm.stl", "package://scara_description/../arm.stl",
+     "package://../arm.stl", "linked.stl"],
+)  # fmt: skip
+def test_a_mesh_outside_of_the_package_is_read_where_its_folder_is_named(
+    scara: Path, tmp_path: Path, stated: str
+) -> None:
+    (tmp_path / "arm.stl").write_bytes(binary_stl(TETRAHEDRON))
+    (scara.parent / "linked.stl").symlink_to(tmp_path / "arm.stl")
+    write(scara, f'<mesh filename="{stated.format(tmp_path)}"/>')
+    found = visuals(scara, load_robot(scara))
+    assert [visual.link for visual in found.visuals] == [-1]
+    assert "is outside of" in found.left_out[0]
+    assert "--meshes" in found.left_out[0]
+    if not stated.startswith("package://.."):  # no name of a package
+        named = visuals(scara, load_robot(scara), tmp_path)
+        assert [visual.link for visual in named.visuals] == [-1, 1]
+
+
+def test_meshes_beside_the_urdf_are_its_package_s_where_there_is_a_package_xml(
+    scara: Path,
+) -> None:
+    write(scara, '<mesh filename="../meshes/arm.stl"/>')
+    assert visuals(scara, load_robot(scara)).left_out
+    (scara.parents[1] / "package.xml").write_text("<package/>")
+    assert not visuals(scara, load_robot(scara)).left_out
+
+
 def test_a_urdf_of_another_robot_is_refused(scara: Path, tmp_path: Path) -> None:
     write(scara, '<sphere radius="0.1"/>')
     other = tmp_path / "other.urdf"

@@ -73,6 +73,8 @@ def test_a_push_lasts_as_long_as_it_says_and_the_next_one_goes_on(path: Path) ->
         b'{"torque": [1, 2, 3, 4, 5, "x"], "lasts": 0.2}',
         b'{"torque": [1, 2, 3, 4, 5, 6], "lasts": NaN}',
         b'{"torque": [1, 2, 3, 4, 5, 6]}',
+        b'{"torque": [1, 2, 3, 4, 5, 6], "lasts": 1%b}' % (b"0" * 400),
+        b'{"torque": [1, 2, 3, 4, 5, 1%b], "lasts": 1}' % (b"0" * 400),
     ],
 )
 def test_what_is_no_push_moves_nothing(path: Path, data: bytes) -> None:
@@ -138,3 +140,17 @@ def test_a_served_plant_takes_pushes_as_well(path: Path) -> None:
         stop.set()
         server.join()
     hand.close()
+
+
+@pytest.mark.parametrize("kind", [socket.SOCK_DGRAM, socket.SOCK_STREAM])
+def test_a_socket_at_which_somebody_listens_is_not_replaced(
+    path: Path, kind: socket.SocketKind
+) -> None:
+    plant = load_machine("manutec-r15")
+    with socket.socket(socket.AF_UNIX, kind) as other:
+        other.bind(str(path))
+        if kind == socket.SOCK_STREAM:
+            other.listen()
+        with pytest.raises(FileError, match="no socket can be made there"):
+            Hand(str(path), plant)
+        assert path.is_socket()

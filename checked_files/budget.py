@@ -1,0 +1,52 @@
+"""Budget of what a file of a stranger may become in memory and on the disk.
+
+A small file can declare, or unpack to, any size. A reader asks here before it reads or unpacks.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LIMIT = "HIL_READ_LIMIT"
+"""Environment variable that raises the budget of every file [GB]."""
+BASE, SHARE = 200_000_000, 4
+"""Budget in bytes, and as a multiple of the file: text of two characters a cell becomes four times
+as large as numbers of eight bytes, and 200 MB are an hour of seven joints at 300 Hz."""
+
+
+def allowed(path: Path) -> int:
+    """Return how many bytes a file, or the files of a folder, may become."""
+    try:
+        raised = float(os.environ.get(LIMIT, "0"))
+    except ValueError:
+        raised = 0.0
+    files = [path, *(path.iterdir() if path.is_dir() else ())]
+    size: int = sum(each.stat().st_size for each in files if each.is_file())
+    stated = int(raised * 1e9) if 0 < raised < 1e9 else 0
+    return max(stated, BASE + SHARE * size)
+
+
+def refuse_beyond(path: Path, size: int, what: str) -> None:
+    """Refuse a file of which `what` would take more bytes than it may.
+
+    Raises
+    ------
+    FileError
+        With size, bound and remedy.
+    """
+    if size > (most := allowed(path)):
+        raise FileError(
+            f"{path}: {what} would take {_megabytes(size)} MB, at most {_megabytes(most)} MB may be"
+            f" (200 MB and 4 times the file); if you trust the file, set {LIMIT}="
+            f"{-(-size // 1_000_000_000)} in the environment [GB]"
+        )
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:.4g}"

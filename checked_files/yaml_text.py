@@ -1,0 +1,58 @@
+"""Writer of values, comments and marks in YAML that is put together line by line.
+
+Drafts have comments beside their values, which no YAML library writes. Whatever else goes into such
+a file goes through here: a name in a foreign file must not become a key, end a comment, or be read
+as a number.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import yaml
+
+from checked_files.foreign_text import one_line
+from checked_files.yaml_file import UNSTATED
+
+_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
+_SENTENCE = re.compile(r"[A-Za-z][A-Za-z0-9 ,;.()\[\]/-]*")
+"""What YAML takes as it is below a key of a block, once a mark says that it is text."""
+_LONGEST = 1000
+"""Characters of a comment: a line that names some ten files, or the choices for a value."""
+
+
+def scalar(value: str | float | bool | None) -> str:
+    """Return a value as YAML reads it again: text is quoted unless it is a mere word."""
+    if isinstance(value, str):
+        is_word = _PLAIN.fullmatch(value) and yaml.safe_load(value) == value
+        return value if is_word else quoted(value)
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, int) else number(value)
+
+
+def quoted(text: str) -> str:
+    """Return a text in double quotes, in one line, with all that is not printable escaped."""
+    written: str = yaml.safe_dump(text, default_style='"', width=math.inf, allow_unicode=True)
+    return written.rstrip("\n")
+
+
+def number(value: float) -> str:
+    """Return a float as short as it is exact, without a point where it is whole."""
+    text = repr(float(value) + 0.0).removesuffix(".0")
+    mantissa, e, exponent = text.partition("e")
+    return f"{mantissa}.0{e}{exponent}" if e and "." not in mantissa else text
+
+
+def comment(text: str) -> str:
+    """Return a text as a comment to the end of its line."""
+    return f"# {one_line(text, _LONGEST)}"
+
+
+def to_be_stated(hint: str) -> str:
+    """Return the mark of a value that the user must state, with what to state."""
+    line = one_line(hint, _LONGEST)
+    return f"{UNSTATED} {line if _SENTENCE.fullmatch(line) else quoted(line)}"

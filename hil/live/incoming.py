@@ -1,0 +1,105 @@
+"""Connections whose request has not come whole yet, and whose they are.
+
+A request is given a thread only once all of it is there, so whoever sends it byte by byte, or
+nothing, holds one of `WAITING_MAX` entries of a list and no place of a page: for `DEADLINE` at
+most, and until others need the entry.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import sys
+import time
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+DEADLINE = 5.0
+"""Time in which a request must come whole [s]: some ten round trips of a slow mobile network."""
+WAITING_MAX = 128
+"""Connections without a whole request; where one more comes, the oldest is left."""
+BODY_MAX = 4096
+"""Bytes of a body that are read: what the plant takes of a push."""
+REQUEST_MAX = 16_384 + BODY_MAX
+"""Bytes of a request; browsers send some 1 kB."""
+_LENGTH = re.compile(rb"^content-length:[ \t]*(\d{1,9})[ \t]*\r?$", re.I | re.M)
+
+
+class TooLarge(Exception):
+    """A request of more than `REQUEST_MAX` bytes."""
+
+
+@dataclass(slots=True, eq=False)
+class Incoming:
+    """A connection, and what has come of its request.
+
+    Attributes
+    ----------
+    connection : socket
+        It does not block.
+    data : bytearray
+    ends : float
+        When its time is over, on the monotonic clock [s].
+    """
+
+    connection: socket.socket
+    data: bytearray = field(default_factory=bytearray)
+    ends: float = field(default_factory=lambda: time.monotonic() + DEADLINE)
+
+    def receive(self) -> bytes | None:
+        """Take what has come; return the request once it is whole.
+
+        Raises
+        ------
+        OSError
+            The other side has closed the connection, or it broke.
+        TooLarge
+        """
+        try:
+            chunk = self.connection.recv(REQUEST_MAX)
+        except BlockingIOError:
+            return None
+        if not chunk:
+            raise ConnectionResetError
+        self.data += chunk
+        if len(self.data) > REQUEST_MAX:
+            raise TooLarge
+        head, end, body = bytes(self.data).partition(b"\r\n\r\n")
+        length = _LENGTH.search(head)
+        if end and len(body) >= min(int(length[1]) if length else 0, BODY_MAX):
+            return bytes(self.data)
+        return None
+
+
+def is_ours(connection: socket.socket) -> bool:
+    """Whether the other end, on this computer, is a program of this user or of root.
+
+    Who called `sudo` counts as this user. On a system that does not say whose a connection is,
+    every one is.
+    """
+    family = connection.family
+    theirs, ours = connection.getpeername()[:2], connection.getsockname()[:2]
+    wanted = f"{_written(family, *theirs)} {_written(family, *ours)}".encode()
+    try:
+        # each line: number: local address, remote address, state, queues, timers, retries, user
+        table = Path("/proc/net/tcp6" if family == socket.AF_INET6 else "/proc/net/tcp")
+        lines = table.read_bytes().splitlines()
+    except OSError:
+        return True
+    owner = next((int(line.split()[7]) for line in lines if wanted in line), None)
+    return owner in _users()
+
+
+@cache
+def _users() -> frozenset[int]:
+    caller = os.environ.get("SUDO_UID", "")
+    return frozenset({0, os.getuid(), *([int(caller)] if caller.isdecimal() else [])})
+
+
+def _written(family: int, address: str, port: int) -> str:
+    """An address as the kernel's table has it: words of four bytes in the machine's order."""
+    packed = socket.inet_pton(family, address)
+    words = [packed[k : k + 4] for k in range(0, len(packed), 4)]
+    return "".join(f"{int.from_bytes(word, sys.byteorder):08X}" for word in words) + f":{port:04X}"

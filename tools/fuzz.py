@@ -1,0 +1,76 @@
+"""Read files of strangers for as long as is wanted: `tools/fuzz.py [MINUTES] [FORMAT ...]`.
+
+Without a format all of them take turns. Each example is named by its format and a number from 0, or
+from --from NUMBER; --only NUMBER does one again. Those that a reader did not take as it must are
+kept in .hypothesis/found/fuzz: no traceback, nothing outside of the folder, at most 200 MB and four
+times the file of memory. One core; two calls with numbers far apart take two.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from itertools import count
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+KEPT = ROOT / ".hypothesis" / "found" / "fuzz"
+
+
+def main() -> int:
+    """Read until the time is over; return how many examples went wrong, at most 1."""
+    for place in ("", "tests/support", "tests/harness", "tests"):
+        sys.path.insert(0, str(ROOT / place))
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("minutes", nargs="?", type=float, default=60.0)
+    parser.add_argument("formats", nargs="*")
+    parser.add_argument("--from", dest="first", type=int, default=0)
+    parser.add_argument("--only", type=int)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
+        os.environ["FUZZING_FOLDER"] = name
+        return _all(asked, Path(name))
+
+
+def _all(asked: argparse.Namespace, scratch: Path) -> int:
+    from fuzzing import KINDS, attempt, made  # noqa: PLC0415 - its folder has just been named
+
+    kinds = asked.formats or list(KINDS)
+    numbers = count(asked.first) if asked.only is None else iter([asked.only])
+    ends = time.monotonic() + 60 * asked.minutes
+    found: dict[str, Counter[str]] = {kind: Counter() for kind in kinds}
+    most: Counter[str] = Counter()
+    for number in numbers:
+        for kind in kinds:
+            if time.monotonic() > ends:
+                return _conclusion(found, most)
+            path = made(kind, number, scratch / "example")
+            outcome = attempt(kind, path)
+            found[kind][outcome.how] += 1
+            most[kind] = max(most[kind], outcome.memory)
+            if outcome.wrong:
+                found[kind]["wrong"] += 1
+                sys.stdout.write(f"{kind} {number}: {outcome.wrong.strip()}\n")
+                sys.stdout.flush()
+                shutil.copytree(path.parent, KEPT / f"{kind}-{number}", dirs_exist_ok=True)
+            shutil.rmtree(scratch / "example")
+    return _conclusion(found, most)
+
+
+def _conclusion(found: dict[str, Counter[str]], most: Counter[str]) -> int:
+    for kind, each in found.items():
+        sys.stdout.write(
+            f"{kind:<10}{each['read']:>7} read {each['refused']:>7} refused"
+            f" {each['wrong']:>5} wrong {most[kind] / 1e6:>7.0f} MB at most\n"
+        )
+    return int(any(each["wrong"] for each in found.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
