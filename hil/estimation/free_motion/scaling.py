@@ -154,10 +154,16 @@ def first_scaling(
     Raises
     ------
     NotIdentifiable
-        Parameters that the unknown gains leave open up to scale.
+        Parameters that the unknown gains leave open up to scale, or signals that are zero.
     """
     if not unknown:
         return Scaling.known(np.ones(robot.n_joints))
+    silent = [axis for axis in unknown if not _mean_squares(recorded)[axis, 0] > _TINY]
+    if silent:
+        raise NotIdentifiable(
+            f"{_gains_of(silent)} cannot be found: the signal is zero throughout; name the column"
+            " of its torque or current in the map, or state the gain there"
+        )
     if p is not None:
         return _beside(recorded, unknown, p)
     require_scale(robot, recorded, unknown)
@@ -255,7 +261,8 @@ def _by_linear_problem(recorded: Blocks, unknown: tuple[int, ...], of_usual_size
     torque[axes, 0] = 0.0
     torque[:, 1 + layout.at(ROTOR)] = -1.0
     linear = recorded.recast(torque, signals, (ROTOR,))
-    weights = 1.0 / (of_usual_size**2 * _mean_squares(recorded)[:, 0])
+    square = _mean_squares(recorded)[:, 0]
+    weights = np.where(square > _TINY, 1.0 / np.maximum(of_usual_size**2 * square, _TINY), 0.0)
     kept = kept_by(linear.layout, [USUAL] * recorded.n_channels)
     x = Regression(linear, weights, kept).solution
     gains = of_usual_size.copy()
