@@ -247,6 +247,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         together_with=tuple(str(each.path) for each in others),
         left_out=tuple(str(left) for left in found.left_out),
         without=tuple(sorted(run.set_aside)),
+        warnings=tuple(line for each in (run, *others) for line in each.journal.warnings),
         identified=now(),
         method=found.method,
         version=version("canopen-robot-identification"),

@@ -132,6 +132,13 @@ def _stated(each: Impossible) -> str:
     return f"{each.what}: {of}{' '.join((f'{value} ± {error}', unit(each.unit))).strip()}"
 
 
+def _doubted(model: Model) -> Iterator[Reservation]:
+    """Warnings of imports that nobody has resolved."""
+    for warning in model.provenance.warnings:
+        reason, _, remedy = warning.partition("; ")
+        yield doubtful(f"import warned: {reason}", remedy)
+
+
 def _axes(axes: Iterable[int]) -> str:
     return ", ".join(map(str, axes))
 
@@ -239,7 +246,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
 )
 """What the measurements behind a model say against it, whatever it is used for."""
 RULES: tuple[Rule[Model], ...] = (
-    _found, _impossible, _free_motions, _unexcited, *OF_DATA, _causes,
+    _found, _doubted, _impossible, _free_motions, _unexcited, *OF_DATA, _causes,
 )  # fmt: skip
 
 
