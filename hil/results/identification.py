@@ -226,6 +226,7 @@ def model_of(
         friction_law=found.free.law if found.free else found.friction_law,
         torque_effect=found.effect[:, : run.robot.n_joints],
         excluded=proof,
+        edges=found.edges,
     )
     if prior is not None and found.prior_share is not None:
         model = replace(model, prior=prior.stated(model.names, found.prior_share))

@@ -29,7 +29,7 @@ from hil.results.judgement import (
 )
 from hil.results.possible import impossible_inertias, impossible_links
 from hil.results.prediction import free_torques, uncertainty
-from hil.results.rounding import uncertain, unit
+from hil.results.rounding import significant, uncertain, unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -139,6 +139,18 @@ def _doubted(model: Model) -> Iterator[Reservation]:
         yield doubtful(f"import warned: {reason}", remedy)
 
 
+def _at_edge(model: Model) -> Iterator[Reservation]:
+    """Estimates that end at the edge of their search range, beyond which the true value may be."""
+    for each in model.edges:
+        beyond = "" if abs(each.value) <= abs(each.bound) else " beyond"
+        yield doubtful(
+            f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, at the edge"
+            f" of the search{beyond}, {significant(each.bound, 3)} {each.unit}",
+            "look for what the model lacks: torque and position of different instants, a low-pass"
+            " of the torque, a wrong unit or column, links that bend",
+        )
+
+
 def _axes(axes: Iterable[int]) -> str:
     return ", ".join(map(str, axes))
 
@@ -246,7 +258,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
 )
 """What the measurements behind a model say against it, whatever it is used for."""
 RULES: tuple[Rule[Model], ...] = (
-    _found, _doubted, _impossible, _free_motions, _unexcited, *OF_DATA, _causes,
+    _found, _doubted, _impossible, _at_edge, _free_motions, _unexcited, *OF_DATA, _causes,
 )  # fmt: skip
 
 

@@ -1,13 +1,12 @@
 """Parameters that no robot has: a mass matrix that is not positive definite, negative inertias.
 
-The kinetic energy u'M(q)u / 2 of bodies and rotors is positive for all velocities u at all positions
-q, that of the links alone, without rotors, is not negative. So is a base parameter w'phi, where
-each link's part of w is the inner product of its pseudo-inertia with a positive semidefinite matrix
-(the cone of pseudo-inertias is its own dual) and no added inertia has a negative factor: the inertia
-of an axis is one, a difference of two inertias is none. All are linear in the parameters, a'p + c,
-with standard error (a'Va)^1/2. Of n_base parameters there are no more independent combinations, so
-one that is negative at the level `SIGNIFICANT` / n_base is so by chance in `SIGNIFICANT` of all
-models at most.
+The kinetic energy u'M(q)u / 2 of bodies and rotors is positive for all velocities u at all
+positions q, that of the links alone, without rotors, is not negative. So is a base parameter
+w'phi, where each link's part of w is the inner product of its pseudo-inertia with a positive
+semidefinite matrix (the cone of pseudo-inertias is its own dual) and no added inertia has a
+negative factor: the inertia of an axis is one, a difference of two inertias is none. All are linear
+in the parameters, a'p + c, with standard error (a'Va)^1/2. There are no more than n_base of them
+that are independent, so each is tested at the level `SIGNIFICANT` / n_base.
 
 Looked at are base parameters by themselves, and the velocities in which M(q), at positions all over
 the ranges, is least: over the mean of each joint's own inertia, and over its standard error, which
@@ -35,8 +34,8 @@ if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
 
 POSITIONS = 1000
-"""Positions at which M(q) is looked at. Of nine robots, links taken as rods, the least eigenvalue at
-so many is within 12 % of that at 30000."""
+"""Positions at which M(q) is looked at. Of nine robots, links taken as rods, the least eigenvalue
+at so many is within 12 % of that at 30000."""
 FEW = 50
 """Positions at which standard errors of the joints' own inertias are looked at, for a unit."""
 WORST = 20
@@ -78,7 +77,7 @@ def impossible_inertias(model: IdentifiedRobot) -> Iterator[Impossible]:
 
 
 def impossible_links(model: IdentifiedRobot) -> Iterator[Impossible]:
-    """Find what no links have: negative base parameters, and kinetic energy without known rotors."""
+    """Find negative base parameters, and negative eigenvalues of the mass matrix without rotors."""
     for k, row in enumerate(base_parameters(model.robot).matrix):
         if row[: 10 * model.robot.n_joints].any() and _not_negative(model, row):
             yield from _parameter(model, k)
@@ -128,9 +127,8 @@ def _energy(model: IdentifiedRobot, q: Array, rotors: Array, what: str) -> Itera
         value = np.einsum("ni,nij,nj->n", u, M[at], u)
         found += zip(value / np.maximum(own_error, 1e-300), value, own_error, each, strict=True)
     if found:
-        _, value, own_error, row = min(found, key=lambda each: each[0])
-        certain = _certain(model, row, value)
-        yield Impossible(what, float(value), float(own_error), "", certain)
+        _, least, its_error, row = min(found, key=lambda each: each[0])
+        yield Impossible(what, float(least), float(its_error), "", _certain(model, row, least))
 
 
 def energy_row(model: IdentifiedRobot, q: Array, u: Array) -> Array:

@@ -1,8 +1,9 @@
 """A chain of joints from a URDF file: where each axis lies, and what limits it.
 
 Read is what the kinematics needs; fixed joints are merged with the next moving one, branches beside
-the chain are left out. Joints above the chain turn gravity into its base link. Angles that are a rounded multiple of a quarter turn (1.5708) count as that
-multiple: axes that are nearly parallel or square have other base parameters than those that are.
+the chain are left out. Joints above the chain turn gravity into its base link. Angles that are a
+rounded multiple of a quarter turn (1.5708) count as that multiple: axes that are nearly parallel or
+square have other base parameters than those that are.
 
 The format: wiki.ros.org/urdf/XML. A xacro file is expanded first.
 """
