@@ -282,6 +282,7 @@ def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
     """Mean square of the torques of known gain, or else of the known rotors [N^2 m^2 or N^2]."""
     squares = _mean_squares(recorded)
     known = np.delete(squares[:, 0], unknown)
+    known = known[known > _TINY]  # an axis without torque has no usual one
     if known.size:
         return float(known.mean())
     return float(np.mean(squares[:, 1 + recorded.layout.at(ROTOR)])) or 1.0
@@ -327,7 +328,10 @@ def _open_at(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> set[str]:
     size = np.einsum("ja,bjac,jc->j", rows, recorded.products, rows)
     blocks = Scaling(np.ones(n), unknown, x).applied(recorded)
     kept = kept_by(blocks.layout, [USUAL] * n)
-    N = Regression(blocks, 1.0 / np.maximum(size, _TINY), kept).normal.information
+    # axes without any torque say nothing, and beside others rounding does not either
+    heard = size > max(np.finfo(float).eps ** 2 * size.max(), _TINY)
+    weights = np.where(heard, 1.0 / np.where(heard, size, 1.0), 0.0)
+    N = Regression(blocks, weights, kept).normal.information
     names, gains = np.array(blocks.layout.names)[kept], [gain_name(axis) for axis in unknown]
     linear = np.flatnonzero(~np.isin(names, gains))
     lost = undetermined(N, IDENTIFIABLE)

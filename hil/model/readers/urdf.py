@@ -115,7 +115,7 @@ class UrdfChain:
     mount: Array
     tilting: str
 
-    def gravity(self, stated: Sequence[float] | None) -> Array:
+    def gravity(self, stated: Sequence[float] | None = None) -> Array:
         """Return gravity in the base link, shape (3,) [m/s^2].
 
         Parameters
