@@ -258,7 +258,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
 )
 """What the measurements behind a model say against it, whatever it is used for."""
 RULES: tuple[Rule[Model], ...] = (
-    _found, _doubted, _at_edge, _free_motions, _unexcited, _impossible, *OF_DATA, _causes,
+    _found, _doubted, _free_motions, _unexcited, _impossible, _at_edge, *OF_DATA, _causes,
 )  # fmt: skip
 
 

@@ -19,22 +19,22 @@ def texts(path: Path) -> list[str]:
     """Messages of a module: its strings, with values of f-strings left out, but no docstrings."""
     tree = ast.parse(path.read_text())
     documented = {
-        id(node.body[0].value)
+        id(first.value)
         for node in ast.walk(tree)
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-        and node.body
-        and isinstance(node.body[0], ast.Expr)
+        for first in node.body[:1]
+        if isinstance(first, ast.Expr)
     }
-    found, inner = [], set()
+    found: list[str] = []
+    inner: set[int] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
             inner |= {id(part) for part in node.values}
             parts = (p.value if isinstance(p, ast.Constant) else "X" for p in node.values)
             found.append("".join(map(str, parts)))
     for node in ast.walk(tree):
-        plain = isinstance(node, ast.Constant) and isinstance(node.value, str)
-        if plain and id(node) not in inner | documented:
-            found.append(node.value)
+        if isinstance(node, ast.Constant) and id(node) not in inner | documented:
+            found += [node.value] if isinstance(node.value, str) else []
     return found
 
 

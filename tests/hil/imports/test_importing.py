@@ -263,7 +263,7 @@ def with_resting_elbow():
 def test_what_import_doubts_is_kept_and_lowers_the_first_word(tmp_path):
     run, stated = made(tmp_path, with_resting_elbow())
     (warning,) = run.journal.warnings
-    assert "map.yaml:13: joints.1.position: moves by" in warning
+    assert "map.yaml:14: joints.1.position: moves by" in warning
     assert "accept: [still]" in warning
     assert "joints.1.position" in stated
     outcome = identify(run).outcome

@@ -31,7 +31,8 @@ def arm_model(inertia: float = 1.2, error: float = 0.01) -> Model:
     """Return a model of an arm whose second link has this inertia, and hardly any weight."""
     p = TRUTH.copy()
     p[[HEADS.index(name) for name in ("Izz2", "sx2", "sy2")]] = inertia, 0.02, 0.01
-    return model_of(arm(), p, np.full(len(p), error))
+    found: Model = model_of(arm(), p, np.full(len(p), error))
+    return found
 
 
 def words(model: Model) -> list[tuple[str, str]]:
