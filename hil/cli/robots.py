@@ -60,9 +60,12 @@ def new(
         typer.Option("--to", help="Last link of the URDF; that of the longest chain by default."),
     ] = None,
     gravity: Annotated[
-        tuple[float, float, float],
-        typer.Option(help="Gravity in the base link, or frame 0 \\[m/s2]."),
-    ] = (0.0, 0.0, -9.81),
+        tuple[float, float, float] | None,
+        typer.Option(
+            help="Gravity in the base link, or frame 0 \\[m/s2].",
+            show_default="9.81 along -z of the URDF's root, or of frame 0",
+        ),
+    ] = None,
 ) -> None:
     """Write a first robot file from a URDF or a table, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
@@ -85,7 +88,7 @@ def new(
 
 
 def _from_urdf(
-    urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float]
+    urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
     """Text of a robot file, what it is of, and how far angles were rounded [rad]."""
     from hil.model.readers.robot_draft import draft_robot
@@ -98,7 +101,7 @@ def _from_urdf(
 
 
 def _from_table(
-    dh: Path | None, mdh: Path | None, gravity: tuple[float, float, float]
+    dh: Path | None, mdh: Path | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
     """The same of a table."""
     from hil.model.readers.dh_table import read_dh

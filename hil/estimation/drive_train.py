@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.condensed import condensed_blocks, stack_axes
+from hil.estimation.intervals import Edge
 from hil.estimation.nuisances import (
     AROUND,
     LAG,
@@ -73,6 +74,7 @@ CERTAIN = 5.0
 """Compliance or friction of the load over its standard error from which on it counts."""
 MOST_TWIST = 0.05
 """At the torque limit [rad]: more is no gear, but what few measurements make of their noise."""
+LAG_OF_TORQUE = "lag of the torque"
 MOST_ROUNDS = 5
 """Times that all is found from links in their places: gears of 20 Hz need three."""
 PASSES = 2
@@ -131,6 +133,24 @@ class DriveTrain:
         if not c.any():
             return s
         return replace(s, twist=c * _transmitted(robot, self.p, s.torque_advanced(self.lag), c))
+
+    def edges(self, robot: Robot) -> tuple[Edge, ...]:
+        """Return the lags and compliances that end at the edge of what is looked for."""
+        found = [
+            Edge(axis=k + 1, what=LAG_OF_TORQUE, value=1e3 * lag, bound=1e3 * bound, unit="ms")
+            for k, (lag, known) in enumerate(zip(self.lag, self.lag_error, strict=True))
+            for bound in (EARLIEST, LATEST)
+            if np.isfinite(known) and np.isclose(lag, bound, rtol=1e-6)
+        ]
+        twist, sure = self.compliance * robot.torque_limit, CERTAIN * self.compliance_error
+        too_far = (twist >= MOST_TWIST) & (self.compliance > sure)
+        return (*found, *(twist_edge(robot, k, twist[k]) for k in np.flatnonzero(too_far).tolist()))
+
+
+def twist_edge(robot: Robot, axis: int, twist: float) -> Edge:
+    """Return the edge of a gear, from 0, that would twist so far at its torque limit."""
+    unit, what = robot.position_unit(axis), "twist of the gear at the torque limit"
+    return Edge(axis=axis + 1, what=what, value=float(twist), bound=MOST_TWIST, unit=unit)
 
 
 class LoadFriction(NamedTuple):

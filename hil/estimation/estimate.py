@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.drive_train import DriveTrain, LoadFriction
     from hil.estimation.free_motion.result import FreeMotionFit, GainValue
+    from hil.estimation.intervals import Edge
     from hil.estimation.local_values import LocalValue
     from hil.estimation.simultaneous import Joint
     from hil.friction.law import FrictionLaw
@@ -85,6 +86,8 @@ class Estimate:
         was given (`hil.estimation.prior`).
     joint : Joint, optional
         Regression of all samples behind the improved method, for what else is asked of them.
+    edges : tuple of Edge
+        Lags and compliances that end at the edge of their search range.
     """
 
     method: str
@@ -109,6 +112,7 @@ class Estimate:
     gains: tuple[GainValue, ...] = ()
     prior_share: Array | None = None
     joint: Joint | None = None
+    edges: tuple[Edge, ...] = ()
 
     @property
     def drive_effect(self) -> Array:

@@ -144,6 +144,7 @@ def estimate_from(
         left_out=tuple(LeftOut(each, FEW) for each in found.too_short),
         n_measurements=found.n_recordings,
         prior_share=solution.prior_share,
+        edges=gathered.edges,
         free=FreeMotionFit(
             cut_off=processing.cut_off,
             band=processing.band,

@@ -5,6 +5,8 @@ degrees of freedom. What the robot file states (torque constants, rotor inertias
 the normal distribution. A combination of parameters, such as a torque, takes its degrees of freedom
 from those of the parameters (Welch 1947, Satterthwaite 1946), each with its own share a_k^2 V_kk of
 the variance.
+
+An estimate that ends at the edge of its search range has no interval (`Edge`).
 """
 
 from __future__ import annotations
@@ -14,6 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
+from checked_files.yaml_file import FileModel
+
 if TYPE_CHECKING:
     from hil.arrays import Array
 
@@ -22,6 +26,26 @@ SIGNIFICANT = 0.01
 """Probability with which chance may pass for an effect, of all that is tested together."""
 MANY = 1e9
 """Degrees of freedom from which on Student's t is the normal distribution."""
+
+
+class Edge(FileModel):
+    """An estimate that ends at the edge of its search range.
+
+    Attributes
+    ----------
+    axis : int
+        From 1.
+    what : str
+        Name of the quantity.
+    value, bound : float
+    unit : str
+    """
+
+    axis: int
+    what: str
+    value: float
+    bound: float
+    unit: str
 
 
 def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> Array:

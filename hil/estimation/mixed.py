@@ -62,4 +62,5 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
         estimate,
         gains=tuple(gain for each in imported for gain in found_gains(robot, each.scaling, fit)),
         n_measurements=len(raw) + sum(each.found.n_recordings for each in imported),
+        edges=(*estimate.edges, *(edge for each in imported for edge in each.edges)),
     )

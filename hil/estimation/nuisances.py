@@ -43,7 +43,7 @@ from hil.least_squares.regression import Regression, least_squares
 from hil.model.dynamics import inverse_dynamics
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from hil.arrays import Array, Indices, Mask
     from hil.least_squares.blocks import Blocks
@@ -159,6 +159,7 @@ class Search:
         # states that are compared differ on one axis
         self._seen: list[dict[tuple[float, int], Array]] = [{} for _ in range(blocks.n_channels)]
         self.weights = self.weighed(State.of(blocks.n_channels))
+        self._ended: dict[int, State] = {}
 
     def weighed(self, state: State) -> Array:
         """Weights of the axes by what a state leaves."""
@@ -224,30 +225,49 @@ class Search:
         left = list(axes)
         while left:
             self.weights = self.weighed(state)
-            states, errors = {"none": state}, {"none": self._held_out(state)}
-            for axis in left:
-                other = more(state, axis)
-                if other is not None:
-                    states[str(axis)], errors[str(axis)] = other, self._held_out(other)
-            if simplest(errors, self._blocks.n_channels) == "none":
+            others = {axis: more(state, axis) for axis in left}
+            best = self._best(state, {k: each for k, each in others.items() if each is not None})
+            if best is None:
                 break
-            before, least = self._by_halves(state), float(errors["none"].sum())
-            better = {
-                name: float(error.sum())
-                for name, error in errors.items()
-                if error.sum() < least and _no_worse(self._by_halves(states[name]), before)
-            }
-            if not better:
-                break
-            best = min(better, key=lambda name: better[name])
-            state = states[best]
-            left.remove(int(best))
+            state = others[best] or state
+            left.remove(best)
         return state
+
+    def _best(self, state: State, others: Mapping[int, State]) -> int | None:
+        """Axis of the state that predicts held-out blocks certainly better and best, if any."""
+        states = {"none": state} | {str(axis): each for axis, each in others.items()}
+        errors = {name: self._held_out(each) for name, each in states.items()}
+        if simplest(errors, self._blocks.n_channels) == "none":
+            return None
+        before, least = self._by_halves(state), float(errors["none"].sum())
+        better = {
+            int(name): float(error.sum())
+            for name, error in errors.items()
+            if error.sum() < least and _no_worse(self._by_halves(states[name]), before)
+        }
+        return min(better, key=lambda axis: better[axis]) if better else None
+
+    def edges(self, state: State) -> dict[int, float]:
+        """Lags of axes [s] that end at a bound of the search, and predict certainly better there.
+
+        None of them is admitted by `with_lag`: beyond the bound it might be better yet.
+        """
+        found = {}
+        for axis in [axis for axis in self._ended if not state.late[axis]]:
+            if self.with_lag(state, axis) is None:
+                at_bound = self._ended[axis]
+                self.weights = self.weighed(state)
+                if self._best(state, {axis: at_bound}) is not None:
+                    found[axis] = float(at_bound.lag[axis])
+        return found
 
     def with_lag(self, state: State, axis: int) -> State | None:
         """State with a lag of one more axis; None where it is beyond all that is looked for."""
         found = self.converged(state.with_one("late", axis))
-        return found if self._bounds[0] < found.lag[axis] < self._bounds[1] else None
+        if self._bounds[0] < found.lag[axis] < self._bounds[1]:
+            return found
+        self._ended[axis] = found
+        return None
 
     def with_soft(self, state: State, axis: int) -> State | None:
         """State with one more gear that gives way; None where it would stiffen with the torque."""

@@ -198,6 +198,7 @@ def measured(
         load_friction=solver.load_friction,
         prior_share=prior_share,
         joint=None if imported else found,
+        edges=drive_train.edges(robot),
         friction_law=campaign_friction(
             robot, p, (axes for _, axes in solver.stacked), history(robot, raw)
         ),

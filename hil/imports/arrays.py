@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from checked_files.yaml_file import FileError
+from checked_files.yaml_file import FileError, place
 from hil.errors import InvalidArray
 from hil.imports.map_file import MapFile, RecordingMap
 from hil.imports.one_map import measured_motions, understood
@@ -47,6 +47,7 @@ def run_from_arrays(
     the_map = _map(robot, qd is not None, alone, cut_off, accept)
     measured: dict[str, Measured] = {}
     notes: list[str] = []
+    warnings: list[str] = []
     for number, samples in enumerate(recordings, start=1):
         stem = f"r{number}"
         try:
@@ -56,7 +57,13 @@ def run_from_arrays(
         made = list(measured_motions(the_map, samples, numbered, stem))
         motions = tuple(map(_motion, made))
         moves = (qd is not None,) * robot.n_joints
-        notes += Statement(the_map, timing, samples.wraps, moves, motions, found).lines()
+        statement = Statement(the_map, timing, samples.wraps, moves, motions, found)
+        notes += statement.lines()
+        warnings += [
+            f"recording {number}: {place(s.location)}: {s.message}; or give accept=['{s.check}']"
+            " if it is right as it is"
+            for s in statement.doubts
+        ]
         measured |= {each.measurement.id: each for each in made}
     plan = RecordedMotions(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
@@ -65,7 +72,7 @@ def run_from_arrays(
     )
     session = Session(
         started=now(), ended=now(), reason="arrays", bus="arrays", simulated=False,
-        notes=tuple(notes),
+        notes=tuple(notes), warnings=tuple(warnings),
     )  # fmt: skip
     journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest).with_session(session)
     return MemoryRun(Path(f"arrays-{next(_numbers)}"), plan, robot, journal, measured)

@@ -169,6 +169,7 @@ def _write_about(
         bus=f"recordings of {', '.join(the_map.path.name for the_map in maps)}",
         simulated=False,
         notes=tuple(line for statement in statements for line in statement.lines()),
+        warnings=tuple(each for statement in statements for each in statement.warnings),
     )
     journal = Journal(plan_digest=content.digest, robot_digest=robot.digest)
     write_journal(folder / "run.json", journal.with_session(session))

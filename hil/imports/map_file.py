@@ -15,7 +15,6 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
 from hil.imports.tables import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 from hil.model.drive_train_file import UNKNOWN, Unknown
-from hil.model.robot_file import EARTH
 
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
 """Checks of plausibility whose refusal a map may overrule; nothing is checked as `friction` any
@@ -209,7 +208,7 @@ class MappedRobot(FileModel):
     urdf: str | None = None
     base: str | None = Field(default=None, alias="from")
     tip: str | None = Field(default=None, alias="to")
-    gravity: tuple[float, float, float] = EARTH
+    gravity: tuple[float, float, float] | None = None
 
     @model_validator(mode="after")
     def _either(self) -> MappedRobot:

@@ -62,6 +62,21 @@ class Statement:
             *(f"{place(s.location)}: {s.message}" for s in self.suspicions),
         ]
 
+    @property
+    def doubts(self) -> tuple[Suspicion, ...]:
+        """Suspicions that the map does not accept."""
+        accepted = self.the_map.content.accept
+        return tuple(each for each in self.suspicions if each.check not in accepted)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Doubts, each with the line of the map and what resolves it."""
+        return tuple(
+            f"{self.the_map.wrong(s.location, s.message)}; correct the map, or write accept:"
+            f" [{s.check}] there if it is right as it is, and import again"
+            for s in self.doubts
+        )
+
     def _samples(self) -> Iterator[str]:
         timing, counts = self.timing, self.timing.counts
         files = ", ".join(self.the_map.content.files)

@@ -123,13 +123,15 @@ def undetermined_beside(N: Array, n: int) -> Mask:
 
 
 def condition(N: Array) -> float:
-    """Condition number of columns of unit length; those that are zero do not count.
+    """Condition number of columns of unit length; those that are zero do not count, inf of none.
 
     Parameters
     ----------
     N : ndarray, shape (n, n)
     """
     heard = np.diag(N) > 0
+    if not heard.any():
+        return np.inf
     size = 1.0 / np.sqrt(np.diag(N)[heard])
     return float(np.sqrt(np.linalg.cond(N[np.ix_(heard, heard)] * np.outer(size, size))))
 

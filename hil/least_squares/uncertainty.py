@@ -141,7 +141,7 @@ def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
     shares : ndarray, shape (n_measurements, n)
         Not negative.
     fewest : float
-        Least value that is returned; the largest is ``n_measurements - 1``.
+        Least value that is returned; the largest is ``n_measurements - 1``, if that is more.
 
     Returns
     -------
@@ -149,7 +149,7 @@ def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
     """
     squares = np.maximum((shares**2).sum(axis=0), np.finfo(float).tiny)
     degrees: Array = shares.sum(axis=0) ** 2 / squares - 1.0
-    return np.clip(degrees, fewest, len(shares) - 1.0)
+    return np.clip(degrees, fewest, max(len(shares) - 1.0, fewest))
 
 
 def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> Array:

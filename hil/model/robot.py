@@ -213,7 +213,7 @@ def robot_from_urdf(
     path: Path | str,
     base: str | None = None,
     tip: str | None = None,
-    gravity: Sequence[float] = EARTH,
+    gravity: Sequence[float] | None = None,
 ) -> Robot:
     """Make a robot of the chain between two links of a URDF.
 
@@ -222,13 +222,14 @@ def robot_from_urdf(
     path : path
     base, tip : str, optional
         Names of links; by default those of the chain with most joints that move.
-    gravity : sequence of three floats
-        In the link `base` [m/s^2].
+    gravity : sequence of three floats, optional
+        In the link `base` [m/s^2]; by default that of the earth along -z of the URDF's root.
 
     Raises
     ------
     FileError
-        No URDF, no such link, or a chain with a joint that cannot be driven by itself.
+        No URDF, no such link, a chain with a joint that cannot be driven by itself, or gravity left
+        open by a joint above it.
     """
     chain = read_urdf(path, base, tip)
     try:

@@ -226,6 +226,7 @@ def model_of(
         friction_law=found.free.law if found.free else found.friction_law,
         torque_effect=found.effect[:, : run.robot.n_joints],
         excluded=proof,
+        edges=found.edges,
     )
     if prior is not None and found.prior_share is not None:
         model = replace(model, prior=prior.stated(model.names, found.prior_share))
@@ -247,6 +248,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         together_with=tuple(str(each.path) for each in others),
         left_out=tuple(str(left) for left in found.left_out),
         without=tuple(sorted(run.set_aside)),
+        warnings=tuple(line for each in (run, *others) for line in each.journal.warnings),
         identified=now(),
         method=found.method,
         version=version("canopen-robot-identification"),

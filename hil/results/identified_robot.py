@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hil.estimation.consistent.result import ConsistentRobot
     from hil.estimation.excluded.result import ErrorTerm, Excluded
     from hil.estimation.free_motion.result import FreeMotionFit
+    from hil.estimation.intervals import Edge
     from hil.estimation.local_values import LocalValue
     from hil.estimation.prior import FromPrior
     from hil.friction.law import FrictionLaw
@@ -83,6 +84,8 @@ class IdentifiedRobot:
     prior : FromPrior, optional
         Parameters that recordings alone leave open, and the prior that completes them; None where
         none was given.
+    edges : tuple of Edge
+        Lags and compliances that end at the edge of their search range.
     """
 
     robot: Robot
@@ -104,6 +107,7 @@ class IdentifiedRobot:
     torque_effect: Array | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
+    edges: tuple[Edge, ...] = ()
 
     @property
     def failed(self) -> bool:

@@ -22,7 +22,7 @@ from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
 from hil.estimation.excluded.result import ErrorTerm, Excluded
 from hil.estimation.free_motion.result import FreeMotionFit
-from hil.estimation.intervals import MANY, degrees_behind
+from hil.estimation.intervals import MANY, Edge, degrees_behind
 from hil.estimation.local_values import LocalValue
 from hil.estimation.prior import FromPrior
 from hil.friction.law import FrictionLaw
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 NAME = "model.yaml"
 _AS_IDENTIFIED = (
     "provenance", "condition", "error_budget", "friction", "back_and_forth", "outcome",
-    "validations", "consistent", "excluded", "prior",
+    "validations", "consistent", "excluded", "prior", "edges",
 )  # fmt: skip
 """Fields that the file holds as the model does."""
 
@@ -141,6 +141,7 @@ class ModelFile(FileModel):
     torque_effect: tuple[tuple[float, ...], ...] | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
+    edges: tuple[Edge, ...] = ()
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:

@@ -13,6 +13,7 @@ import numpy as np
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import FEW_BLOCKS, POOR
+from hil.model.frames import ROUNDED_OFF
 from hil.results.judgement import (
     FEWEST,
     HALF,
@@ -26,7 +27,9 @@ from hil.results.judgement import (
     good,
     reservations,
 )
+from hil.results.possible import impossible_inertias, impossible_links
 from hil.results.prediction import free_torques, uncertainty
+from hil.results.rounding import significant, uncertain, unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.judgement import Rule
     from hil.results.model import Model
+    from hil.results.possible import Impossible
 
 
 def outcome(model: Model, usual_effect: Array | None = None) -> Judgement:
@@ -78,19 +82,73 @@ def _moved(model: Model, cause: Found) -> tuple[float, bool]:
 def _unexplained(fit: FreeMotionFit) -> Reservation | None:
     """Torques of free motions of which the model leaves about as much as their mean does."""
     pairs = zip(fit.relative_residual, fit.naive_residual, strict=False)
-    squares = {
-        axis: (left / max(naive, np.finfo(float).tiny)) ** 2
-        for axis, (left, naive) in enumerate(pairs, start=1)
-        if left is not None and naive is not None and axis not in fit.still
-    }
-    worst = max(squares, key=squares.__getitem__, default=0)
-    if not worst or squares[worst] <= HALF:
+    ratios = {}
+    for axis, (left, naive) in enumerate(pairs, start=1):
+        if left is None or naive is None or axis in fit.still:
+            continue
+        if naive <= ROUNDED_OFF:
+            return failed(
+                f"axis {axis} moves, and its torque is constant",
+                "name the column of its torque in the map",
+            )
+        ratios[axis] = left / naive
+    worst = max(ratios, key=ratios.__getitem__, default=0)
+    if not worst or ratios[worst] ** 2 <= HALF:
         return None
     return failed(
         f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the torque"
         f" unexplained, the mean torque alone {fit.naive_residual[worst - 1]:.0%}",
         "check the columns, signs and units of the map, and the direction of gravity",
     )
+
+
+def _impossible(model: Model) -> Iterator[Reservation]:
+    """Inertias that no robot has: a model with these must not be used."""
+    for each in impossible_inertias(model):
+        if each.certain:
+            yield failed(
+                f"{_stated(each)}, and every robot's is positive",
+                "check signs, units, gear ratios and torque constants, in the map or the drives"
+                " file, and in the robot file",
+            )
+        else:
+            yield doubtful(
+                f"{_stated(each)}: not positive definite, within its uncertainty",
+                "add recordings with greater acceleration; hil export --to urdf writes the nearest"
+                " bodies",
+            )
+    for each in impossible_links(model):
+        if each.certain:
+            yield doubtful(
+                f"{_stated(each)}, which no links have",
+                "check gear ratios, rotor inertias and torque constants in the robot file, or state"
+                " their uncertainty there",
+            )
+
+
+def _stated(each: Impossible) -> str:
+    value, error = uncertain(each.value, each.error)
+    of = "" if each.unit else "an eigenvalue of "
+    return f"{each.what}: {of}{' '.join((f'{value} ± {error}', unit(each.unit))).strip()}"
+
+
+def _doubted(model: Model) -> Iterator[Reservation]:
+    """Warnings of imports that nobody has resolved."""
+    for warning in model.provenance.warnings:
+        reason, _, remedy = warning.partition("; ")
+        yield doubtful(f"import warned: {reason}", remedy)
+
+
+def _at_edge(model: Model) -> Iterator[Reservation]:
+    """Estimates that end at the edge of their search range, beyond which the true value may be."""
+    for each in model.edges:
+        beyond = "" if abs(each.value) <= abs(each.bound) else " beyond"
+        yield doubtful(
+            f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, at the edge"
+            f" of the search{beyond}, {significant(each.bound, 3)} {each.unit}",
+            "look for what the model lacks: torque and position of different instants, a low-pass"
+            " of the torque, a wrong unit or column, links that bend",
+        )
 
 
 def _axes(axes: Iterable[int]) -> str:
@@ -199,7 +257,9 @@ OF_DATA: tuple[Rule[Model], ...] = (
     ),
 )
 """What the measurements behind a model say against it, whatever it is used for."""
-RULES: tuple[Rule[Model], ...] = (_found, _free_motions, _unexcited, *OF_DATA, _causes)
+RULES: tuple[Rule[Model], ...] = (
+    _found, _doubted, _free_motions, _unexcited, _impossible, _at_edge, *OF_DATA, _causes,
+)  # fmt: skip
 
 
 EVERY = "torques of all axes"

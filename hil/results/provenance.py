@@ -26,9 +26,9 @@ class Provenance(FileModel):
 
     `together_with` names further runs that it was made from, `without` measurements that whoever
     identified it left out, `drives` what each axis's drive said it is, in the last session; empty
-    where that was not recorded. `simulated` is whether any of the runs was measured on the virtual
-    plant, `recordings` a digest of each recording (`digests`); None and empty in files of
-    earlier versions.
+    where that was not recorded, `warnings` what imports doubt. `simulated` is whether any of the
+    runs was measured on the virtual plant, `recordings` a digest of each recording (`digests`);
+    None and empty in files of earlier versions.
     """
 
     robot: str
@@ -43,6 +43,7 @@ class Provenance(FileModel):
     together_with: tuple[str, ...] = ()
     left_out: tuple[str, ...]
     without: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     identified: str
     method: str
     version: str

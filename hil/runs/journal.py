@@ -151,6 +151,8 @@ class Session(FileModel):
     real_time: tuple[str, ...] = ()
     """What the system granted of real time; empty where it was not asked."""
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    """What an import doubts, and nobody has accepted."""
     repeated: tuple[RepeatedAttempt, ...] = ()
     """Attempts that another one followed, in the order in which they were made."""
     host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
@@ -169,6 +171,11 @@ class Journal(FileModel):
     rehearsed: float | None = None
     """Share of the speed limits at which all ways of the plan were passed before."""
     sessions: tuple[Session, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What imports doubt, and nobody has accepted."""
+        return tuple(each for session in self.sessions for each in session.warnings)
 
     @property
     def simulated(self) -> bool:

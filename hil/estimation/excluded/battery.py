@@ -185,7 +185,7 @@ class Battery:
         rows, n_shared = np.hstack([self._y, shared, self._own]), shared.shape[1]
         blocks = e.blocks(rows, n_shared, self._channel)
         regression = Regression.weighed(blocks)
-        least = np.maximum(e.finest, np.finfo(float).tiny) ** 2
+        least = e.finest**2
         self.weights = np.minimum(regression.weights, 1.0 / least)
         """Of the channels, shape (n_channels,)."""
         regression = Regression(blocks, self.weights, regression.kept)

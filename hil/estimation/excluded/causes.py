@@ -164,7 +164,8 @@ CAUSES = {
     # one cycle of a current controller
     "late torque": Cause(
         "its torque is late by", "ms", "ms", 1.0,
-        "record torque and position of one and the same instant, or state the lag",
+        "record torque and position of one and the same instant, or shift the rows of the"
+        " torque's column by the lag",
     ),
     "late position": Cause(
         "its position is late by", "ms", "ms", 1.0,

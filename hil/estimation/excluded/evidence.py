@@ -214,7 +214,9 @@ def measured(
         limit_or_reached(limit, evidence.recorded[evidence.axis == axis])
         for axis, limit in enumerate(robot.torque_limit)
     ]
-    return replace(evidence, finest=FINEST * np.array(limits))
+    # torques that are zero throughout show nothing, and rounding of the others even there
+    rounding = np.finfo(float).eps * (np.abs(evidence.recorded).max(initial=0.0) or 1.0)
+    return replace(evidence, finest=np.maximum(FINEST * np.array(limits), rounding))
 
 
 def _unasked(robot: Robot, s: Signals, axis: int) -> Iterator[Stacked]:

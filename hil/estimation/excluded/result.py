@@ -121,7 +121,16 @@ class Excluded(FileModel):
     @property
     def invisible(self) -> tuple[Limit, ...]:
         """Causes that do not show in the size that is usual of them, and make torque."""
-        return tuple(each for each in self.limits if not each.visible and each.worth > 0)
+        return tuple(
+            each
+            for each in self.limits
+            if not each.visible and each.worth > 0 and (each.cause, each.axis) not in self.places
+        )
+
+    @property
+    def places(self) -> frozenset[tuple[str, int]]:
+        """Causes that were found with their axes, from 1; 0 for a cause of no axis."""
+        return frozenset((each.cause, axis) for each in self.found for axis in each.axes or (0,))
 
     def unseen(self, cause: str, axis: int) -> float:
         """Share of a cause's usual size that may go unnoticed at an axis, from 1; at most 1."""

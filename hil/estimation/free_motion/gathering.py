@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.settings import Reasons
     from hil.estimation.free_motion.survey import Survey
     from hil.estimation.free_motion.variants import Variant
+    from hil.estimation.intervals import Edge
     from hil.estimation.options import Options
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
@@ -111,6 +112,8 @@ class Gathered:
     choice : Choice
     drift : Drift
         Of friction's level; none where gains are unknown.
+    edges : tuple of Edge
+        Of lags and compliances.
     """
 
     found: Survey
@@ -123,6 +126,7 @@ class Gathered:
     scaling: Scaling
     choice: Choice
     drift: Drift
+    edges: tuple[Edge, ...] = ()
 
     @property
     def products(self) -> Products:
@@ -224,6 +228,7 @@ def gather(
         scaling=scaling,
         choice=choice,
         drift=drift,
+        edges=nuisances.edges,
     )
 
 

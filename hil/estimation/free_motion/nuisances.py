@@ -25,7 +25,7 @@ import numpy as np
 
 from hil.arrays import side_by_side
 from hil.estimation.condensed import ROTOR
-from hil.estimation.drive_train import MOST_TWIST
+from hil.estimation.drive_train import CERTAIN, LAG_OF_TORQUE, MOST_TWIST, twist_edge
 from hil.estimation.free_motion.accumulation import (
     SPEEDS,
     Groups,
@@ -38,6 +38,7 @@ from hil.estimation.free_motion.choice import dead_zone_of, usual
 from hil.estimation.free_motion.columns import shared_names
 from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.scaling import Scaling
+from hil.estimation.intervals import Edge
 from hil.estimation.nuisances import AROUND, Search, State, over_names, shift_names
 from hil.estimation.options import NUISANCES
 from hil.friction.terms import COLUMNS
@@ -77,11 +78,14 @@ class Nuisances:
     plain : ndarray, shape (n_joints,), optional
         Mean square of what weighted least squares leaves without presliding; None where friction
         turns round at once.
+    edges : tuple of Edge
+        Lags and compliances that end at the edge of their search range, and are not taken.
     """
 
     processing: Processing
     lag_error: Array
     plain: Array | None = None
+    edges: tuple[Edge, ...] = ()
 
 
 def find_nuisances(
@@ -114,14 +118,19 @@ def find_nuisances(
         for each in _condensed(robot, motions, first, slowest, times, gears)
     )
     axes = [axis for axis in range(robot.n_joints) if axis not in found.still]
-    state, error = State.of(robot.n_joints), none.lag_error
+    state, error, edges = State.of(robot.n_joints), none.lag_error, list[Edge]()
     if "lag" in wanted:
         state, error = _sure(fast, fast.grown(state, axes, fast.with_lag), "late")
     if "compliance" in wanted:
-        state = _with_soft_gears(robot, fast, state, axes)
+        state, edges = _with_soft_gears(robot, fast, state, axes)
     if state.soft.any() and "lag" in wanted:
         in_time = replace(State.of(robot.n_joints), soft=state.soft)
         state, error = _sure(fast, fast.grown(in_time, axes, fast.with_lag), "late")
+    if "lag" in wanted:
+        edges += [
+            Edge(axis=axis + 1, what=LAG_OF_TORQUE, value=1e3 * lag, bound=1e3 * most, unit="ms")
+            for axis, lag in fast.edges(state).items()
+        ]
     if "presliding" in wanted:
         state = whole.grown(state, axes, whole.with_distance)
     distance = np.append(0.0, DISTANCES)[state.direction] * processing.speed
@@ -134,19 +143,27 @@ def find_nuisances(
         ),
         error,
         plain.blocks.mean_squares(plain.solution) if distance.any() else None,
+        tuple(edges),
     )
 
 
-def _with_soft_gears(robot: Robot, search: Search, state: State, axes: Sequence[int]) -> State:
-    """State with the gears that certainly give way, if one does."""
+def _with_soft_gears(
+    robot: Robot, search: Search, state: State, axes: Sequence[int]
+) -> tuple[State, list[Edge]]:
+    """State with the gears that certainly give way, if one does, and those that twist too far."""
     if not search.grown(state, axes, search.with_soft).soft.any():
-        return state
+        return state, []
     every = np.isin(np.arange(len(state.soft)), axes)
     found, _ = _sure(search, replace(state, soft=every), "soft")
-    compliance, _ = search.values("soft", found, "jackknife", FOLDS)
+    compliance, error = search.values("soft", found, "jackknife", FOLDS)
     # what twists further is no gear, but makes up for something else, and so may the others
-    possible = compliance * robot.torque_limit < MOST_TWIST
-    return found if found.soft.any() and possible[found.soft].all() else state
+    twist = np.where(found.soft, compliance, 0.0) * robot.torque_limit
+    edges = [
+        twist_edge(robot, axis, twist[axis])
+        for axis in np.flatnonzero((twist >= MOST_TWIST) & (compliance > CERTAIN * error)).tolist()
+    ]
+    possible = twist[found.soft] < MOST_TWIST  # false where no limit is known
+    return found if found.soft.any() and possible.all() else state, edges
 
 
 def _sure(search: Search, state: State, what: str) -> tuple[State, Array]:

@@ -154,10 +154,16 @@ def first_scaling(
     Raises
     ------
     NotIdentifiable
-        Parameters that the unknown gains leave open up to scale.
+        Parameters that the unknown gains leave open up to scale, or signals that are zero.
     """
     if not unknown:
         return Scaling.known(np.ones(robot.n_joints))
+    silent = [axis for axis in unknown if not _mean_squares(recorded)[axis, 0] > _TINY]
+    if silent:
+        raise NotIdentifiable(
+            f"{_gains_of(silent)} cannot be found: the signal is zero throughout; name the column"
+            " of its torque or current in the map, or state the gain there"
+        )
     if p is not None:
         return _beside(recorded, unknown, p)
     require_scale(robot, recorded, unknown)
@@ -255,7 +261,8 @@ def _by_linear_problem(recorded: Blocks, unknown: tuple[int, ...], of_usual_size
     torque[axes, 0] = 0.0
     torque[:, 1 + layout.at(ROTOR)] = -1.0
     linear = recorded.recast(torque, signals, (ROTOR,))
-    weights = 1.0 / (of_usual_size**2 * _mean_squares(recorded)[:, 0])
+    square = _mean_squares(recorded)[:, 0]
+    weights = np.where(square > _TINY, 1.0 / np.maximum(of_usual_size**2 * square, _TINY), 0.0)
     kept = kept_by(linear.layout, [USUAL] * recorded.n_channels)
     x = Regression(linear, weights, kept).solution
     gains = of_usual_size.copy()
@@ -275,6 +282,7 @@ def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
     """Mean square of the torques of known gain, or else of the known rotors [N^2 m^2 or N^2]."""
     squares = _mean_squares(recorded)
     known = np.delete(squares[:, 0], unknown)
+    known = known[known > _TINY]  # an axis without torque has no usual one
     if known.size:
         return float(known.mean())
     return float(np.mean(squares[:, 1 + recorded.layout.at(ROTOR)])) or 1.0
@@ -320,7 +328,10 @@ def _open_at(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> set[str]:
     size = np.einsum("ja,bjac,jc->j", rows, recorded.products, rows)
     blocks = Scaling(np.ones(n), unknown, x).applied(recorded)
     kept = kept_by(blocks.layout, [USUAL] * n)
-    N = Regression(blocks, 1.0 / np.maximum(size, _TINY), kept).normal.information
+    # axes without any torque say nothing, and beside others rounding does not either
+    heard = size > max(np.finfo(float).eps ** 2 * size.max(), _TINY)
+    weights = np.where(heard, 1.0 / np.where(heard, size, 1.0), 0.0)
+    N = Regression(blocks, weights, kept).normal.information
     names, gains = np.array(blocks.layout.names)[kept], [gain_name(axis) for axis in unknown]
     linear = np.flatnonzero(~np.isin(names, gains))
     lost = undetermined(N, IDENTIFIABLE)

@@ -22,6 +22,7 @@ from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
 from hil.model.readers.axes_to_frames import frames_of
 from hil.model.readers.urdf import UrdfChain
+from hil.model.robot_file import EARTH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -42,15 +43,21 @@ FARTHEST = round(2 * math.tau, 3)
 """Either side of zero, where a URDF states no range: two turns, in three digits [rad or m]."""
 
 
-def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float]) -> str:
+def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = None) -> str:
     """Text of a robot file.
 
     Parameters
     ----------
     source : UrdfChain or DhRobot
         Of a URDF, or of a table.
-    gravity : sequence of three floats
-        In the URDF's base link, or in the table's frame 0 [m/s^2].
+    gravity : sequence of three floats, optional
+        In the URDF's base link, or in the table's frame 0 [m/s^2]. By default that of the earth:
+        along -z of the URDF's root, turned by the joints above the base link, or of frame 0.
+
+    Raises
+    ------
+    FileError
+        As of `hil.model.readers.urdf.UrdfChain.gravity`.
     """
     if isinstance(source, UrdfChain):
         title = [comment(f"Robot {_ends(source)}, drafted from a URDF."), *_ABOUT_MARKS]
@@ -66,14 +73,19 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float]) -> str:
     return _text(source, gravity, title, _to_be_stated)
 
 
-def robot_as_stated(chain: UrdfChain, gravity: Sequence[float]) -> str:
+def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) -> str:
     """Text of a robot file that states no more than the URDF: enough to identify what was recorded.
 
     Parameters
     ----------
     chain : UrdfChain
-    gravity : sequence of three floats
-        In the base link [m/s^2].
+    gravity : sequence of three floats, optional
+        As of `draft_robot`.
+
+    Raises
+    ------
+    FileError
+        As of `draft_robot`.
     """
     title = [
         comment(f"Robot {_ends(chain)}, as its URDF says."),
@@ -87,13 +99,14 @@ def _ends(chain: UrdfChain) -> str:
 
 
 def _text(
-    source: UrdfChain | DhRobot, gravity: Sequence[float], title: Sequence[str], rest: _Rest
+    source: UrdfChain | DhRobot, gravity: Sequence[float] | None, title: Sequence[str], rest: _Rest
 ) -> str:
     if isinstance(source, UrdfChain):
-        name, frames = source.robot, frames_of(source)
+        name, frames, in_base = source.robot, frames_of(source), source.gravity(gravity)
     else:
         name, frames = source.name, source.frames
-    in_frame_0 = frames.base[:3, :3].T @ np.asarray(gravity, dtype=float)
+        in_base = np.array(EARTH if gravity is None else gravity, dtype=float)
+    in_frame_0 = frames.base[:3, :3].T @ in_base
     lengths = _Lengths()
     lines = [
         line

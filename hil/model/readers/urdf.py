@@ -1,8 +1,9 @@
 """A chain of joints from a URDF file: where each axis lies, and what limits it.
 
 Read is what the kinematics needs; fixed joints are merged with the next moving one, branches beside
-the chain are left out. Angles that are a rounded multiple of a quarter turn (1.5708) count as that
-multiple: axes that are nearly parallel or square have other base parameters than those that are.
+the chain are left out. Joints above the chain turn gravity into its base link. Angles that are a
+rounded multiple of a quarter turn (1.5708) count as that multiple: axes that are nearly parallel or
+square have other base parameters than those that are.
 
 The format: wiki.ros.org/urdf/XML. A xacro file is to be expanded first: what its elements and
 expressions stand for is in no part of the file, so either refuses the whole.
@@ -24,10 +25,10 @@ import numpy as np
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, meant
-from hil.model.robot_file import MOST_JOINTS
+from hil.model.robot_file import EARTH, MOST_JOINTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from xml.etree.ElementTree import Element
 
     from hil.arrays import Array, Mask
@@ -113,6 +114,10 @@ class UrdfChain:
         The tip's frame in that of the last joint.
     rounded : float
         Largest difference between an angle as stated and as it was understood [rad].
+    mount : ndarray, shape (3, 3)
+        Rotation of the base link in the root, by the joints above the chain at zero.
+    tilting : str
+        Name of a joint above the chain that tilts the base link as it moves; empty if none does.
     """
 
     robot: str
@@ -121,6 +126,31 @@ class UrdfChain:
     joints: tuple[UrdfJoint, ...]
     after: Array
     rounded: float
+    mount: Array
+    tilting: str
+
+    def gravity(self, stated: Sequence[float] | None = None) -> Array:
+        """Return gravity in the base link, shape (3,) [m/s^2].
+
+        Parameters
+        ----------
+        stated : sequence of three floats, optional
+            In the base link; by default that of the earth along -z of the URDF's root.
+
+        Raises
+        ------
+        FileError
+            It is not stated, and a joint above the base link tilts that as it moves.
+        """
+        if stated is not None:
+            return np.array(stated, dtype=float)
+        if self.tilting:
+            raise FileError(
+                f"{self.robot}: joint {self.tilting!r} above {self.base!r} tilts it as it moves,"
+                f" so gravity in {self.base!r} is open; state it with --gravity X Y Z, or in a map"
+                " with robot: {urdf: ..., from: ..., gravity: [X, Y, Z]}, in m/s2"
+            )
+        return np.asarray(self.mount.T @ np.array(EARTH))
 
     @property
     def revolute(self) -> Mask:
@@ -210,6 +240,7 @@ class UrdfReader:
                 f" {tip or 'the tip'} must be 1 to {MOST_JOINTS}; name the chain's ends with"
                 " --from and --to"
             )
+        mount, tilting = self._mount(edges[0].parent)
         return UrdfChain(
             robot=self.file.root.get("name") or self._path.stem,
             base=edges[0].parent,
@@ -217,7 +248,23 @@ class UrdfReader:
             joints=tuple(joints),
             after=before,
             rounded=self._rounded,
+            mount=mount,
+            tilting=tilting,
         )
+
+    def _mount(self, base: str) -> tuple[Array, str]:
+        """Return the rotation of a link in the root, and the joint above that tilts it, if any."""
+        turned, tilting = np.eye(3), ""
+        for edge in self._between(None, base) if base in self.above else ():
+            turned = turned @ self.origin(edge.element)[:3, :3]
+            kind = edge.element.get("type")
+            # what turns about the vertical keeps gravity
+            upright = MOVING.get(str(kind)) == "revolute" and (
+                abs((turned @ self._axis(edge.element))[2]) > math.cos(ROUNDED)
+            )
+            if kind not in ("fixed", "prismatic") and not upright:
+                tilting = str(edge.element.get("name"))
+        return turned, tilting
 
     def _between(self, base: str | None, tip: str) -> list[UrdfEdge]:
         edges: list[UrdfEdge] = []
@@ -309,13 +356,6 @@ class UrdfReader:
                 f"joint {name!r}: type {stated!r} must be revolute, continuous, prismatic or"
                 " fixed; choose another chain with --from and --to",
             )
-        stands = element.find("axis")
-        axis = np.array([1.0, 0.0, 0.0])
-        if stands is not None:
-            axis = np.array(self.file.numbers(stands, "xyz", 3) or axis)
-        length = float(np.linalg.norm(axis))
-        if not length > 0:
-            raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         at = self.file.line(element if limit is None else limit)
@@ -325,13 +365,25 @@ class UrdfReader:
             link=edge.child,
             type="prismatic" if stated == "prismatic" else "revolute",
             before=before,
-            axis=axis / length,
+            axis=self._axis(element),
             lower=self._number(ranged, "lower"),
             upper=self._number(ranged, "upper"),
             velocity=self._greatest(limit, "velocity"),
             acceleration=math.nan,
             effort=self._greatest(limit, "effort"),
         )
+
+    def _axis(self, element: Element) -> Array:
+        """Return the unit vector of a joint's axis in its frame, shape (3,)."""
+        stands = element.find("axis")
+        axis = np.array([1.0, 0.0, 0.0])
+        if stands is not None:
+            axis = np.array(self.file.numbers(stands, "xyz", 3) or axis)
+        length = float(np.linalg.norm(axis))
+        if not length > 0:
+            name = element.get("name", "")
+            raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
+        return axis / length
 
     def attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
         """Yield a link at `pose` and those that fixed joints attach to it, with their poses."""

@@ -40,7 +40,11 @@ def excluded(run: ReportedRun) -> Section | None:
 
 def bars(proof: Excluded, n_joints: int) -> Chart:
     """Draw a bar for each cause and axis, up to the torque beyond which it would be found."""
-    drawn = [each for each in proof.limits if 100.0 * each.unnoticed > LEAST]
+    drawn = [
+        each
+        for each in proof.limits
+        if 100.0 * each.unnoticed > LEAST and (each.cause, each.axis) not in proof.places
+    ]
     names = list(dict.fromkeys(map(_name, drawn)))
     most = max([100.0, *(100.0 * each.unnoticed for each in drawn)])
     return chart(

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.result import Excluded, Limit
     from hil.results.tables.table import Row
 
-NEVER = "-"
-"""In place of a size, where none would show."""
+NEVER, FOUND = "-", "found"
+"""In place of a size: where none would show, and where the cause itself was found."""
 
 
 KEY = f"{NEVER} never shows; in brackets: larger than is usual"
@@ -31,7 +31,7 @@ def excluded(
     return table(
         title,
         ("cause beyond", "unit", *figures(*axes, "worth, %")),
-        _rows(proof.limits, n_joints),
+        _rows(proof, n_joints),
         f"Sizes that would be found with a probability of 80 %, in {proof.tests} tests that find"
         " anything with 5 % where nothing is wrong, and the torque that such a size makes at most.",
         (note,),
@@ -57,16 +57,23 @@ def of_change(
     return excluded(proof, n_joints, title), *(said or [nothing])
 
 
-def _rows(limits: Sequence[Limit], n_joints: int) -> Iterator[Row]:
-    for cause, part in dict.fromkeys((each.cause, each.part) for each in limits):
-        own = [each for each in limits if (each.cause, each.part) == (cause, part)]
+def _rows(proof: Excluded, n_joints: int) -> Iterator[Row]:
+    for cause, part in dict.fromkeys((each.cause, each.part) for each in proof.limits):
+        own = [each for each in proof.limits if (each.cause, each.part) == (cause, part)]
         name, units = f"{cause} {part}".strip(), dict.fromkeys(each.unit for each in own)
+        axes = range(1, n_joints + 1) if own[0].axis else (0,)
+        # a limit says what would have been found, which says nothing of a cause that was
         cells = [
-            _cell([each for each in own if each.axis == axis]) for axis in range(1, n_joints + 1)
+            FOUND
+            if (cause, axis) in proof.places
+            else _cell([each for each in own if each.axis == axis])
+            for axis in axes
+        ] + [""] * (n_joints - len(axes))
+        shown = [
+            each.torque * each.size
+            for each in own
+            if each.size is not None and (cause, each.axis) not in proof.places
         ]
-        if not own[0].axis:
-            cells = [_cell(own), *[""] * (n_joints - 1)]
-        shown = [each.torque * each.size for each in own if each.size is not None]
         worth = significant(100 * max(shown), 2) if shown else NEVER
         yield (name, " or ".join(units), *cells, worth)
 

@@ -10,6 +10,7 @@ from small_recording import a_map, motion, table, write_csv, write_map
 from checked_files.yaml_file import FileError
 from hil.imports import one_map
 from hil.imports.importing import import_recordings
+from hil.results.identification import identify
 from hil.runs.run import Run
 
 
@@ -257,6 +258,31 @@ def test_without_recorded_velocities_a_run_has_no_array_of_them(tmp_path):
 
 
 # --- strokes --------------------------------------------------------------------------------------
+
+
+def with_resting_elbow():
+    """Columns of a recording whose second joint trembles and does not move."""
+    columns = table(20.0)
+    columns["q2"] = 0.3 + 1e-4 * np.random.default_rng(0).standard_normal(len(columns["t"]))
+    return columns
+
+
+def test_what_import_doubts_is_kept_and_lowers_the_first_word(tmp_path):
+    run, stated = made(tmp_path, with_resting_elbow())
+    (warning,) = run.journal.warnings
+    assert "map.yaml:14: joints.1.position: moves by" in warning
+    assert "accept: [still]" in warning
+    assert "joints.1.position" in stated
+    outcome = identify(run).outcome
+    assert outcome.word == "doubtful"
+    assert outcome.reason.startswith("import warned: ")
+    assert "accept: [still]" in outcome.remedy
+
+
+def test_a_doubt_that_the_map_accepts_is_resolved(tmp_path):
+    run, stated = made(tmp_path, with_resting_elbow(), accept=["still"])
+    assert run.journal.warnings == ()
+    assert "joints.1.position" in stated
 
 
 def back_and_forth(duration=40.0, way=0.4, rate=100.0):

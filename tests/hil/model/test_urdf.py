@@ -113,6 +113,38 @@ def test_a_drafted_robot_has_the_torques_of_the_urdf(tmp_path: Path, name: str) 
         assert found == pytest.approx(expected, abs=1e-9, rel=1e-9)
 
 
+MOUNTED = """<robot name="arm">
+<link name="world"/><link name="post"/><link name="base"/><link name="upper"/>
+<joint name="turret" type="{turret}"><parent link="world"/><child link="post"/>
+  <axis xyz="{about}"/><limit lower="-1" upper="1" effort="9" velocity="1"/></joint>
+<joint name="mount" type="fixed"><parent link="post"/><child link="base"/>
+  <origin rpy="0 0.13963 0.4"/></joint>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+  <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="1"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize(("turret", "about"), [("fixed", "1 0 0"), ("continuous", "0 0 1")])
+def test_gravity_follows_the_mount_above_the_named_link(
+    tmp_path: Path, turret: str, about: str
+) -> None:
+    text = MOUNTED.format(turret=turret, about=about)
+    chain = chain_of(tmp_path, text, "base")
+    model = pin.buildModelFromXML(text)
+    frames = model.createData()
+    pin.framesForwardKinematics(model, frames, pin.neutral(model))
+    expected = frames.oMf[model.getFrameId("base")].rotation.T @ np.array(GRAVITY)
+    assert chain.gravity() == pytest.approx(expected)
+    assert chain.gravity((0.0, 0.0, -9.81)).tolist() == [0.0, 0.0, -9.81]
+
+
+def test_gravity_below_a_joint_that_tilts_the_base_is_to_be_stated(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, MOUNTED.format(turret="revolute", about="1 0 0"), "base")
+    with pytest.raises(FileError, match=r"'turret' above 'base'.*gravity: \[X, Y, Z\]"):
+        draft_robot(chain)
+    assert "gravity" in draft_robot(chain, GRAVITY)
+
+
 @pytest.mark.parametrize(("name", "count"), N_BASE.items())
 def test_it_has_the_right_number_of_base_parameters(tmp_path: Path, name: str, count: int) -> None:
     assert len(base_parameters(robot_of(chain_of(tmp_path, urdf(name, ROBOTS[name]))))) == count

@@ -9,6 +9,8 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
+from hil.estimation.excluded.result import Excluded, Found, Limit
+from hil.results.tables.excluded import FOUND, excluded
 from hil.results.tables.html import html
 from hil.results.tables.table import Column, Marked, Part, Table, figures
 from hil.results.tables.terminal import Summary, show
@@ -120,3 +122,15 @@ def test_heads_take_several_lines_before_anything_folds() -> None:
     narrow = printed(WIDE, 44).splitlines()
     assert max(map(len, narrow)) <= 44
     assert any(line.split()[-1:] == ["friction,"] for line in narrow)
+
+
+def test_no_limit_is_stated_beside_a_cause_that_was_found() -> None:
+    limits = tuple(
+        Limit(cause="zero", axis=axis, part="", unit="degrees", size=2.9, torque=0.01)
+        for axis in (1, 2)
+    )
+    found = Found(cause="zero", axes=(2,), detail="its zero is off by -1.99 degrees")
+    proof = Excluded(found=(found,), limits=limits, tests=1)
+    (row,) = excluded(proof, 2).parts[0].rows
+    assert row[2:4] == ("(2.9)", FOUND)
+    assert [each.axis for each in proof.invisible] == [1]

@@ -1,0 +1,103 @@
+"""Parameters that no robot has fail; impossible links and edges of a search lower the word."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded, write_free_run
+from possible_models import model_of, possible
+
+from hil.errors import InvalidValue
+from hil.estimation.intervals import Edge
+from hil.model.base_parameters import base_parameters
+from hil.model.robot import load_robot
+from hil.results.identification import identify
+from hil.results.model import Model
+from hil.results.outcome import outcome
+from hil.results.possible import impossible_inertias, impossible_links
+from hil.tasks.exporting import export
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+HEADS = base_parameters(arm()).heads
+
+
+def arm_model(inertia: float = 1.2, error: float = 0.01) -> Model:
+    """Return a model of an arm whose second link has this inertia, and hardly any weight."""
+    p = TRUTH.copy()
+    p[[HEADS.index(name) for name in ("Izz2", "sx2", "sy2")]] = inertia, 0.02, 0.01
+    found: Model = model_of(arm(), p, np.full(len(p), error))
+    return found
+
+
+def words(model: Model) -> list[tuple[str, str]]:
+    return [(each.word, each.reason) for each in outcome(model).reasons]
+
+
+def test_torques_that_are_all_reversed_have_failed_and_are_not_exported(tmp_path: Path) -> None:
+    data = recorded(arm(), TRUTH)
+    for _, recording in data:
+        recording.tau[:] *= -1.0
+    model = identify(write_free_run(tmp_path / "run", arm(), data))
+    assert model.outcome is not None
+    assert model.outcome.word == "failed"
+    assert "mass matrix" in model.outcome.reason
+    with pytest.raises(InvalidValue, match="mass matrix"):
+        export(model, "c", tmp_path / "model")
+    assert export(model, "c", tmp_path / "model", force=True)
+
+
+@pytest.mark.parametrize("name", ["manutec-r15", "staubli-tx40"])
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_is_said_of_bodies(name: str, seed: int) -> None:
+    robot = load_robot(name).with_whole_links()
+    model = model_of(robot, *possible(robot, seed))
+    assert not [*impossible_inertias(model), *impossible_links(model)]
+
+
+def test_a_mass_matrix_that_noise_may_have_made_indefinite_is_a_doubt() -> None:
+    # the rotor has 0.25 kg m2 on the joint side
+    assert outcome(arm_model(-0.26, 0.02)).word == "doubtful"
+    assert any("within its uncertainty" in reason for _, reason in words(arm_model(-0.26, 0.02)))
+    assert outcome(arm_model(-0.26, 0.0002)).word == "failed"
+
+
+def test_negative_inertia_behind_a_rotor_is_named_though_the_mass_matrix_is_positive() -> None:
+    model = arm_model(-0.03, 0.003)
+    assert not [*impossible_inertias(model)]
+    first, *_ = impossible_links(model)
+    assert first.what == base_parameters(arm()).titles[HEADS.index("Izz2")]
+    assert first.certain
+    assert any(
+        word == "doubtful" and "which no links have" in reason for word, reason in words(model)
+    )
+    assert not any(each.certain for each in impossible_links(arm_model(-0.003, 0.003)))
+
+
+def test_a_rotor_inertia_that_is_negative_beyond_its_error_has_failed() -> None:
+    robot = load_robot("staubli-tx40")
+    p, error = possible(robot)
+    rotor = base_parameters(robot).heads.index("Ia3")
+    p[rotor] = -0.05
+    error[rotor] = 0.002
+    found = [each for each in impossible_inertias(model_of(robot, p, error)) if each.unit]
+    assert [each.what for each in found] == [base_parameters(robot).titles[rotor]]
+    assert outcome(model_of(robot, p, error)).word == "failed"
+
+
+def test_an_estimate_at_the_edge_of_its_search_is_named_with_value_and_bound(
+    tmp_path: Path,
+) -> None:
+    edge = Edge(axis=2, what="lag of the torque", value=12.0, bound=12.0, unit="ms")
+    model = replace(arm_model(), edges=(edge,))
+    assert (
+        "doubtful",
+        "axis 2: lag of the torque 12.0 ms, at the edge of the search, 12.0 ms",
+    ) in words(model)
+    model.save(tmp_path / "model.yaml")
+    assert Model.load(tmp_path / "model.yaml").edges == (edge,)
