@@ -22,6 +22,7 @@ from hil.estimation.two_step_methods import prepare, prepared_for
 from hil.least_squares.regression import ByName
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
+from hil.results.band_residual import band_residual
 from hil.results.model import Model
 from hil.results.outcome import outcome
 from hil.results.provenance import Provenance, digests, named
@@ -185,7 +186,7 @@ def identified(
         stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
         found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
     proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
-    model = model_of(run, found, others, proof, options.prior)
+    model = model_of(run, found, others, proof, options, campaign)
     return ModelFit(replace(found, joint=None), model)  # all samples: nothing else is asked
 
 
@@ -207,9 +208,13 @@ def model_of(
     found: Estimate,
     others: Sequence[Run] = (),
     proof: Excluded | None = None,
-    prior: Prior | None = None,
+    options: Options = DEFAULTS,
+    recorded: Recorded = (),
 ) -> Model:
-    """Return an estimate from a run, and others together with it, as a model, and judge it."""
+    """Return an estimate from a run, and others together with it, as a model, and judge it.
+
+    Without what was `recorded`, nothing is stated of what remains of it.
+    """
     model = Model(
         robot=run.robot,
         values=found.p,
@@ -227,9 +232,11 @@ def model_of(
         torque_effect=found.effect[:, : run.robot.n_joints],
         excluded=proof,
     )
-    if prior is not None and found.prior_share is not None:
-        model = replace(model, prior=prior.stated(model.names, found.prior_share))
-    return replace(model, outcome=outcome(model, found.effect * found.usual))
+    if options.prior is not None and found.prior_share is not None:
+        model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
+    model = replace(model, band_residual=band_residual(model, recorded))
+    usual = found.effect * found.usual
+    return replace(model, outcome=outcome(model, usual, options.accuracy))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.judgement import Judgement, KeptJudgement
     from hil.results.provenance import Provenance
+    from hil.results.residual import BandResidual
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,8 +50,8 @@ class IdentifiedRobot:
     degrees_of_freedom : ndarray, shape (n_base,)
         Effective ones of the errors that show in the data.
     residual : ndarray, shape (n_joints,)
-        Root mean square of what the method's models leave of each axis's torque [N m]; NaN where
-        an axis was not measured.
+        Root mean square of what the method's models leave of each axis's torque, friction fitted
+        as the method does and after its low-pass [N m]; NaN where an axis was not measured.
     condition : dict
         Condition number of each group's observation matrix, or of all parameters' (``"all"``).
     provenance : Provenance
@@ -83,6 +84,10 @@ class IdentifiedRobot:
     prior : FromPrior, optional
         Parameters that recordings alone leave open, and the prior that completes them; None where
         none was given.
+    band_residual : BandResidual, optional
+        Residual of `hil.results.model.Model.torque` on the recordings it was identified from, over
+        the one band in which all models are compared; None where no friction is known, and of a
+        file of an earlier version.
     """
 
     robot: Robot
@@ -104,6 +109,7 @@ class IdentifiedRobot:
     torque_effect: Array | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
+    band_residual: BandResidual | None = None
 
     @property
     def failed(self) -> bool:

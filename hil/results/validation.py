@@ -23,7 +23,9 @@ from scipy import special
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.saturation import LEVEL, share_at_top
 from hil.estimation.intervals import SIGNIFICANT
+from hil.estimation.options import ACCURACY
 from hil.least_squares.uncertainty import TWICE
+from hil.results.band_residual import band_residual
 from hil.results.judgement import (
     HALF,
     INSIDE,
@@ -42,9 +44,10 @@ from hil.results.model import Model, loaded
 from hil.results.outcome import OF_DATA
 from hil.results.predicted_torques import predicted_torques
 from hil.results.provenance import RunStamp, recordings_in_common
+from hil.results.residual import BandResidual, unexplained
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
-from hil.runs.pooling import pooled
+from hil.runs.pooling import Pooled
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
@@ -149,9 +152,13 @@ class Validation(Judgement):
     ----------
     axes : tuple of AxisScore
         Empty where the recording cannot judge it.
+    residual : BandResidual, optional
+        Of the recordings, over the band in which all models are compared; None where the model
+        states no friction, and of an earlier version.
     """
 
     axes: tuple[AxisScore, ...] = ()
+    residual: BandResidual | None = None
 
     @property
     def relative(self) -> float | None:
@@ -160,7 +167,9 @@ class Validation(Judgement):
         return float(np.sqrt(np.mean(squares))) if squares else None
 
 
-def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
+def validate(
+    model: Model | Path | str, run: Run | Path | str, accuracy: float = ACCURACY
+) -> Validation:
     """Validate a model on a run that it was not identified from; nothing is written.
 
     Parameters
@@ -169,6 +178,8 @@ def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
         The model, its file or the folder of its run.
     run : Run or path
         Held-out recordings of the same robot.
+    accuracy : float
+        Share of the torque of an axis that carries load which may remain where the word is good.
 
     Returns
     -------
@@ -184,10 +195,19 @@ def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
     """
     model, run = loaded(model), opened(run)
     model.refuse_other_robot(run.robot, str(run.path))
-    return of_own_recordings(model, run) or scored(model, predicted_torques(model, pooled([run])))
+    if own := of_own_recordings(model, run):
+        return own
+    recorded = Pooled([run])
+    left = band_residual(model, recorded)
+    return scored(model, predicted_torques(model, recorded), left, accuracy)
 
 
-def scored(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
+def scored(
+    model: Model,
+    predicted: Iterable[PredictedTorque],
+    residual: BandResidual | None = None,
+    accuracy: float = ACCURACY,
+) -> Validation:
     """Score a model's prediction and judge it.
 
     Parameters
@@ -195,6 +215,10 @@ def scored(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
     model : Model
     predicted : iterable of PredictedTorque
         By `hil.results.predicted_torques`.
+    residual : BandResidual, optional
+        Of the same recordings.
+    accuracy : float
+        Share of the torque of an axis that carries load which may remain where the word is good.
     """
     parts: dict[int, list[PredictedTorque]] = defaultdict(list)
     for each in predicted:
@@ -205,7 +229,8 @@ def scored(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
         if sum(len(each.measured) for each in own) * OUTSIDE >= 1.0
     )
     spoilt = [failed(f"its identification {model.outcome}")] if model.failed else []
-    return judged(scores, model.robot.n_joints, spoilt, tuple(reservations(OF_DATA, model)))
+    last = *unexplained(residual, model.robot.torque_limit, accuracy), *reservations(OF_DATA, model)
+    return judged(scores, model.robot.n_joints, spoilt, last, residual)
 
 
 def judged(
@@ -213,6 +238,7 @@ def judged(
     n_joints: int,
     first: Iterable[Reservation] = (),
     last: Iterable[Reservation] = (),
+    residual: BandResidual | None = None,
 ) -> Validation:
     """Judge scores: the worst of what speaks against a model, or how well it predicts.
 
@@ -223,9 +249,14 @@ def judged(
     first, last : iterable of Reservation
         What its identification says against it, whatever it predicts: before and behind all that
         is as bad.
+    residual : BandResidual, optional
+        Stated beside it.
     """
     found = (*first, *_of_axes(scores, n_joints), *last)
-    return Validation.of(found, lambda: good(_praise(scores)), axes=scores)
+    if not found:
+        found = (good(_praise(scores, residual)),)
+    remains = () if residual is None else (good(str(residual)),)
+    return Validation.of((*found, *remains), lambda: found[0], axes=scores, residual=residual)
 
 
 def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> AxisScore:
@@ -376,9 +407,17 @@ RULES: tuple[Rule[Scores], ...] = (
 """Before the parameters' errors comes what spoils a recording by itself."""
 
 
-def _praise(scores: Scores) -> str:
-    worst = max(scores, key=lambda each: each.relative)
-    return f"torque predicted within {worst.relative:.1%} (rms), worst axis {worst.axis}"
+def _praise(scores: Scores, residual: BandResidual | None) -> str:
+    shares = {each.axis: each.relative for each in scores}
+    band = ""
+    if residual is not None and np.isfinite(residual.relative_smoothed).any():
+        shown = enumerate(residual.relative_smoothed.tolist(), start=1)
+        shares, band = (
+            {axis: x for axis, x in shown if np.isfinite(x)},
+            f" up to {residual.band:g} Hz",
+        )
+    worst = max(shares, key=shares.__getitem__)
+    return f"torque predicted within {100 * shares[worst]:.2g} % (rms{band}), worst axis {worst}"
 
 
 class ValidationRecord(FileModel):
