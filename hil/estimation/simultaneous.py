@@ -122,6 +122,16 @@ class SimultaneousFit:
         return np.where(found > 0, found, 1.0)
 
     @property
+    def residual(self) -> Array:
+        """Root mean square of what is left of each axis's torque, friction fitted anew each time.
+
+        Shape (n_joints,) [N m or N]; NaN where nothing was measured.
+        """
+        weights = self.regression.weights
+        measured = weights > 0
+        return np.where(measured, 1.0 / np.sqrt(np.where(measured, weights, 1.0)), np.nan)
+
+    @property
     def n_base(self) -> int:
         """How many base parameters there are."""
         return self._n_base

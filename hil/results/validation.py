@@ -22,8 +22,10 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.saturation import LEVEL, share_at_top
+from hil.estimation.friction.history import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY
+from hil.friction.warmth import states_at
 from hil.least_squares.uncertainty import TWICE
 from hil.results.band_residual import band_residual
 from hil.results.judgement import (
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
+    from hil.friction.warmth import History
     from hil.results.judgement import Rule
     from hil.results.recorded_torque import PredictedTorque
     from hil.runs.run import Run
@@ -104,6 +107,9 @@ class AxisScore(FileModel):
     own_friction : bool
         Whether the model states friction of this axis; where it does not, all figures have friction
         fitted in the recording.
+    uncovered : str
+        In what this motion is unlike the recordings that the model's friction is from; empty where
+        they cover it.
     """
 
     axis: int = Field(ge=1)
@@ -123,6 +129,7 @@ class AxisScore(FileModel):
     refitted: float | None = None
     refitted_inside: float | None = None
     own_friction: bool = True
+    uncovered: str = ""
 
     @property
     def of_bodies(self) -> float:
@@ -199,7 +206,9 @@ def validate(
         return own
     recorded = Pooled([run])
     left = band_residual(model, recorded)
-    return scored(model, predicted_torques(model, recorded), left, accuracy)
+    # what the axes went through matters to models that know what theirs had gone through
+    past = None if model.friction else history(model.robot, recorded)
+    return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
 
 
 def scored(
@@ -207,6 +216,7 @@ def scored(
     predicted: Iterable[PredictedTorque],
     residual: BandResidual | None = None,
     accuracy: float = ACCURACY,
+    past: History | None = None,
 ) -> Validation:
     """Score a model's prediction and judge it.
 
@@ -219,12 +229,14 @@ def scored(
         Of the same recordings.
     accuracy : float
         Share of the torque of an axis that carries load which may remain where the word is good.
+    past : History, optional
+        What the axes went through in these recordings.
     """
     parts: dict[int, list[PredictedTorque]] = defaultdict(list)
     for each in predicted:
         parts[each.axis].append(each)
     scores = tuple(
-        _score(own, model.robot.torque_unit(axis), float(model.residual[axis]))
+        _score(own, model, past)
         for axis, own in sorted(parts.items())
         if sum(len(each.measured) for each in own) * OUTSIDE >= 1.0
     )
@@ -255,11 +267,18 @@ def judged(
     found = (*first, *_of_axes(scores, n_joints), *last)
     if not found:
         found = (good(_praise(scores, residual)),)
-    remains = () if residual is None else (good(str(residual)),)
-    return Validation.of((*found, *remains), lambda: found[0], axes=scores, residual=residual)
+    notes = [] if residual is None else [good(str(residual))]
+    unlike = [f"axis {each.axis}: {each.uncovered}" for each in scores if each.uncovered]
+    if unlike:
+        text = "not covered by the model's recordings, and intervals widened: "
+        notes.append(good(text + ". ".join(unlike)))
+    return Validation.of((*found, *notes), lambda: found[0], axes=scores, residual=residual)
 
 
-def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> AxisScore:
+def _score(parts: Sequence[PredictedTorque], model: Model, past: History | None) -> AxisScore:
+    axis = parts[0].axis
+    unit, identified = model.robot.torque_unit(axis), float(model.residual[axis])
+
     def joined(name: str) -> Array:
         return np.concatenate([getattr(each, name) for each in parts])
 
@@ -271,7 +290,7 @@ def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> Ax
     back, forward = (r[np.sign(qd) == sign] for sign in (-1.0, 1.0))
     differ = (forward.mean() if forward.size else 0.0) - (back.mean() if back.size else 0.0)
     return AxisScore(
-        axis=parts[0].axis + 1,
+        axis=axis + 1,
         unit=unit,
         samples=len(y),
         torque=torque,
@@ -288,7 +307,40 @@ def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> Ax
         refitted=_rms(left) / torque if fitted else None,
         refitted_inside=float(np.mean(held)) if fitted else None,
         own_friction=all(each.own_friction for each in parts),
+        uncovered=_uncovered(model, axis, np.abs(qd), joined("time"), past),
     )
+
+
+def _uncovered(model: Model, axis: int, speed: Array, time: Array, past: History | None) -> str:
+    """State in what a motion is unlike the recordings that an axis's law of friction is from.
+
+    Parameters
+    ----------
+    speed, time : ndarray, shape (n,)
+        Of the samples [rad/s or m/s], [s].
+    past : History or None
+        What the axes went through.
+    """
+    law = model.friction_law.axes[axis] if model.friction_law else None
+    if law is None:
+        return ""
+    low, high = law.speeds or (0.0, law.speed)
+    unit, said = f"{model.robot.position_unit(axis)}/s", []
+    for share, which in (
+        (float(np.mean(speed < low)), f"slower than {low:.2g} {unit}"),
+        (float(np.mean(speed > high)), f"faster than {high:.2g} {unit}"),
+    ):
+        if share > OUTSIDE:
+            said.append(f"{share:.0%} of the samples are {which}")
+    if past is not None and law.exposure is not None:
+        distance = law.exposure.distance(states_at(past, axis, time))
+        if np.mean(distance > law.exposure.widest) > HALF:
+            most = float(TWICE * np.sqrt(np.mean(law.exposure.deviation(distance) ** 2)))
+            said.append(
+                "it has moved more, or rested longer, than in any of them, so that friction may"
+                f" differ by {most:.0%}"
+            )
+    return "; ".join(said)
 
 
 def _rms(x: Array) -> float:
@@ -345,10 +397,16 @@ def _naive(scores: Scores) -> Reservation | None:
 
 def _narrow(scores: Scores) -> Reservation | None:
     """Intervals that are too narrow, by what makes them so where that is more than a tolerance."""
-    s = min(scores, key=lambda each: each.inside)
+    # of axes whose motion the recordings cover something else is wrong, which comes first
+    s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
     if s.inside >= INSIDE:
         return None
     held, remedy = f"{s.inside:.0%} of the samples lie inside the predicted intervals of 95 %", ""
+    if s.uncovered:
+        return doubtful(
+            f"axis {s.axis}: not covered by the model's recordings, {s.uncovered}; {held}",
+            "identify friction from motions like this one",
+        )
     if s.relative <= TOLERANCE:
         why = (
             f"{held}, {INSIDE:.0%} are needed at least; these are too narrow for this motion, whose"

@@ -143,7 +143,8 @@ def residuals(model: IdentifiedRobot) -> Table:
             else (str(axis), f"{limit:g}", significant(left, 3), percent(left, limit))
             for axis, (left, limit) in enumerate(each, start=1)
         ),
-        "Root mean square of what the local models of inertia and coupling leave of the torque.",
+        "Root mean square of what is left of the torque after the method's low-pass, friction"
+        " fitted anew in each measurement.",
     )
 
 
