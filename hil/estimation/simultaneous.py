@@ -123,13 +123,16 @@ class SimultaneousFit:
 
     @property
     def residual(self) -> Array:
-        """Root mean square of what is left of each axis's torque, friction fitted anew each time.
+        """Root mean square of what a model leaves of each axis's torque, shape (n_joints,) [N m].
 
-        Shape (n_joints,) [N m or N]; NaN where nothing was measured.
+        Friction is fitted anew each time. Torque ripple counts as residual: `solve` takes it out of
+        the base parameters, and no model predicts it. NaN where nothing was measured.
         """
-        weights = self.regression.weights
-        measured = weights > 0
-        return np.where(measured, 1.0 / np.sqrt(np.where(measured, weights, 1.0)), np.nan)
+        blocks = self.regression.blocks
+        asymmetric = tuple(COMMON[k] for k in ASYMMETRIC)
+        kept = blocks.layout.kept([asymmetric] * self._n_joints)
+        left = blocks.mean_squares(Regression(blocks, self.regression.weights, kept).solution)
+        return np.where(blocks.counts.sum(axis=0) > 0, np.sqrt(left), np.nan)
 
     @property
     def n_base(self) -> int:
