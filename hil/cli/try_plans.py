@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
 
 SHARE = 0.35
-"""Share of the usual number of measurements of each kind: 54 of 14 parameters, some 13 minutes of
-robot time."""
+"""Share of the usual number of measurements of each kind: 54 of 14 parameters, and 60 with slow
+strokes of all axes, in some 15 minutes of robot time."""
 PERIOD, HARMONICS = 10.0, 4
 """Of the motion that is pushed [s]: slow enough for the mouse to follow."""
 CYCLES = 2

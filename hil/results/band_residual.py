@@ -12,6 +12,7 @@ from hil.errors import FrictionUnknown
 from hil.estimation.free_motion.motion import low_passed
 from hil.friction.equation import SLOW
 from hil.least_squares.standstill import extent, moving
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 from hil.results.recorded_torque import in_si
 from hil.results.residual import BAND, BandResidual
@@ -70,7 +71,11 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     for motion, as_recorded in recorded:
         if not shows_parameters(motion):
             continue
-        for each in _motions(model, in_si(model, motion, as_recorded)):
+        recording = in_si(model, motion, as_recorded)
+        # an import is judged as a whole, whatever parts of it are strokes
+        whole = isinstance(motion, FreeMotion)
+        used = np.ones(recording.n_samples, dtype=bool) if whole else recording.under_way
+        for each in _motions(model, recording, used):
             every = each.counts & np.isin(np.arange(n_joints), motion.moved)
             every[:, unknown] = False
             moved, left = every & ~each.rests, each.filtered - each.predicted
@@ -92,14 +97,16 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     return BandResidual(band=BAND, **dict(zip(names, found, strict=True)))
 
 
-def _motions(model: Model, recording: Recording) -> Iterator[_Samples]:
-    """Motions of a recording without gaps, each with what the model predicts."""
+def _motions(model: Model, recording: Recording, used: Mask) -> Iterator[_Samples]:
+    """Motions of a recording without gaps, each with what the model predicts.
+
+    Of its samples those count that are `used`, shape (n_recorded,).
+    """
     whole = np.flatnonzero(np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(1))
     time = recording.time[whole]
     if len(whole) < 2:
         return
     period = float(np.median(np.diff(time)))
-    under_way = recording.under_way
     for part in np.split(whole, np.flatnonzero(np.diff(time) > GAP * period) + 1):
         own = recording.time[part]
         if own[-1] - own[0] < SHORTEST:
@@ -117,9 +124,8 @@ def _motions(model: Model, recording: Recording) -> Iterator[_Samples]:
         counts = np.zeros(filtered.shape, dtype=bool)
         edge = round(EDGE / (every * period))
         counts[edge : len(counts) - edge] = moving([extent(q, period)])
-        if under_way.any():
-            nearest = np.searchsorted(recording.time, even[::every], side="right") - 1
-            counts &= under_way[nearest][:, np.newaxis]
+        nearest = np.searchsorted(recording.time, even[::every], side="right") - 1
+        counts &= used[nearest][:, np.newaxis]
         rests = _resting(model, motions[0][1], every * period)
         yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests)
 

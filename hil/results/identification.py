@@ -18,7 +18,7 @@ from hil.estimation.excluded.proof import proved
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
-from hil.estimation.two_step_methods import prepare, prepared_for
+from hil.estimation.two_step_methods import prepare, prepared_for, with_reached_limits
 from hil.least_squares.regression import ByName
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
@@ -179,12 +179,14 @@ def identified(
             found = estimate(run.robot, campaign, method or method_for(run, others)[0], options)
         except (NotIdentifiable, NotEnoughData) as error:
             raise _with_cause(error, proved(run.robot, campaign)) from error
-    # limits decide which samples a law of friction is chosen by
-    if found.free is None and found.friction_law is None and run.robot.limits_known:
+    if found.free is None and found.friction_law is None:
         prepared = prepared_for(run.robot, found, campaign)
-        past = history(run.robot, prepared)
-        stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
-        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
+        # limits, stated or reached, decide which samples a law of friction is chosen by
+        robot, past = with_reached_limits(run.robot, prepared), None
+        if run.robot.limits_known:
+            past = history(robot, prepared)
+        stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
+        found = replace(found, friction_law=campaign_friction(robot, found.p, stacks, past))
     proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
     model = model_of(run, found, others, proof, options, campaign)
     return ModelFit(replace(found, joint=None), model)  # all samples: nothing else is asked
