@@ -195,14 +195,10 @@ class AxisLaw(FileModel):
         return self.warmth.factor(warmth)
 
     def deviation(self, warmth: Array | None) -> Array:
-        """Standard deviation of the level as a share of the law's, shape as of `factor`.
-
-        Where no warmth is stated, the axis may be as cold or as warm as motion makes it.
-        """
-        if self.warmth is not None and warmth is not None:
-            return self.warmth.deviation(warmth)
-        known = self.exposure
-        return np.asarray(self.wander if known is None else known.deviation(known.anywhere))
+        """Standard deviation of the level as a share of the law's, shape as of `factor`."""
+        if self.warmth is None or warmth is None:
+            return np.asarray(self.wander)
+        return self.warmth.deviation(warmth)
 
 
 class CoupledFriction(FileModel):
@@ -294,8 +290,9 @@ def friction_variance(
 ) -> Array:
     """Variance of `friction_torque`, shape of `q` [(N m)^2 or N^2]; parameters as there.
 
-    Where it is known what the axes went through before, `level` is the standard deviation of the
-    level as a share of the law's, shape of `q`, NaN for axes of which it is not (`level_along`).
+    By default that of motions like those that the law was found from. `level` is the standard
+    deviation of the level elsewhere, as a share of the law's, that broadcasts to the shape of `q`
+    and is NaN for axes without one (`level_along`, `level_anywhere`).
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     found = np.zeros(q_rows.shape)
@@ -309,7 +306,7 @@ def friction_variance(
             found[:, axis] = np.einsum("nk,kl,nl->n", columns, each.uncertainty, columns)
             away = each.deviation(own)
             if level is not None:
-                known = np.reshape(level, found.shape)[:, axis]
+                known = np.broadcast_to(level, found.shape)[:, axis]
                 away = np.where(np.isnan(known), away, known)
             found[:, axis] += (away * friction) ** 2
             found[:, axis] += each.extrapolation(np.abs(qd_rows[:, axis])) ** 2
@@ -340,6 +337,22 @@ def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
             distance = each.exposure.distance(states_at(past, axis, time))
             found[:, axis] = each.exposure.deviation(distance)
     return found
+
+
+def level_anywhere(law: FrictionLaw, *, warmth_stated: bool = False) -> Array:
+    """Return how uncertain the level of each axis's friction is if nothing is known of its past.
+
+    Shape (n_joints,), as a share of the law's level. NaN for axes without an exposure, and for
+    those whose warmth is identified where that is stated.
+    """
+    return np.array(
+        [
+            np.nan
+            if each is None or each.exposure is None or (warmth_stated and each.warmth is not None)
+            else each.exposure.deviation(each.exposure.anywhere)
+            for each in law.axes
+        ]
+    )
 
 
 def _rows(

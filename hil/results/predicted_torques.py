@@ -23,7 +23,12 @@ from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
 from hil.estimation.signals import signals
 from hil.friction.equation import ASYMMETRIC
-from hil.friction.law import friction_torque, friction_variance, level_along
+from hil.friction.law import (
+    friction_torque,
+    friction_variance,
+    level_along,
+    level_anywhere,
+)
 from hil.least_squares.solving import orthonormal
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
@@ -97,7 +102,7 @@ def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, A
     if law is None:
         return None
     motion = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
-    level = None if past is None else level_along(law, past, s.time)
+    level = level_anywhere(law) if past is None else level_along(law, past, s.time)
     variance = friction_variance(robot, law, *motion, level=level)
     return friction_torque(robot, law, *motion), variance
 
