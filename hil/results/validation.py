@@ -25,6 +25,7 @@ from hil.estimation.excluded.saturation import LEVEL, share_at_top
 from hil.estimation.friction.history import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY
+from hil.friction.law import level_at
 from hil.friction.warmth import states_at
 from hil.least_squares.uncertainty import TWICE
 from hil.results.band_residual import band_residual
@@ -270,7 +271,7 @@ def judged(
     notes = [] if residual is None else [good(str(residual))]
     unlike = [f"axis {each.axis}: {each.uncovered}" for each in scores if each.uncovered]
     if unlike:
-        text = "not covered by the model's recordings, and intervals widened: "
+        text = "not covered by the model's recordings: "
         notes.append(good(text + ". ".join(unlike)))
     return Validation.of((*found, *notes), lambda: found[0], axes=scores, residual=residual)
 
@@ -307,17 +308,20 @@ def _score(parts: Sequence[PredictedTorque], model: Model, past: History | None)
         refitted=_rms(left) / torque if fitted else None,
         refitted_inside=float(np.mean(held)) if fitted else None,
         own_friction=all(each.own_friction for each in parts),
-        uncovered=_uncovered(model, axis, np.abs(qd), joined("time"), past),
+        uncovered=_uncovered(model, axis, qd, joined("time"), r, past),
     )
 
 
-def _uncovered(model: Model, axis: int, speed: Array, time: Array, past: History | None) -> str:
+def _uncovered(
+    model: Model, axis: int, qd: Array, time: Array, left: Array, past: History | None
+) -> str:
     """State in what a motion is unlike the recordings that an axis's law of friction is from.
 
     Parameters
     ----------
-    speed, time : ndarray, shape (n,)
-        Of the samples [rad/s or m/s], [s].
+    qd, time, left : ndarray, shape (n,)
+        Velocities of the samples, their instants and what the prediction leaves of the torque
+        [rad/s or m/s], [s], [N m or N].
     past : History or None
         What the axes went through.
     """
@@ -325,6 +329,7 @@ def _uncovered(model: Model, axis: int, speed: Array, time: Array, past: History
     if law is None:
         return ""
     low, high = law.speeds or (0.0, law.speed)
+    speed = np.abs(qd)
     unit, said = f"{model.robot.position_unit(axis)}/s", []
     for share, which in (
         (float(np.mean(speed < low)), f"slower than {low:.2g} {unit}"),
@@ -332,7 +337,9 @@ def _uncovered(model: Model, axis: int, speed: Array, time: Array, past: History
     ):
         if share > OUTSIDE:
             said.append(f"{share:.0%} of the samples are {which}")
-    if past is not None and law.exposure is not None:
+    if law.exposure is None:
+        return "; ".join(said)
+    if past is not None:
         distance = law.exposure.distance(states_at(past, axis, time))
         if np.mean(distance > law.exposure.widest) > HALF:
             most = float(TWICE * np.sqrt(np.mean(law.exposure.deviation(distance) ** 2)))
@@ -340,6 +347,15 @@ def _uncovered(model: Model, axis: int, speed: Array, time: Array, past: History
                 "it has moved more, or rested longer, than in any of them, so that friction may"
                 f" differ by {most:.0%}"
             )
+    # samples of both directions: gravity and asymmetric friction cancel
+    level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))
+    off = float(np.mean(left * np.sign(qd))) / level if level > 0 else 0.0
+    if abs(off) > law.wander:
+        said.append(
+            "the rigid bodies hold, the friction that the model states does not: it is"
+            f" {abs(off):.0%} {'more' if off > 0 else 'less'} than the law's, in none of theirs by"
+            f" more than {law.wander:.0%}"
+        )
     return "; ".join(said)
 
 
