@@ -184,7 +184,7 @@ def shaky(every: list[PredictedTorque]) -> list[PredictedTorque]:
     ("change", "reason"),
     [
         (clipped, "greatest torque; the drive was at its limit"),
-        (asymmetric, "changes its sign with the direction|does not generalise"),
+        (asymmetric, "changes its sign with the direction|friction that the model states does not"),
         (shaky, "does not generalise|these are too narrow"),
     ],
 )
