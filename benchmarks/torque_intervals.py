@@ -150,6 +150,7 @@ def main() -> None:
         )
         for axis, share in enumerate(inside.mean(axis=0), start=1):
             kept[f"{name}-axis-{axis}"] = Figure(float(share), "%", 3)
+        kept[f"{name}-all"] = Figure(float(inside.mean()), "%", 3)
         kept[f"{name}-named"] = Figure(100 * float(named.mean()), "%")
     kind = "demo" if given.demo else "fresh"
     command = f"python benchmarks/torque_intervals.py{' --demo' if given.demo else ''}"
