@@ -28,7 +28,7 @@ from hil.cli.outputs import (
     show,
     show_causes,
 )
-from hil.cli.results import Method, Others, refuse_unknown
+from hil.cli.results import Accuracy, Method, Others, refuse_unknown
 from hil.terminal.console import give, out, say, working
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ def validate(
     method: Method = None,
     others: Others = None,
     without: Without = None,
+    accuracy: Accuracy = 10.0,
     *,
     where: RobotsBus,
     realtime: RealTime = False,
@@ -113,7 +114,7 @@ def validate(
             plan = design_validation(model.robot)
         how = OnBus(**vars(where), realtime=realtime)
         measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
-    _judge(model, model_path, Run.open(folder))
+    _judge(model, model_path, Run.open(folder), accuracy / 100)
 
 
 def _against_truth(
@@ -140,17 +141,19 @@ def _against_truth(
     )
 
 
-def _judge(model: Model, model_path: Path, run: Run) -> None:
+def _judge(model: Model, model_path: Path, run: Run, accuracy: float) -> None:
+    from hil.results.tables.parameters import band_residual
     from hil.results.validation import validate as judge
     from hil.results.validation import write_validation
     from hil.results.validation_tables import scores
 
     with working("predicting the torques of the recordings"):
-        found = judge(model, run)
+        found = judge(model, run, accuracy)
         file = write_validation(run, model, model_path, found)
     say_simulated(run)
     if found.axes:
         show(scores(found, _notes(model, run)))
+        show(band_residual(found.residual, model.robot, "of this recording"))
     say_judgement(found)
     if found.axes and found.word != "good":
         show_causes(model_path, run)

@@ -175,8 +175,8 @@ def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
 
 
 def say_judgement(judgement: Judgement, more: str = "") -> None:
-    """State what a result is worth, `more` behind it, and notes below where it is good."""
+    """State what a result is worth, `more` behind it, and notes below it."""
     give(judgement={"word": judgement.word, "text": printable(str(judgement))})
     say("; ".join(filter(None, (str(judgement), more))), style=STYLES[judgement.word])
-    for note in judgement.further if judgement.word == "good" else ():
+    for note in (each for each in judgement.further if each.word == "good"):
         say(f"note: {note.clause}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -44,6 +45,14 @@ Others = Annotated[
         autocompletion=runs,
     ),
 ]
+Accuracy = Annotated[
+    float,
+    typer.Option(
+        min=0.1,
+        max=100.0,
+        help="Share of an axis's torque that may remain where the word is good \\[%].",
+    ),
+]
 
 
 @commands.command()
@@ -70,6 +79,7 @@ def identify(
     urdf: Annotated[
         Path | None, typer.Option(help="URDF of the robot with inertials, such as CAD exports.")
     ] = None,
+    accuracy: Accuracy = 10.0,
 ) -> None:
     """Identify dynamics and friction from runs of any kind.
 
@@ -91,7 +101,7 @@ def identify(
         refuse_unwritable(path)
         run, *more = open_runs([*folders, *(others or ())])
         run = run.without(without or ())
-        options = options_of(prior, urdf, run)
+        options = replace(options_of(prior, urdf, run), accuracy=accuracy / 100)
         bounds.refuse_other_links(run.robot)
         if method is None:
             method, reason = identification.method_for(run, more)

@@ -1,4 +1,8 @@
-"""Plans of `hil try`: measurements that soon show something of all parameters; a slow motion."""
+"""Plans of `hil try`: measurements that soon show something of all parameters; a slow motion.
+
+A law of friction holds for the speeds that were measured. Axes without gravity, which a design
+moves fast alone, get slow strokes besides, so that the law of every axis begins where it creeps.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +12,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.design.by_counts import COUNTS, design
+from hil.planning.design.standard_motions import gravity_motion
 from hil.planning.design.trajectories import Basis
+from hil.planning.measurement import FOR_A_LAW, Gravity, Inertia
 from hil.planning.plan import as_plan
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
 
 SHARE = 0.35
-"""Share of the usual number of measurements of each kind: 54 of 14 parameters, some 13 minutes of
-robot time."""
+"""Share of the usual number of measurements of each kind: 54 of 14 parameters, and 60 with slow
+strokes of all axes, in some 15 minutes of robot time."""
 PERIOD, HARMONICS = 10.0, 4
 """Of the motion that is pushed [s]: slow enough for the mouse to follow."""
 CYCLES = 2
@@ -30,7 +36,20 @@ CYCLES = 2
 def measured_plan(robot: Robot) -> Plan:
     """Plan that soon shows something of every parameter, whatever the ways between cost."""
     counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
-    return as_plan(robot, mixed(design(robot, counts).measurements))
+    planned = design(robot, counts).measurements
+    return as_plan(robot, mixed([*planned, *_slow_strokes(robot, planned)]))
+
+
+def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Gravity]:
+    """Strokes at the speed of gravity measurements, of all axes that have none."""
+    slow = {axis for each in planned if isinstance(each, Gravity) for axis in each.moved}
+    for each in planned:
+        axis = each.moved[0]
+        if isinstance(each, Inertia) and axis not in slow:
+            slow.add(axis)
+            motion = gravity_motion(robot, axis)
+            for k in range(FOR_A_LAW):
+                yield Gravity(id=f"s{axis + 1}{k + 1}", axis=axis + 1, q=each.q, **motion)
 
 
 def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:

@@ -53,9 +53,9 @@ class Estimate:
         Standard deviations of these, as the robot file states them; and by usual tolerances where
         it states none (`Robot.usual_uncertainty`).
     residual : ndarray, shape (n_joints,)
-        Root mean square of what the local models of inertia and coupling leave of each axis's
-        torque, or the model as a whole by a conventional method [N m]; NaN where an axis was not
-        measured so.
+        Root mean square of what the model leaves of each axis's torque, friction fitted as the
+        method does and after its low-pass; by the published method what the local models of inertia
+        and coupling leave [N m]. NaN where an axis was not measured so.
     condition : dict
         Condition number of each group's observation matrix, rows weighted by eq. (16); by a
         conventional method of that of all parameters, ``"all"``.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hil.errors import UnknownName
+from hil.errors import InvalidValue, UnknownName
 
 if TYPE_CHECKING:
     from hil.estimation.prior import Prior
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 NUISANCES = ("lag", "compliance", "presliding", "drift")
 """What may lie between torque and rigid bodies beside friction: torques read late, gears that give
 way, friction that turns round over a distance, its level that changes while one measures."""
+ACCURACY = 0.1
+"""Residual of an axis over its torque up to which a model is good: as much as its torque constant
+by itself leaves open, which data sheets state within 10 %."""
 COVARIANCES: tuple[Covariance, ...] = ("jackknife", "clusters", "CR2", "white")
 
 
@@ -34,14 +37,27 @@ class Options:
     prior : Prior, optional
         What is known of the links' bodies, for what recordings leave open; by default nothing, and
         recordings that leave anything open are refused.
+    accuracy : float
+        Residual of an axis that carries load, over its torque, up to which a model is *good*
+        (`hil.results.residual`).
+
+    Raises
+    ------
+    UnknownName
+        A nuisance or a covariance that there is not.
+    InvalidValue
+        An accuracy that is not between 0 and 1.
     """
 
     friction: str = "auto"
     nuisance: tuple[str, ...] = NUISANCES
     covariance: Covariance = "CR2"
     prior: Prior | None = None
+    accuracy: float = ACCURACY
 
     def __post_init__(self) -> None:
+        if not 0.0 < self.accuracy <= 1.0:
+            raise InvalidValue(f"accuracy {self.accuracy:g} must be a share above 0, at most 1")
         for name in self.nuisance:
             if name not in NUISANCES:
                 raise UnknownName(f"nuisance {name!r} must be one of: {', '.join(NUISANCES)}")

@@ -122,6 +122,19 @@ class SimultaneousFit:
         return np.where(found > 0, found, 1.0)
 
     @property
+    def residual(self) -> Array:
+        """Root mean square of what a model leaves of each axis's torque, shape (n_joints,) [N m].
+
+        Friction is fitted anew each time. Torque ripple counts as residual: `solve` takes it out of
+        the base parameters, and no model predicts it. NaN where nothing was measured.
+        """
+        blocks = self.regression.blocks
+        asymmetric = tuple(COMMON[k] for k in ASYMMETRIC)
+        kept = blocks.layout.kept([asymmetric] * self._n_joints)
+        left = blocks.mean_squares(Regression(blocks, self.regression.weights, kept).solution)
+        return np.where(blocks.counts.sum(axis=0) > 0, np.sqrt(left), np.nan)
+
+    @property
     def n_base(self) -> int:
         """How many base parameters there are."""
         return self._n_base

@@ -193,6 +193,7 @@ def measured(
     )  # fmt: skip
     return replace(
         estimate,
+        residual=solver.residual,
         local=tuple(_believed(robot, found, p, estimate.local)),
         drive_train=drive_train,
         load_friction=solver.load_friction,

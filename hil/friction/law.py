@@ -1,12 +1,13 @@
 """The law of friction of a model: what friction each axis's drive has to overcome, and how surely.
 
 A sum of terms of velocity and load (`hil.friction.terms`) for each axis, whatever was identified.
-Two things are uncertain of it. The terms are, from the recordings they were found in; and friction
-itself changes with temperature and lubricant, which no term knows: while strokes were measured it
-had another level in each of them. How far it wandered there, as a share of the level, is kept and
-counts in every interval: an axis that has rested is at one end of what the campaign has seen, not
-at its mean. Where the warmth of the gear explains a part of that (`hil.friction.warmth`), the level
-can be that of a stated warmth.
+Three things are uncertain of it. The terms are, from the recordings they were found in. At speeds
+that no sample had, laws that fit all samples equally well go apart (`hil.friction.search`). And
+friction itself changes with temperature and lubricant, which no term knows: while strokes were
+measured it had another level in each of them. How far it wandered there, as a share of the level,
+is kept and counts in every interval: an axis that has rested is at one end of what the campaign has
+seen, not at its mean. Where the warmth of the gear explains a part of that (`hil.friction.warmth`),
+the level can be that of a stated warmth.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from pydantic import model_validator
 from checked_files.yaml_file import FileModel
 from hil.friction.direction import Direction, are_successive, at_once, bent, friction_direction
 from hil.friction.terms import DIRECTED, coupled_friction, friction_columns, motor_angle
-from hil.friction.warmth import Warmth
+from hil.friction.warmth import Exposure, Warmth, states_at
 from hil.least_squares.uncertainty import TWICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array, Mask
+    from hil.friction.warmth import History
     from hil.model.robot import Robot
 
 
@@ -109,12 +111,18 @@ class AxisLaw(FileModel):
         already. By default that of `level`.
     speeds : tuple of two floats, optional
         Slowest and fastest samples that the law was found from [rad/s or m/s].
+    unseen : tuple of tuple of two floats
+        Speeds [rad/s or m/s], ascending, and how uncertain it is there how friction changes from
+        the nearest of `speeds`, a standard deviation [N m or N]; between them linear.
     measurements : int, optional
         That the law was found from, each of which counts as one draw; None of free motions, and in
         files of earlier versions.
     warmth : Warmth, optional
         What the level depends on besides, where that is identified; the terms are those at its
         reference. `wander` is of the law alone: the warmth of a motion may be unknown.
+    exposure : Exposure, optional
+        What the axis had gone through in these measurements; None of free motions, and in files of
+        earlier versions.
     """
 
     law: str
@@ -130,8 +138,10 @@ class AxisLaw(FileModel):
     one_way: OneWay | None = None
     wander: float = 0.0
     speeds: tuple[float, float] | None = None
+    unseen: tuple[tuple[float, float], ...] = ()
     measurements: int | None = None
     warmth: Warmth | None = None
+    exposure: Exposure | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -161,6 +171,15 @@ class AxisLaw(FileModel):
         A sum of terms may go anywhere else; slower and faster the law goes on with `slope`.
         """
         return speed if self.speeds is None else np.clip(speed, *self.speeds)
+
+    def extrapolation(self, speed: Array) -> Array:
+        """Standard deviation of friction by what is not known of unseen speeds, shape of `speed`.
+
+        [N m or N]; 0 at the speeds that the law was found from.
+        """
+        if not self.unseen:
+            return np.zeros_like(speed)
+        return np.asarray(np.interp(speed, *np.transpose(self.unseen)))
 
     @property
     def uncertainty(self) -> Array:
@@ -267,23 +286,73 @@ def friction_variance(
     qd: Array,
     load: Array,
     warmth: Array | None = None,
+    level: Array | None = None,
 ) -> Array:
-    """Variance of `friction_torque`, shape of `q` [(N m)^2 or N^2]; parameters as there."""
+    """Variance of `friction_torque`, shape of `q` [(N m)^2 or N^2]; parameters as there.
+
+    By default that of motions like those that the law was found from. `level` is the standard
+    deviation of the level elsewhere, as a share of the law's, that broadcasts to the shape of `q`
+    and is NaN for axes without one (`level_along`, `level_anywhere`).
+    """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     found = np.zeros(q_rows.shape)
     for axis, each in enumerate(law.axes):
         if each is not None:
             direction, own = at_once(qd_rows[:, axis], each.speed), _of(warm, axis)
             columns = law_columns(robot, each, q_rows, qd_rows, loads, axis, direction)
-            level = columns[:, each.directed] @ each.values[each.directed]
+            friction = columns[:, each.directed] @ each.values[each.directed]
             scale = np.reshape(each.factor(own), (-1, 1))
             columns = np.where(each.directed, scale * columns, columns)
             found[:, axis] = np.einsum("nk,kl,nl->n", columns, each.uncertainty, columns)
-            found[:, axis] += (each.deviation(own) * level) ** 2
+            away = each.deviation(own)
+            if level is not None:
+                known = np.broadcast_to(level, found.shape)[:, axis]
+                away = np.where(np.isnan(known), away, known)
+            found[:, axis] += (away * friction) ** 2
+            found[:, axis] += each.extrapolation(np.abs(qd_rows[:, axis])) ** 2
         if law.coupled:
             error = np.array([part.standard_error for part in law._of_motors])
             found[:, axis] += np.sum((coupled_friction(robot, qd_rows, axis) * error) ** 2, axis=1)
     return found.clip(0.0).reshape(np.shape(q))
+
+
+def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
+    """Return how uncertain the level of each axis's friction is at instants of a history.
+
+    Parameters
+    ----------
+    past : History
+        Of all axes; they are cold where it begins.
+    time : ndarray, shape (n,)
+        [s].
+
+    Returns
+    -------
+    ndarray, shape (n, n_joints)
+        Standard deviation as a share of the law's level; NaN for axes without an exposure.
+    """
+    found = np.full((len(time), len(law.axes)), np.nan)
+    for axis, each in enumerate(law.axes):
+        if each is not None and each.exposure is not None:
+            distance = each.exposure.distance(states_at(past, axis, time))
+            found[:, axis] = each.exposure.deviation(distance)
+    return found
+
+
+def level_anywhere(law: FrictionLaw, *, warmth_stated: bool = False) -> Array:
+    """Return how uncertain the level of each axis's friction is if nothing is known of its past.
+
+    Shape (n_joints,), as a share of the law's level. NaN for axes without an exposure, and for
+    those whose warmth is identified where that is stated.
+    """
+    return np.array(
+        [
+            np.nan
+            if each is None or each.exposure is None or (warmth_stated and each.warmth is not None)
+            else each.exposure.deviation(each.exposure.anywhere)
+            for each in law.axes
+        ]
+    )
 
 
 def _rows(

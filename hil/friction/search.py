@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.friction.direction import Direction
 from hil.friction.law import AxisLaw, TermValue
-from hil.friction.terms import CLASSICAL, LAWS, USUAL
-from hil.friction.warmth import deviations, find_warmth
+from hil.friction.terms import CLASSICAL, DIRECTED, LAWS, USUAL, friction_columns
+from hil.friction.warmth import Exposure, deviations, find_warmth, states_at
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from hil.least_squares.regression import Fit
 
 
+BEYOND = 1.25
+"""Share of the speed limit up to which extrapolation is stated; faster than that it stays so."""
 TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
 """Laws, from the usual one on."""
 
@@ -74,7 +77,10 @@ def axis_law(
     warm = None if past is None else find_warmth(own, time, past, axis)
     if warm is not None:
         values, covariance = warm.values, warm.covariance
-    plain = _fit(measured, CLASSICAL)
+    plain, away, exposure = _fit(measured, CLASSICAL), deviations(own, values), None
+    if past is not None and np.isfinite(past.speed[:, axis]).all():
+        level = sum(term in DIRECTED for term in terms)
+        exposure = Exposure.of(states_at(past, axis, time), away, level)
     return AxisLaw(
         law=law,
         speed=speed,
@@ -82,11 +88,70 @@ def axis_law(
         plain=TermValue.named(CLASSICAL, plain.x, plain.covariance),
         held_out=relative_errors(errors, law),
         covariance=tuple(tuple(row) for row in covariance.tolist()),
-        wander=float(np.abs(deviations(own, values)).max()),
+        wander=float(np.abs(away).max()),
+        exposure=exposure,
         speeds=speeds,
+        unseen=unseen(measured, {law: LAWS[law], **tried}, errors, speed, speeds),
         measurements=len(measured),
         warmth=None if warm is None else warm.warmth,
     )
+
+
+def unseen(
+    measured: Blocks,
+    tried: Mapping[str, tuple[str, ...]],
+    errors: Mapping[str, Array],
+    speed: float,
+    speeds: tuple[float, float],
+) -> tuple[tuple[float, float], ...]:
+    """Return how uncertain friction is at speeds that no sample had.
+
+    All laws that were tried are fitted to all samples. From the nearest speed seen they let
+    friction change by Delta_m; the law that was chosen goes on in a straight line, by Delta. With
+    weights w_m, the root mean square error on held-out groups of the law chosen over theirs,
+
+        s^2 = sum w_m (Delta_m - Delta)^2 / sum w_m.
+
+    Parameters
+    ----------
+    tried : mapping
+        Terms of each law, the one that was chosen first.
+    errors : mapping
+        Squared errors on held-out groups, by law.
+    speed : float
+        Limit of the axis, by which velocities are divided [rad/s or m/s].
+    speeds : tuple of two floats
+        Slowest and fastest samples [rad/s or m/s].
+
+    Returns
+    -------
+    tuple of (speed, standard deviation)
+        [rad/s or m/s], [N m or N]; 0 at `speeds`.
+    """
+    low, high = speeds
+    chosen, *_ = tried
+    # the laws bend most near rest, the cube root at every scale
+    slow = low * np.array([0.0, 0.05, 0.15, 0.4, 0.7, 1.0])
+    fast = np.linspace(high, max(high, BEYOND * speed), 4)
+    v, nearest = np.append(slow, fast), np.repeat([low, high], [len(slow), len(fast)])
+    slope = _fit(measured, CLASSICAL).x[CLASSICAL.index("viscous")] / speed
+    squares, total = np.zeros(len(v)), 0.0
+    for name, terms in tried.items():
+        x = _fit(measured, terms).x
+        change = _level(v / speed, terms, x) - _level(nearest / speed, terms, x)
+        weight = np.sqrt(errors[chosen].sum() / max(errors[name].sum(), np.finfo(float).tiny))
+        squares += weight * (change - slope * (v - nearest)) ** 2
+        total += weight
+    return tuple(zip(v.tolist(), np.sqrt(squares / total).tolist(), strict=True))
+
+
+def _level(u: Array, terms: tuple[str, ...], x: Array) -> Array:
+    """Level of friction at speeds above 0 and no load, shape of `u`; that of rest is its limit."""
+    forward, back = (
+        friction_columns(side * u, Direction(side * np.ones_like(u), np.zeros_like(u)), terms=terms)
+        for side in (1.0, -1.0)
+    )
+    return np.asarray((forward - back) @ x / 2)
 
 
 def relative_errors(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:

@@ -29,13 +29,25 @@ where it predicts the parts certainly better than the law alone (`hil.least_squa
 worse than the law at the level of the last measurement before, which a level that walks by chance
 keeps to. Of 100 walks two passed for warmth; what a campaign of the virtual plant showed of four
 axes left 0.63 to 0.99 of friction's residual in four other runs, seen when the rule was made.
+
+Most campaigns identify none. What friction does elsewhere is then open, all the more the less the
+axis has gone through there what it went through where the law was found (`Exposure`). With the
+states w_m for time constants m of a grid and their means over the measurements, the level of the
+law is taken to differ by a standard deviation u of
+
+    u^2 = s^2 + S^2 D^2,    D^2 = mean over m of (w_m - mean w_m)^2,
+
+with the scatter s of the levels of the measurements about the law. S, the change from cold to as
+warm as motion makes a gear, is `COLD_TO_WARM`, or as much more as the measurements themselves
+showed: the root of the sum of their squared deviations over that of their D^2.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import accumulate, product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -61,6 +73,13 @@ TIMES = (
 )
 """Time constants of warming and cooling that are tried, from those of a stroke to those of a
 campaign, a factor of three apart: levels half a factor off are hardly other ones [s]."""
+COURSES = tuple(product((10.0, 90.0, 810.0), (60.0, 540.0, 4860.0)))
+"""Time constants of the states that an exposure is stated in: every other one of `TIMES`."""
+COLD_TO_WARM = 0.4
+"""Change of the level from cold to as warm as motion makes a gear, a standard deviation, as a share
+of it. Virtual plants, which follow published measurements of gears, have 0.2 to 0.6 of it
+(`sim_plant.physics.friction`); with 0.3 intervals held 72 to 100 % of the levels of other motions,
+axis by axis, with 0.4 it was 83 to 100 % (three plants, strokes and trajectories)."""
 STEPS = 4
 """Of Gauss and Newton: the slope is a share of the level, and its error is squared in each."""
 
@@ -138,6 +157,73 @@ class Warmth(FileModel):
     def warm(self) -> float:
         """Level at the greatest warmth seen over that of the law."""
         return float(self.factor(self.seen[1]))
+
+
+class Exposure(FileModel):
+    """What an axis had gone through in the measurements that its law was found from.
+
+    Attributes
+    ----------
+    states : tuple of float
+        Mean warmth for each of `COURSES`.
+    widest : float
+        Greatest D of a measurement.
+    scatter : float
+        Of the level in one measurement about the law, a standard deviation as a share of it.
+    slope : float
+        S, as a share of the level.
+    """
+
+    states: tuple[float, ...]
+    widest: float
+    scatter: float
+    slope: float
+
+    @classmethod
+    def of(cls, states: Array, deviations: Array, n_terms: int) -> Self:
+        """Exposure of measurements.
+
+        Parameters
+        ----------
+        states : ndarray, shape (n, n_courses)
+            Warmth in each of them.
+        deviations : ndarray, shape (n,)
+            Level of each less that of the law, as a share.
+        n_terms : int
+            Of the level, which the same measurements gave.
+        """
+        away, square = np.mean((states - states.mean(axis=0)) ** 2, axis=1), deviations @ deviations
+        seen = math.sqrt(square / max(float(away.sum()), np.finfo(float).tiny))
+        return cls(
+            states=tuple(states.mean(axis=0).tolist()),
+            widest=math.sqrt(float(away.max())),
+            scatter=math.sqrt(square / max(len(deviations) - n_terms, 1)),
+            # friction that vanishes is the most that warmth can do
+            slope=min(max(COLD_TO_WARM, seen), 1.0),
+        )
+
+    def distance(self, states: Array) -> Array:
+        """D of states, shape (n, n_courses): shape (n,)."""
+        return np.asarray(np.sqrt(np.mean((states - np.array(self.states)) ** 2, axis=1)))
+
+    def deviation(self, distance: ArrayLike) -> Array:
+        """Standard deviation of the level, u, at a distance; shape of it."""
+        return np.asarray(np.hypot(self.scatter, self.slope * np.asarray(distance)))
+
+    @property
+    def anywhere(self) -> float:
+        """D of an axis of which nothing is known.
+
+        It is anywhere between cold and as warm as steady motion at `REFERENCE` makes it.
+        """
+        steady = np.array([cooling / (warming + cooling) for warming, cooling in COURSES])
+        squares = steady**2 / 12.0 + (steady / 2.0 - np.array(self.states)) ** 2
+        return float(np.sqrt(squares.mean()))
+
+
+def states_at(past: History, axis: int, time: Array) -> Array:
+    """Warmth of an axis (from 0) for each of `COURSES` at instants (n,): (n, n_courses)."""
+    return np.column_stack([warmth_at(past, axis, *taus, time) for taus in COURSES])
 
 
 def warmth_at(

@@ -28,6 +28,7 @@ from hil.results import load_tables
 from hil.results.acceptance import checked
 from hil.results.rounding import unit
 from hil.results.tables.load import quantities as load_quantities
+from hil.results.tables.parameters import band_residual
 from hil.results.tables.table import Column, Table, table
 from hil.results.tracking import PASSES
 from hil.results.validation_tables import scores
@@ -145,7 +146,10 @@ def write_validation_page(
         "validation",
         [(each.word, each.word, each.clause) for each in found.reasons],
         (),
-        (scores(found, notes),),
+        (
+            scores(found, notes),
+            band_residual(found.residual, model.robot, "of this recording"),
+        ),
         Torques.of(model, [run]),
         simulated=run.journal.simulated,
     )

@@ -18,10 +18,11 @@ from hil.estimation.excluded.proof import proved
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
-from hil.estimation.two_step_methods import prepare, prepared_for
+from hil.estimation.two_step_methods import prepare, prepared_for, with_reached_limits
 from hil.least_squares.regression import ByName
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
+from hil.results.band_residual import band_residual
 from hil.results.model import Model
 from hil.results.outcome import outcome
 from hil.results.provenance import Provenance, digests, named
@@ -178,14 +179,16 @@ def identified(
             found = estimate(run.robot, campaign, method or method_for(run, others)[0], options)
         except (NotIdentifiable, NotEnoughData) as error:
             raise _with_cause(error, proved(run.robot, campaign)) from error
-    # limits decide which samples a law of friction is chosen by
-    if found.free is None and found.friction_law is None and run.robot.limits_known:
+    if found.free is None and found.friction_law is None:
         prepared = prepared_for(run.robot, found, campaign)
-        past = history(run.robot, prepared)
-        stacks = (axes for motion, s in prepared for axes in stack(run.robot, motion, s))
-        found = replace(found, friction_law=campaign_friction(run.robot, found.p, stacks, past))
+        # limits, stated or reached, decide which samples a law of friction is chosen by
+        robot, past = with_reached_limits(run.robot, prepared), None
+        if run.robot.limits_known:
+            past = history(robot, prepared)
+        stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
+        found = replace(found, friction_law=campaign_friction(robot, found.p, stacks, past))
     proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
-    model = model_of(run, found, others, proof, options.prior)
+    model = model_of(run, found, others, proof, options, campaign)
     return ModelFit(replace(found, joint=None), model)  # all samples: nothing else is asked
 
 
@@ -207,9 +210,13 @@ def model_of(
     found: Estimate,
     others: Sequence[Run] = (),
     proof: Excluded | None = None,
-    prior: Prior | None = None,
+    options: Options = DEFAULTS,
+    recorded: Recorded = (),
 ) -> Model:
-    """Return an estimate from a run, and others together with it, as a model, and judge it."""
+    """Return an estimate from a run, and others together with it, as a model, and judge it.
+
+    Without what was `recorded`, nothing is stated of what remains of it.
+    """
     model = Model(
         robot=run.robot,
         values=found.p,
@@ -228,9 +235,11 @@ def model_of(
         excluded=proof,
         edges=found.edges,
     )
-    if prior is not None and found.prior_share is not None:
-        model = replace(model, prior=prior.stated(model.names, found.prior_share))
-    return replace(model, outcome=outcome(model, found.effect * found.usual))
+    if options.prior is not None and found.prior_share is not None:
+        model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
+    model = replace(model, band_residual=band_residual(model, recorded))
+    usual = found.effect * found.usual
+    return replace(model, outcome=outcome(model, usual, options.accuracy))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.judgement import Judgement, KeptJudgement
     from hil.results.provenance import Provenance
+    from hil.results.residual import BandResidual
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,8 +51,8 @@ class IdentifiedRobot:
     degrees_of_freedom : ndarray, shape (n_base,)
         Effective ones of the errors that show in the data.
     residual : ndarray, shape (n_joints,)
-        Root mean square of what the method's models leave of each axis's torque [N m]; NaN where
-        an axis was not measured.
+        Root mean square of what the method's models leave of each axis's torque, friction fitted
+        as the method does and after its low-pass [N m]; NaN where an axis was not measured.
     condition : dict
         Condition number of each group's observation matrix, or of all parameters' (``"all"``).
     provenance : Provenance
@@ -86,6 +87,10 @@ class IdentifiedRobot:
         none was given.
     edges : tuple of Edge
         Lags and compliances that end at the edge of their search range.
+    band_residual : BandResidual, optional
+        Residual of `hil.results.model.Model.torque` on the recordings it was identified from, over
+        the one band in which all models are compared; None where no friction is known, and of a
+        file of an earlier version.
     """
 
     robot: Robot
@@ -108,6 +113,7 @@ class IdentifiedRobot:
     excluded: Excluded | None = None
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
+    band_residual: BandResidual | None = None
 
     @property
     def failed(self) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.errors import FrictionUnknown, UnknownName
 from hil.estimation.intervals import combined_degrees, half_width
-from hil.friction.law import friction_torque, friction_variance
+from hil.friction.law import friction_torque, friction_variance, level_anywhere
 from hil.model import dynamics
 from hil.model.motors import motor_torque
 from hil.results.identified_robot import (
@@ -219,9 +219,11 @@ class Model(IdentifiedRobot):
     ) -> Array:
         """Intervals of `torque`.
 
-        They hold what is uncertain of the base parameters and of the law of friction, with its
-        wandering over the campaign, or what is left of that at a stated warmth. Base parameters and
-        friction count as independent.
+        They hold what is uncertain of the base parameters and of the law of friction. Where no
+        warmth is stated, an axis may be anywhere between cold and as warm as steady motion makes
+        it, which counts all the more the less the recordings of the model saw of that. At speeds
+        that these did not have, friction is uncertain besides. Base parameters and friction count
+        as independent.
 
         Parameters
         ----------
@@ -260,7 +262,8 @@ class Model(IdentifiedRobot):
         degrees = combined_degrees(rows, variances, self.degrees_of_freedom)
         if "friction" in parts:
             load, law = A @ self.values, known_friction(self)
-            stated = stated + friction_variance(self.robot, law, q, qd, load, state)
+            wander = level_anywhere(law, warmth_stated=state is not None)
+            stated = stated + friction_variance(self.robot, law, q, qd, load, state, wander)
         if of_samples:
             stated = stated + np.nan_to_num(self.residual) ** 2
         half = half_width(scatter, stated, degrees, level)

@@ -30,6 +30,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.robot import load_robot, parse_robot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.provenance import Provenance
+from hil.results.residual import BandResidual
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 NAME = "model.yaml"
 _AS_IDENTIFIED = (
     "provenance", "condition", "error_budget", "friction", "back_and_forth", "outcome",
-    "validations", "consistent", "excluded", "prior", "edges",
+    "validations", "consistent", "excluded", "prior", "edges", "band_residual",
 )  # fmt: skip
 """Fields that the file holds as the model does."""
 
@@ -142,6 +143,7 @@ class ModelFile(FileModel):
     excluded: Excluded | None = None
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
+    band_residual: BandResidual | None = None
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:
@@ -235,7 +237,7 @@ class ModelFile(FileModel):
         """As YAML, the robot file as a block of its own."""
         optional = (
             "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
-            "torque_effect", "excluded", "prior", "local",
+            "torque_effect", "excluded", "prior", "band_residual", "local",
         )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}
         content = self.model_dump(mode="json", exclude=absent)

@@ -13,6 +13,7 @@ import numpy as np
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import FEW_BLOCKS, POOR
+from hil.estimation.options import ACCURACY
 from hil.model.frames import ROUNDED_OFF
 from hil.results.judgement import (
     FEWEST,
@@ -29,6 +30,7 @@ from hil.results.judgement import (
 )
 from hil.results.possible import impossible_inertias, impossible_links
 from hil.results.prediction import free_torques, uncertainty
+from hil.results.residual import unexplained
 from hil.results.rounding import significant, uncertain, unit
 
 if TYPE_CHECKING:
@@ -43,16 +45,23 @@ if TYPE_CHECKING:
     from hil.results.possible import Impossible
 
 
-def outcome(model: Model, usual_effect: Array | None = None) -> Judgement:
+def outcome(
+    model: Model, usual_effect: Array | None = None, accuracy: float = ACCURACY
+) -> Judgement:
     """Judge a model by itself: the worst of what speaks against it, causes that were found first.
 
     Parameters
     ----------
     usual_effect : ndarray, shape (n_base, 2 n_joints), optional
         As of an `Estimate`: change of the parameters by usual tolerances of drives.
+    accuracy : float
+        Share of the torque of an axis that carries load which may remain of its recordings.
     """
-    found = tuple(reservations(RULES, model)) or tuple(_good(model, usual_effect))
-    return Judgement.of(found, lambda: found[0])
+    left, limit = model.band_residual, model.robot.torque_limit
+    doubts = *reservations(RULES, model), *unexplained(left, limit, accuracy)
+    found = doubts or tuple(_good(model, usual_effect))
+    remains = () if left is None else (good(str(left)),)
+    return Judgement.of((*found, *remains), lambda: found[0])
 
 
 def _found(model: Model) -> Iterator[Reservation]:

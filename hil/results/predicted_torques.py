@@ -23,7 +23,12 @@ from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
 from hil.estimation.signals import signals
 from hil.friction.equation import ASYMMETRIC
-from hil.friction.law import friction_torque, friction_variance
+from hil.friction.law import (
+    friction_torque,
+    friction_variance,
+    level_along,
+    level_anywhere,
+)
 from hil.least_squares.solving import orthonormal
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
@@ -35,15 +40,26 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
+    from hil.friction.warmth import History
     from hil.planning.measurement import ParameterMotion, RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
 
 
 def predicted_torques(
-    model: Model, recorded: Iterable[tuple[RecordedMotion, Recording]]
+    model: Model,
+    recorded: Iterable[tuple[RecordedMotion, Recording]],
+    past: History | None = None,
 ) -> Iterator[PredictedTorque]:
     """Predict all recordings, one after the other; what is of no use is passed over.
+
+    Parameters
+    ----------
+    model : Model
+    recorded : iterable of (RecordedMotion, Recording)
+    past : History, optional
+        What the axes went through in these recordings, which says how far friction may be from the
+        law; by default they may be as cold or as warm as motion makes them.
 
     Raises
     ------
@@ -55,7 +71,10 @@ def predicted_torques(
             continue
         recording = in_si(model, motion, as_recorded)
         with suppress(NotEnoughData):
-            yield from (_as_recorded if model.friction else _fitted)(model, motion, recording)
+            if model.friction:
+                yield from _as_recorded(model, motion, recording)
+            else:
+                yield from _fitted(model, motion, recording, past)
 
 
 def _as_recorded(
@@ -67,23 +86,25 @@ def _as_recorded(
 
 
 def _fitted(
-    model: Model, motion: ParameterMotion, recording: Recording
+    model: Model, motion: ParameterMotion, recording: Recording, past: History | None
 ) -> Iterator[PredictedTorque]:
     """Torques by motions or periods, with friction fitted in each beside the model's own."""
     s = signals(recording)
-    law = _law_along(model, s)
+    law = _law_along(model, s, past)
     for stretch in stack(model.robot, motion, s):
         for axis in stretch:
             yield _of_axis(model, motion.id, axis, s, law)
 
 
-def _law_along(model: Model, s: Signals) -> tuple[Array, Array] | None:
+def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, Array] | None:
     """Friction by a model's own law at all samples, and its variance; None without a law."""
     robot, law = model.robot, model.friction_law
     if law is None:
         return None
     motion = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
-    return friction_torque(robot, law, *motion), friction_variance(robot, law, *motion)
+    level = level_anywhere(law) if past is None else level_along(law, past, s.time)
+    variance = friction_variance(robot, law, *motion, level=level)
+    return friction_torque(robot, law, *motion), variance
 
 
 def _of_axis(

@@ -22,8 +22,13 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.saturation import LEVEL, share_at_top
+from hil.estimation.friction.history import history
 from hil.estimation.intervals import SIGNIFICANT
+from hil.estimation.options import ACCURACY
+from hil.friction.law import level_at
+from hil.friction.warmth import states_at
 from hil.least_squares.uncertainty import TWICE
+from hil.results.band_residual import band_residual
 from hil.results.judgement import (
     HALF,
     INSIDE,
@@ -42,9 +47,10 @@ from hil.results.model import Model, loaded
 from hil.results.outcome import OF_DATA
 from hil.results.predicted_torques import predicted_torques
 from hil.results.provenance import RunStamp, recordings_in_common
+from hil.results.residual import BandResidual, unexplained
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
-from hil.runs.pooling import pooled
+from hil.runs.pooling import Pooled
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
@@ -52,6 +58,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
+    from hil.friction.warmth import History
     from hil.results.judgement import Rule
     from hil.results.recorded_torque import PredictedTorque
     from hil.runs.run import Run
@@ -101,6 +108,9 @@ class AxisScore(FileModel):
     own_friction : bool
         Whether the model states friction of this axis; where it does not, all figures have friction
         fitted in the recording.
+    uncovered : str
+        In what this motion is unlike the recordings that the model's friction is from; empty where
+        they cover it.
     """
 
     axis: int = Field(ge=1)
@@ -120,6 +130,7 @@ class AxisScore(FileModel):
     refitted: float | None = None
     refitted_inside: float | None = None
     own_friction: bool = True
+    uncovered: str = ""
 
     @property
     def of_bodies(self) -> float:
@@ -149,9 +160,13 @@ class Validation(Judgement):
     ----------
     axes : tuple of AxisScore
         Empty where the recording cannot judge it.
+    residual : BandResidual, optional
+        Of the recordings, over the band in which all models are compared; None where the model
+        states no friction, and of an earlier version.
     """
 
     axes: tuple[AxisScore, ...] = ()
+    residual: BandResidual | None = None
 
     @property
     def relative(self) -> float | None:
@@ -160,7 +175,9 @@ class Validation(Judgement):
         return float(np.sqrt(np.mean(squares))) if squares else None
 
 
-def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
+def validate(
+    model: Model | Path | str, run: Run | Path | str, accuracy: float = ACCURACY
+) -> Validation:
     """Validate a model on a run that it was not identified from; nothing is written.
 
     Parameters
@@ -169,6 +186,8 @@ def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
         The model, its file or the folder of its run.
     run : Run or path
         Held-out recordings of the same robot.
+    accuracy : float
+        Share of the torque of an axis that carries load which may remain where the word is good.
 
     Returns
     -------
@@ -184,10 +203,22 @@ def validate(model: Model | Path | str, run: Run | Path | str) -> Validation:
     """
     model, run = loaded(model), opened(run)
     model.refuse_other_robot(run.robot, str(run.path))
-    return of_own_recordings(model, run) or scored(model, predicted_torques(model, pooled([run])))
+    if own := of_own_recordings(model, run):
+        return own
+    recorded = Pooled([run])
+    left = band_residual(model, recorded)
+    # what the axes went through matters to models that know what theirs had gone through
+    past = None if model.friction else history(model.robot, recorded)
+    return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
 
 
-def scored(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
+def scored(
+    model: Model,
+    predicted: Iterable[PredictedTorque],
+    residual: BandResidual | None = None,
+    accuracy: float = ACCURACY,
+    past: History | None = None,
+) -> Validation:
     """Score a model's prediction and judge it.
 
     Parameters
@@ -195,17 +226,24 @@ def scored(model: Model, predicted: Iterable[PredictedTorque]) -> Validation:
     model : Model
     predicted : iterable of PredictedTorque
         By `hil.results.predicted_torques`.
+    residual : BandResidual, optional
+        Of the same recordings.
+    accuracy : float
+        Share of the torque of an axis that carries load which may remain where the word is good.
+    past : History, optional
+        What the axes went through in these recordings.
     """
     parts: dict[int, list[PredictedTorque]] = defaultdict(list)
     for each in predicted:
         parts[each.axis].append(each)
     scores = tuple(
-        _score(own, model.robot.torque_unit(axis), float(model.residual[axis]))
+        _score(own, model, past)
         for axis, own in sorted(parts.items())
         if sum(len(each.measured) for each in own) * OUTSIDE >= 1.0
     )
     spoilt = [failed(f"its identification {model.outcome}")] if model.failed else []
-    return judged(scores, model.robot.n_joints, spoilt, tuple(reservations(OF_DATA, model)))
+    last = *unexplained(residual, model.robot.torque_limit, accuracy), *reservations(OF_DATA, model)
+    return judged(scores, model.robot.n_joints, spoilt, last, residual)
 
 
 def judged(
@@ -213,6 +251,7 @@ def judged(
     n_joints: int,
     first: Iterable[Reservation] = (),
     last: Iterable[Reservation] = (),
+    residual: BandResidual | None = None,
 ) -> Validation:
     """Judge scores: the worst of what speaks against a model, or how well it predicts.
 
@@ -223,12 +262,24 @@ def judged(
     first, last : iterable of Reservation
         What its identification says against it, whatever it predicts: before and behind all that
         is as bad.
+    residual : BandResidual, optional
+        Stated beside it.
     """
     found = (*first, *_of_axes(scores, n_joints), *last)
-    return Validation.of(found, lambda: good(_praise(scores)), axes=scores)
+    if not found:
+        found = (good(_praise(scores, residual)),)
+    notes = [] if residual is None else [good(str(residual))]
+    unlike = [f"axis {each.axis}: {each.uncovered}" for each in scores if each.uncovered]
+    if unlike:
+        text = "not covered by the model's recordings: "
+        notes.append(good(text + ". ".join(unlike)))
+    return Validation.of((*found, *notes), lambda: found[0], axes=scores, residual=residual)
 
 
-def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> AxisScore:
+def _score(parts: Sequence[PredictedTorque], model: Model, past: History | None) -> AxisScore:
+    axis = parts[0].axis
+    unit, identified = model.robot.torque_unit(axis), float(model.residual[axis])
+
     def joined(name: str) -> Array:
         return np.concatenate([getattr(each, name) for each in parts])
 
@@ -240,7 +291,7 @@ def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> Ax
     back, forward = (r[np.sign(qd) == sign] for sign in (-1.0, 1.0))
     differ = (forward.mean() if forward.size else 0.0) - (back.mean() if back.size else 0.0)
     return AxisScore(
-        axis=parts[0].axis + 1,
+        axis=axis + 1,
         unit=unit,
         samples=len(y),
         torque=torque,
@@ -257,7 +308,55 @@ def _score(parts: Sequence[PredictedTorque], unit: str, identified: float) -> Ax
         refitted=_rms(left) / torque if fitted else None,
         refitted_inside=float(np.mean(held)) if fitted else None,
         own_friction=all(each.own_friction for each in parts),
+        uncovered=_uncovered(model, axis, qd, joined("time"), r, past),
     )
+
+
+def _uncovered(
+    model: Model, axis: int, qd: Array, time: Array, left: Array, past: History | None
+) -> str:
+    """State in what a motion is unlike the recordings that an axis's law of friction is from.
+
+    Parameters
+    ----------
+    qd, time, left : ndarray, shape (n,)
+        Velocities of the samples, their instants and what the prediction leaves of the torque
+        [rad/s or m/s], [s], [N m or N].
+    past : History or None
+        What the axes went through.
+    """
+    law = model.friction_law.axes[axis] if model.friction_law else None
+    if law is None:
+        return ""
+    low, high = law.speeds or (0.0, law.speed)
+    speed = np.abs(qd)
+    unit, said = f"{model.robot.position_unit(axis)}/s", []
+    for share, which in (
+        (float(np.mean(speed < low)), f"slower than {low:.2g} {unit}"),
+        (float(np.mean(speed > high)), f"faster than {high:.2g} {unit}"),
+    ):
+        if share > OUTSIDE:
+            said.append(f"{share:.0%} of the samples are {which}")
+    if law.exposure is None:
+        return "; ".join(said)
+    if past is not None:
+        distance = law.exposure.distance(states_at(past, axis, time))
+        if np.mean(distance > law.exposure.widest) > HALF:
+            most = float(TWICE * np.sqrt(np.mean(law.exposure.deviation(distance) ** 2)))
+            said.append(
+                "it has moved more, or rested longer, than in any of them, so that friction may"
+                f" differ by {most:.0%}"
+            )
+    # samples of both directions: gravity and asymmetric friction cancel
+    level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))
+    off = float(np.mean(left * np.sign(qd))) / level if level > 0 else 0.0
+    if abs(off) > law.wander:
+        said.append(
+            "the rigid bodies hold, the friction that the model states does not: it is"
+            f" {abs(off):.0%} {'more' if off > 0 else 'less'} than the law's, in none of theirs by"
+            f" more than {law.wander:.0%}"
+        )
+    return "; ".join(said)
 
 
 def _rms(x: Array) -> float:
@@ -314,10 +413,16 @@ def _naive(scores: Scores) -> Reservation | None:
 
 def _narrow(scores: Scores) -> Reservation | None:
     """Intervals that are too narrow, by what makes them so where that is more than a tolerance."""
-    s = min(scores, key=lambda each: each.inside)
+    # of axes whose motion the recordings cover something else is wrong, which comes first
+    s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
     if s.inside >= INSIDE:
         return None
     held, remedy = f"{s.inside:.0%} of the samples lie inside the predicted intervals of 95 %", ""
+    if s.uncovered:
+        return doubtful(
+            f"axis {s.axis}: not covered by the model's recordings, {s.uncovered}; {held}",
+            "identify friction from motions like this one",
+        )
     if s.relative <= TOLERANCE:
         why = (
             f"{held}, {INSIDE:.0%} are needed at least; these are too narrow for this motion, whose"
@@ -376,9 +481,17 @@ RULES: tuple[Rule[Scores], ...] = (
 """Before the parameters' errors comes what spoils a recording by itself."""
 
 
-def _praise(scores: Scores) -> str:
-    worst = max(scores, key=lambda each: each.relative)
-    return f"torque predicted within {worst.relative:.1%} (rms), worst axis {worst.axis}"
+def _praise(scores: Scores, residual: BandResidual | None) -> str:
+    shares = {each.axis: each.relative for each in scores}
+    band = ""
+    if residual is not None and np.isfinite(residual.relative_smoothed).any():
+        shown = enumerate(residual.relative_smoothed.tolist(), start=1)
+        shares, band = (
+            {axis: x for axis, x in shown if np.isfinite(x)},
+            f" up to {residual.band:g} Hz",
+        )
+    worst = max(shares, key=shares.__getitem__)
+    return f"torque predicted within {100 * shares[worst]:.2g} % (rms{band}), worst axis {worst}"
 
 
 class ValidationRecord(FileModel):

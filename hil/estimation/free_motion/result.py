@@ -138,5 +138,5 @@ class FreeMotionFit(FileModel):
     @field_serializer("axes")
     def _without_what_follows(self, axes: tuple[AxisLaw, ...]) -> list[dict[str, Any]]:
         """Axes without what the level says already, and what only measurements have."""
-        others = {"wander", "speeds", "measurements", "warmth"}
+        others = {"wander", "speeds", "unseen", "measurements", "warmth", "exposure"}
         return [axis.model_dump(mode="json", exclude=others) for axis in axes]

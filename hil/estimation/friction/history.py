@@ -3,6 +3,9 @@
 While samples were recorded, its mean speed is the distance passed, divided by the time. Between two
 recordings nothing was sampled, but it is known what had been planned: a rest, an exercise of so
 many seconds, and travels whose ends are known.
+
+A trajectory that begins later than `COLD` after the bus was entered was passed before, in attempts
+that were repeated: nothing else takes as long.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import numpy as np
 
 from hil.friction.warmth import History
 from hil.planning.strokes import TURN
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -20,6 +24,11 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
+
+
+COLD = 60.0
+"""Time from entering the bus to the first sample up to which a run begins cold [s]: travels and
+switching on take less (`hil run` says so, too)."""
 
 
 class Way(Protocol):
@@ -40,6 +49,10 @@ def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Way]]) -> His
     begin = float(in_time[0][1].time[0]) if in_time else 0.0
     ends, speeds = [], []
     last_time, last_q = begin, in_time[0][1].q[0] if in_time else np.zeros(robot.n_joints)
+    if begin > COLD and isinstance(in_time[0][0], Trajectory):
+        ends.append(begin)
+        speeds.append(_mean_speed(robot, in_time[0][1]))
+        begin = 0.0
     for measurement, recording in in_time:
         first = float(recording.time[0])
         exercise, speed = _exercise(measurement, robot)
@@ -53,10 +66,16 @@ def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Way]]) -> His
             ends.append(first)
             speeds.append(speed)
         ends.append(float(recording.time[-1]))
-        steps = np.abs(np.nan_to_num(np.diff(recording.q, axis=0))).sum(axis=0)
-        speeds.append(steps / max(ends[-1] - first, 1e-9) / robot.velocity_limit)
+        speeds.append(_mean_speed(robot, recording))
         last_time, last_q = ends[-1], recording.q[-1]
     return History(np.array(ends), np.array(speeds).reshape(len(ends), robot.n_joints), begin)
+
+
+def _mean_speed(robot: Robot, way: Way) -> Array:
+    """Distance passed over the time, as shares of the limits, shape (n_joints,)."""
+    steps = np.abs(np.nan_to_num(np.diff(way.q, axis=0))).sum(axis=0)
+    duration = max(float(way.time[-1] - way.time[0]), 1e-9)
+    return np.asarray(steps / duration / robot.velocity_limit)
 
 
 def _exercise(measurement: RecordedMotion, robot: Robot) -> tuple[float, Array]:

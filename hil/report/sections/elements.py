@@ -73,7 +73,12 @@ def torques(run: ReportedRun) -> Section | None:
     return Section(
         "Residuals and torques",
         "torques.html",
-        {"residuals": tables.residuals(run.model)},
+        {
+            "residuals": tables.residuals(run.model),
+            "band": tables.band_residual(
+                run.model.band_residual, run.model.robot, "of these recordings"
+            ),
+        },
         (_all(run), *over_angles) if kinds else (),
     )
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
+    from hil.results.residual import BandResidual
     from hil.results.tables.table import Row
 
 
@@ -142,7 +143,45 @@ def residuals(model: IdentifiedRobot) -> Table:
             else (str(axis), f"{limit:g}", significant(left, 3), percent(left, limit))
             for axis, (left, limit) in enumerate(each, start=1)
         ),
-        "Root mean square of what the local models of inertia and coupling leave of the torque.",
+        "Root mean square of what is left of the torque after the method's low-pass, friction"
+        " fitted anew in each measurement.",
+    )
+
+
+def band_residual(found: BandResidual | None, robot: Robot, what: str) -> Table:
+    """Residual over the one band in which all models are compared; no rows where none is known.
+
+    Parameters
+    ----------
+    what : str
+        Recordings, for the title.
+    """
+    if found is None:
+        return table("", (), ())
+    columns = zip(
+        found.torque, found.left, found.relative.tolist(), found.relative_smoothed.tolist(),
+        found.relative_unfiltered.tolist(), strict=True,
+    )  # fmt: skip
+    rows = [
+        (
+            str(axis),
+            f"{significant(torque, 3)} {robot.torque_unit(axis - 1)}",
+            f"{significant(left, 3)} {robot.torque_unit(axis - 1)}",
+            *("" if math.isnan(each) else significant(100 * each, 2) for each in shares),
+        )
+        for axis, (torque, left, *shares) in enumerate(columns, start=1)
+        if torque is not None and left is not None
+    ]
+    together = (found.overall, np.nan, found.overall_unfiltered)
+    shares = ("" if math.isnan(each) else significant(100 * each, 2) for each in together)
+    return table(
+        f"Torque left {what}, up to {found.band:g} Hz",
+        ("axis", *figures("torque", "left", "left, %", "in motion, %", "unfiltered, %")),
+        (*rows, ("all", "", "", *shares)),
+        "Root mean squares of the torque and of what model.torque leaves of it, positions and"
+        " torques low-passed alike (Butterworth, order 4, forth and back). In motion: away from"
+        " rest, the prediction low-passed too, so that friction jumps at a reversal in neither;"
+        " models are judged by that. Unfiltered: of the torque as it was recorded.",
     )
 
 

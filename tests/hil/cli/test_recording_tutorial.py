@@ -43,7 +43,7 @@ def test_every_step_works_and_the_verdict_is_the_one_that_stands_there(
     (stands,) = re.findall(r"(?m)^good: torque pred.*$", TEXT)
     assert stands in printed
     rows = re.findall(r"(?m)^ \d  .*$", TEXT)
-    assert len(rows) == 2
+    assert len(rows) == 4
     assert all(row.split() in [line.split() for line in printed.splitlines()] for row in rows)
     model = Model.load("runs/head")
     truth, (low, high) = true_parameters(model.robot, PLANT), model.interval().T

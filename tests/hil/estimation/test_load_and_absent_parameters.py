@@ -100,11 +100,10 @@ def test_a_known_mass_is_held_and_makes_the_rest_surer(robot, runs):
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
 
 
-def test_the_residual_of_an_axis_is_what_its_own_inertias_and_couplings_leave(both):
-    local = [v for v in both[0].local if v.kind in {"inertia", "coupling"}]
-    for axis, residual in enumerate(both[0].residual):
-        left = [v.residual for v in local if v.axis == axis]
-        assert residual == pytest.approx(np.linalg.norm(left) / np.sqrt(len(left)))
+def test_every_axis_that_was_measured_has_a_residual_far_below_what_its_drive_can_give(both, robot):
+    found = both[0].residual
+    assert (found > 0.0).all()
+    assert (found < 0.02 * robot.torque_limit).all()
 
 
 def test_what_is_uncertain_of_drives_widens_a_load(robot, runs):

@@ -7,6 +7,7 @@ from hil.estimation.friction.history import history
 from hil.model.robot import load_robot
 from hil.planning.measurement import Friction
 from hil.planning.strokes import TURN
+from hil.planning.trajectory import Trajectory
 from hil.runs.recording import IDLE, Recording
 
 AXIS = 1
@@ -76,3 +77,12 @@ def test_a_run_without_recordings_has_an_empty_history(robot):
     found = history(robot, [])
     assert found.end.shape == (0,)
     assert found.speed.shape == (0, robot.n_joints)
+
+
+@pytest.mark.parametrize(("first", "moved"), [(20.0, False), (300.0, True)])
+def test_a_trajectory_that_begins_late_was_passed_before(robot, first, moved):
+    motion = Trajectory.model_construct(id="t", cycles=2)
+    found = history(robot, [(motion, recording(robot, first, 0.0, 1.0))])
+    assert found.begin == (0.0 if moved else first)
+    assert found.end == pytest.approx([first, first + 10.0] if moved else [first + 10.0])
+    assert found.speed[:, AXIS] * robot.velocity_limit[AXIS] == pytest.approx(0.1)

@@ -243,7 +243,7 @@ class TestView:
             assert f" {name} " in f" {text} "
             assert f">{symbols(name)}</th>" in html
             assert expression[:12] in text
-        assert html.count("<table") == html.count("</table>") == 3
+        assert html.count("<table") == html.count("</table>") == 4
 
     def test_what_was_left_out_is_remarked_without_markup(self, model):
         origin = model.provenance.model_copy(update={"left_out": ("g02: <no> [red]sample",)})

@@ -199,8 +199,9 @@ def test_all_reasons_are_kept_the_worst_first_and_those_of_earlier_versions_are_
     replace(bad, outcome=outcome(bad)).save(path)
     kept = Model.load(path).outcome
     assert kept == outcome(bad)
-    assert [each.word for each in kept.reasons] == ["failed", "doubtful", "doubtful"]
-    assert all(each.remedy for each in kept.reasons)
+    assert [each.word for each in kept.reasons] == ["failed", "doubtful", "doubtful", "good"]
+    assert all(each.remedy for each in kept.reasons[:-1])
+    assert kept.reasons[-1].reason.startswith("residual up to 8 Hz")
     earlier = {"run": "../r", "validated": "", "verdict": "PASS", "reason": "so", "relative": 0.1}
     content = yaml.safe_load(path.read_text(encoding="utf-8"))
     content["outcome"] = {"word": "good", "reason": "so", "remedy": ""}

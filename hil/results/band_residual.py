@@ -1,0 +1,145 @@
+"""From recordings to the residual of a model over the fixed band (`hil.results.residual`)."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from hil.errors import FrictionUnknown
+from hil.estimation.free_motion.motion import low_passed
+from hil.friction.equation import SLOW
+from hil.least_squares.standstill import extent, moving
+from hil.planning.free_motion import FreeMotion
+from hil.planning.measurement import shows_parameters
+from hil.results.recorded_torque import in_si
+from hil.results.residual import BAND, BandResidual
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.arrays import Array, Mask
+    from hil.results.model import Model
+    from hil.runs.recording import Recorded, Recording
+
+EDGE = 0.4
+"""Dropped at either end of a motion [s]: the slowest pole of the filter, at 0.38 times its angular
+cut-off, has decayed to 1/2000."""
+SHORTEST = 2.0
+"""Shortest motion that counts [s]."""
+GAP = 10.0
+"""Time between two samples from which on a motion ends, in sampling periods."""
+FINE = 32.0
+"""Samples in a period of the cut-off, at least, that are kept of faster recordings."""
+
+
+class _Samples(NamedTuple):
+    """Torque of a motion, filtered and as recorded, its prediction, as it is and smoothed.
+
+    Each of shape (n, n_joints), like the masks of samples that count and of axes at rest.
+    """
+
+    filtered: Array
+    recorded: Array
+    predicted: Array
+    smoothed: Array
+    counts: Mask
+    rests: Mask
+
+
+def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
+    """Compute the residual of a model on recordings.
+
+    Parameters
+    ----------
+    model : Model
+    recorded : iterable of (RecordedMotion, Recording)
+        Of the same robot.
+
+    Returns
+    -------
+    BandResidual or None
+        None where the model states no friction, or no motion is `SHORTEST` long.
+    """
+    n_joints = model.robot.n_joints
+    squares, counts = np.zeros((6, n_joints)), np.zeros((6, n_joints))
+    unknown = [axis - 1 for axis in model.axes_without_friction]
+    if len(unknown) == n_joints:
+        return None
+    for motion, as_recorded in recorded:
+        if not shows_parameters(motion):
+            continue
+        recording = in_si(model, motion, as_recorded)
+        # an import is judged as a whole, whatever parts of it are strokes
+        whole = isinstance(motion, FreeMotion)
+        used = np.ones(recording.n_samples, dtype=bool) if whole else recording.under_way
+        for each in _motions(model, recording, used):
+            every = each.counts & np.isin(np.arange(n_joints), motion.moved)
+            every[:, unknown] = False
+            moved, left = every & ~each.rests, each.filtered - each.predicted
+            rows = (
+                (each.filtered, every), (left, every),
+                (each.filtered, moved), (each.filtered - each.smoothed, moved),
+                (each.recorded, every), (each.recorded - each.predicted, every),
+            )  # fmt: skip
+            squares += [np.sum(np.where(mask, x, 0.0) ** 2, axis=0) for x, mask in rows]
+            counts += [mask.sum(axis=0) for _, mask in rows]
+    if not counts.any():
+        return None
+    roots = np.sqrt(squares / np.maximum(counts, 1.0)).tolist()
+    found = [
+        tuple(x if n else None for x, n in zip(*pair, strict=True))
+        for pair in zip(roots, counts.tolist(), strict=True)
+    ]
+    names = ("torque", "left", "moving", "smoothed", "recorded", "unfiltered")
+    return BandResidual(band=BAND, **dict(zip(names, found, strict=True)))
+
+
+def _motions(model: Model, recording: Recording, used: Mask) -> Iterator[_Samples]:
+    """Motions of a recording without gaps, each with what the model predicts.
+
+    Of its samples those count that are `used`, shape (n_recorded,).
+    """
+    whole = np.flatnonzero(np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(1))
+    time = recording.time[whole]
+    if len(whole) < 2:
+        return
+    period = float(np.median(np.diff(time)))
+    for part in np.split(whole, np.flatnonzero(np.diff(time) > GAP * period) + 1):
+        own = recording.time[part]
+        if own[-1] - own[0] < SHORTEST:
+            continue
+        even = np.arange(own[0], own[-1], period)
+        q, tau = (
+            np.column_stack([np.interp(even, own, column) for column in x[part].T])
+            for x in (recording.q, recording.tau)
+        )
+        every = max(1, int(1.0 / (FINE * BAND * period)))
+        filtered = low_passed(tau, period, BAND, every)[0]
+        motions = [low_passed(q, period, k * BAND, every, derivatives=2) for k in (1.0, 2.0)]
+        narrow, wide = (_predicted(model, motion) for motion in motions)
+        smoothed = low_passed(wide, every * period, BAND)[0]
+        counts = np.zeros(filtered.shape, dtype=bool)
+        edge = round(EDGE / (every * period))
+        counts[edge : len(counts) - edge] = moving([extent(q, period)])
+        nearest = np.searchsorted(recording.time, even[::every], side="right") - 1
+        counts &= used[nearest][:, np.newaxis]
+        rests = _resting(model, motions[0][1], every * period)
+        yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests)
+
+
+def _predicted(model: Model, motion: tuple[Array, ...]) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FrictionUnknown)  # such axes are left out
+        return np.asarray(model.torque(*motion))
+
+
+def _resting(model: Model, qd: Array, period: float) -> Mask:
+    """Samples of axes at rest, and those that the low-pass connects with these."""
+    speed, reach = np.abs(qd), round(1.0 / (BAND * period))
+    limit = model.robot.velocity_limit
+    slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
+    still = ndimage.binary_opening(slow, np.ones((reach, 1), dtype=bool))
+    return np.asarray(ndimage.binary_dilation(still, np.ones((2 * reach + 1, 1), dtype=bool)))

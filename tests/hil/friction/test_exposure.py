@@ -1,0 +1,131 @@
+"""Intervals of friction widen at speeds and after motion that its recordings have not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.friction.law import AxisLaw, FrictionLaw, TermValue, friction_variance, level_along
+from hil.friction.search import axis_law
+from hil.friction.terms import OF_SPEED
+from hil.friction.warmth import COLD_TO_WARM, COURSES, Exposure, History, states_at
+from hil.least_squares.blocks import Blocks
+from hil.model.robot import Robot, load_robot
+
+LIMIT = 4.0
+LEVELS = 0.97, 1.0, 1.03, 1.0, 0.98, 1.02
+
+
+def degressive(v: np.ndarray) -> np.ndarray:
+    """Friction that falls towards rest, as an arc tangent does [N m]."""
+    return np.asarray(np.sign(v) * (8.0 + 8.0 * 2 / np.pi * np.arctan(np.abs(v) / 0.3)) + 2.0 * v)
+
+
+def blocks(slowest: float) -> Blocks:
+    """Measurements with speeds from the slowest to nine tenths of the limit, forth and back."""
+    one_way = np.linspace(slowest, 0.9 * LIMIT, 60)
+    v = np.append(one_way, -one_way)
+    u, sign = v / LIMIT, np.sign(v)
+    columns = {
+        "offset": np.ones_like(u), "Coulomb": sign, "viscous": u, "asymmetric": np.abs(u),
+        "cube root": np.cbrt(u), "arc tangent": np.arctan(u / 0.08), "quadratic": u * np.abs(u),
+        "load": 0 * u,
+    }  # fmt: skip
+    X = np.column_stack([columns[term] for term in OF_SPEED])
+    rng, products = np.random.default_rng(1), []
+    for level in LEVELS:
+        y = level * degressive(v) + 0.05 * rng.standard_normal(len(v))
+        whole = np.column_stack([y, X])
+        products.append(whole.T @ whole)
+    counts = np.full((len(LEVELS), 1), float(len(v)))
+    return Blocks((), tuple(OF_SPEED), np.array(products)[:, np.newaxis], counts)
+
+
+def law(slowest: float, past: History | None = None) -> AxisLaw:
+    time = 60.0 * np.arange(len(LEVELS))
+    return axis_law(blocks(slowest), LIMIT, (slowest, 0.9 * LIMIT), time, past, 0)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("emps")
+
+
+def half(robot: Robot, found: AxisLaw, v: np.ndarray) -> np.ndarray:
+    qd = v[:, np.newaxis]
+    alone = FrictionLaw(axes=(found,))
+    return 1.96 * np.sqrt(friction_variance(robot, alone, 0 * qd, qd, 0 * qd)[:, 0])
+
+
+def test_intervals_widen_outside_the_speeds_of_the_law_and_hold_what_friction_does_there(
+    robot: Robot,
+) -> None:
+    found = law(0.25 * LIMIT)
+    v = np.array([0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 0.9]) * LIMIT
+    width = half(robot, found, v)
+    assert (np.diff(width[:5]) < 0).all()
+    assert found.extrapolation(v[4:]) == pytest.approx(0.0, abs=1e-12)
+    speed = found.known(v)
+    stated = np.array([found.extrapolation(each) for each in v])
+    level = sum(
+        found.terms[term].value * OF_SPEED[term].column(_samples(speed)) for term in found.terms
+    ) + found.slope * (v - speed)
+    off = np.abs(degressive(v) - level)
+    assert (off[:3] > 1.0).all()  # the law goes on in a straight line, friction does not
+    assert (off < 1.96 * np.hypot(stated, found.wander * level)).all()
+
+
+def _samples(v: np.ndarray) -> object:
+    from hil.friction.direction import Direction
+    from hil.friction.terms import _Samples
+
+    one = np.ones_like(v)
+    return _Samples(v / LIMIT, Direction(one, 0 * one), 0 * v, 0 * v)
+
+
+def test_a_law_from_slow_to_fast_is_sure_where_one_from_fast_alone_is_not() -> None:
+    slow, fast = (law(share * LIMIT) for share in (0.03, 0.25))
+    v = np.array([0.03, 0.05, 0.1]) * LIMIT
+    assert slow.extrapolation(v) == pytest.approx(0.0, abs=1e-12)
+    assert (fast.extrapolation(v) > 0.5).all()
+
+
+def test_the_less_an_axis_has_gone_through_what_its_law_saw_the_wider_the_interval() -> None:
+    end = 60.0 * np.arange(1, len(LEVELS) + 1)
+    resting = History(end, np.full((len(end), 1), 0.02), -60.0)
+    found = law(0.1 * LIMIT, resting).exposure
+    assert found is not None
+    assert len(found.states) == len(COURSES)
+    assert found.slope >= COLD_TO_WARM
+    assert 0.01 < found.scatter < 0.04
+
+    moving = History(end, np.full((len(end), 1), 0.5), 0.0)
+    axis = law(0.1 * LIMIT, resting)
+    alike, unlike = (
+        level_along(FrictionLaw(axes=(axis,)), past, end)[:, 0] for past in (resting, moving)
+    )
+    assert (np.diff(unlike) > 0).all()
+    assert unlike[-1] > 3 * alike[-1]
+    assert float(found.deviation(found.anywhere)) > alike.max()
+
+
+def test_measurements_that_showed_more_change_widen_intervals_more() -> None:
+    states = np.linspace(0.0, 0.2, 6)[:, np.newaxis] * np.ones(len(COURSES))
+    calm, wild = (Exposure.of(states, size * np.linspace(1.0, -1.0, 6), 2) for size in (0.01, 0.07))
+    assert calm.slope == COLD_TO_WARM
+    assert wild.slope == pytest.approx(0.7)
+    assert Exposure.of(states, np.linspace(1.0, -1.0, 6), 2).slope == 1.0
+    assert wild.deviation(0.1) > calm.deviation(0.1) > calm.deviation(0.0) == calm.scatter
+
+
+def test_the_state_of_an_axis_is_cold_where_its_history_begins() -> None:
+    past = History(np.array([100.0]), np.array([[0.5]]), 0.0)
+    assert states_at(past, 0, np.array([0.0])) == pytest.approx(0.0)
+    assert (states_at(past, 0, np.array([100.0])) > 0.05).all()
+
+
+def test_a_law_without_exposure_keeps_its_wander() -> None:
+    term = TermValue(value=1.0, standard_error=0.0)
+    plain = dict.fromkeys(("offset", "Coulomb", "viscous"), term)
+    own = AxisLaw(law="Coulomb", speed=1.0, terms=plain, plain=plain, held_out={}, wander=0.07)
+    assert float(own.deviation(None)) == 0.07

@@ -1,0 +1,146 @@
+"""The residual that is stated is what any user computes over the same band, for every method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded
+from scipy import signal
+
+from hil.errors import InvalidValue
+from hil.estimation.options import Options
+from hil.friction.law import AxisLaw, FrictionLaw, TermValue
+from hil.results.band_residual import band_residual
+from hil.results.outcome import outcome
+from hil.results.residual import BandResidual, unexplained
+
+if TYPE_CHECKING:
+    from free_run import FreeRecorded
+
+    from hil.results.model import Model
+
+from stated_model import stated_model
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    """Model whose friction is a tenth less than that of `free_run.classical`."""
+    own = []
+    for offset, coulomb, viscous in ((0.5, 3.6, 1.8), (-0.2, 1.35, 0.72)):
+        values = {"offset": offset, "Coulomb": coulomb, "viscous": viscous}
+        terms = {
+            name: TermValue(value=value, standard_error=0.01) for name, value in values.items()
+        }
+        own.append(
+            AxisLaw(law="Coulomb and viscous", speed=1.0, terms=terms, plain=terms, held_out={})
+        )
+    made = stated_model(arm())
+    return replace(made, values=TRUTH, friction_law=FrictionLaw(axes=tuple(own)))
+
+
+@pytest.fixture(scope="module")
+def data() -> FreeRecorded:
+    return recorded(arm(), TRUTH, n=2, noise=0.5)
+
+
+def independent(model: Model, data: FreeRecorded) -> tuple[np.ndarray, float]:
+    """Residual over the torque of each axis and of all, by SciPy's filter and differences."""
+    left, torque = [], []
+    for _, recording in data:
+        step = recording.period
+        low = signal.butter(4, 2 * 8.0 * step)
+        q, tau = (signal.filtfilt(*low, x, axis=0) for x in (recording.q, recording.tau))
+        qd = np.gradient(q, step, axis=0)
+        inner = slice(round(0.4 / step), -round(0.4 / step))
+        found = tau - model.torque(q, qd, np.gradient(qd, step, axis=0))
+        left.append(found[inner])
+        torque.append(tau[inner])
+    e, y = (np.sqrt(np.mean(np.vstack(x) ** 2, axis=0)) for x in (left, torque))
+    return e / y, float(np.linalg.norm(e) / np.linalg.norm(y))
+
+
+def test_it_equals_what_a_user_computes_over_the_same_band(
+    model: Model, data: FreeRecorded
+) -> None:
+    found = band_residual(model, data)
+    assert found is not None
+    by_axis, overall = independent(model, data)
+    assert found.band == 8.0
+    assert found.relative == pytest.approx(by_axis, rel=0.02)
+    assert found.overall == pytest.approx(overall, rel=0.02)
+    assert found.overall_unfiltered > found.overall
+
+
+def test_it_is_the_same_however_the_model_was_found_and_a_gap_or_a_missing_sample_is_no_jump(
+    model: Model, data: FreeRecorded
+) -> None:
+    whole = band_residual(model, data)
+    assert whole is not None
+    parted = []
+    for motion, recording in data:
+        time, q = recording.time.copy(), recording.q.copy()
+        time[len(time) // 2 :] += 5.0
+        q[1000] = np.nan
+        parted.append((motion, replace(recording, time=time, q=q)))
+    found = band_residual(replace(model, residual=np.full(2, np.nan)), parted)
+    assert found is not None
+    assert found.overall == pytest.approx(whole.overall, rel=0.05)
+
+
+def test_friction_that_jumps_at_a_reversal_is_no_residual_of_a_model_that_is_right(
+    model: Model,
+) -> None:
+    data = recorded(arm(), TRUTH, friction=lambda qd: model.torque(
+        0 * qd, qd, 0 * qd, parts=("friction",)
+    ), n=1, noise=0.0)  # fmt: skip
+    found = band_residual(model, data)
+    assert found is not None
+    assert (found.relative > 0.006).all()
+    assert (found.relative_smoothed < 0.3 * found.relative).all()
+
+
+def test_a_model_without_friction_states_none(model: Model, data: FreeRecorded) -> None:
+    assert band_residual(replace(model, friction_law=None), data) is None
+
+
+def residual(*shares: float, torque: float = 20.0) -> BandResidual:
+    left = tuple(torque * share for share in shares)
+    rms = (torque,) * len(shares)
+    return BandResidual(
+        band=8.0, torque=rms, left=left, moving=rms, smoothed=left, recorded=rms, unfiltered=left
+    )
+
+
+def test_good_needs_accuracy_on_every_axis_that_carries_load(model: Model) -> None:
+    fine = outcome(replace(model, band_residual=residual(0.05, 0.09)))
+    poor = outcome(replace(model, band_residual=residual(0.05, 0.30)))
+    assert not [each for each in fine.reasons if "explains" in each.reason]
+    (doubt,) = (each for each in poor.reasons if "explains" in each.reason)
+    assert doubt.word == "doubtful"
+    assert doubt.reason.startswith("the model explains 70 % of axis 2: 30 % of its torque remain")
+    wide = outcome(replace(model, band_residual=residual(0.05, 0.30)), accuracy=0.35)
+    assert not [each for each in wide.reasons if "explains" in each.reason]
+
+
+def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:
+    limits = np.array([90.0, np.nan])
+    small = residual(0.5, 0.5).model_copy(update={"torque": (0.5, 20.0)})
+    assert [each.reason[:31] for each in unexplained(small, limits, 0.1)] == [
+        "the model explains 50 % of axis"
+    ]
+    assert not list(unexplained(None, limits, 0.1))
+
+
+def test_every_word_states_the_residual(model: Model) -> None:
+    found = outcome(replace(model, band_residual=residual(0.05, 0.30)))
+    assert any(each.reason.startswith("residual up to 8 Hz 22 % of the torque")
+               for each in found.reasons)  # fmt: skip
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -0.1, 1.5])
+def test_an_accuracy_is_a_share(accuracy: float) -> None:
+    with pytest.raises(InvalidValue, match="must be a share above 0, at most 1"):
+        Options(accuracy=accuracy)
