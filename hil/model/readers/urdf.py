@@ -19,6 +19,7 @@ import numpy as np
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, meant
+from hil.model.robot_file import MAX_RANGE, MAX_TORQUE, MAX_VELOCITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -263,19 +264,22 @@ class UrdfReader:
         length = float(np.linalg.norm(axis))
         if not length > 0:
             raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
+        kind: Literal["revolute", "prismatic"]
+        kind = "prismatic" if stated == "prismatic" else "revolute"
+        smaller = 180.0 / math.pi if kind == "revolute" else 1e3  # degrees or mm in one unit
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         return UrdfJoint(
             name=name,
             link=edge.child,
-            type="prismatic" if stated == "prismatic" else "revolute",
+            type=kind,
             before=before,
             axis=axis / length,
-            lower=self._number(ranged, "lower"),
-            upper=self._number(ranged, "upper"),
-            velocity=self._greatest(limit, "velocity"),
+            lower=_limit(self._number(ranged, "lower"), MAX_RANGE[kind] * smaller),
+            upper=_limit(self._number(ranged, "upper"), MAX_RANGE[kind] * smaller),
+            velocity=_limit(self._greatest(limit, "velocity"), MAX_VELOCITY[kind] * smaller),
             acceleration=math.nan,
-            effort=self._greatest(limit, "effort"),
+            effort=_limit(self._greatest(limit, "effort"), MAX_TORQUE * 1e3),
         )
 
     def attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
@@ -326,6 +330,15 @@ class UrdfReader:
     def _number(self, element: Element | None, key: str) -> float:
         found = None if element is None else self.file.numbers(element, key, 1)
         return math.nan if found is None else found[0]
+
+
+def _limit(stated: float, greatest: float) -> float:
+    """Return a limit, or NaN where it exceeds what any joint has, in whichever unit.
+
+    Published URDFs state +-10000 rad, say, where there is no limit; a value that is possible in
+    degrees, mm or mN m is kept, and refused with that remark.
+    """
+    return math.nan if abs(stated) > greatest else stated
 
 
 def _turned_about(axis: Array, angle: float) -> Array:
