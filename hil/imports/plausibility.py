@@ -20,6 +20,7 @@ from hil.model.frames import ROUNDED_OFF
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from hil.arrays import Mask
     from hil.imports.evidence import Excerpt
     from hil.model.robot import Robot
 
@@ -51,7 +52,7 @@ def suspicions(
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
-        found += () if unknown_gains else mechanical_suspicions(excerpts, robot)
+        found += () if unknown_gains else mechanical_suspicions(excerpts, robot, evidence.moves & ~coarse(evidence))
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
@@ -84,10 +85,15 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
             )
 
 
+def coarse(evidence: Evidence) -> Mask:
+    """Joints of whose accelerations noise of the position makes more than half of the power."""
+    power = np.mean(evidence.qdd**2, axis=0)
+    return np.asarray(evidence.noise_qdd**2 > power / 2)
+
+
 def _coarse(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
     """Positions whose noise makes more of the accelerations than the motion does."""
-    power = np.mean(evidence.qdd**2, axis=0)
-    for joint in np.flatnonzero(evidence.moves & (evidence.noise_qdd**2 > power / 2)).tolist():
+    for joint in np.flatnonzero(evidence.moves & coarse(evidence)).tolist():
         unit = robot.position_unit(joint)
         yield Suspicion(
             "velocity",
