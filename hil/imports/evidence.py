@@ -141,9 +141,7 @@ class Evidence:
         duration = sum(each.period * len(each.q) for each in excerpts)
         joined = map(np.concatenate, zip(*samples, strict=True))
         q, qd, qdd, tau, recorded_qd = joined
-        return cls(
-            q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, recorded, moves, duration
-        )
+        return cls(q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, recorded, moves, duration)
 
 
 def _fitted(excerpt: Excerpt) -> tuple[tuple[Array, ...], Array]:

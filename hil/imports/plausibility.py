@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Evidence, Suspicion
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import misread_torques, misread_velocities, range_suspicions, small
@@ -48,11 +49,20 @@ def suspicions(
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot, unknown_gains)
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
-        found += [*misread_velocities(evidence, robot), *_coarse(evidence, robot)]
+        found += misread_velocities(evidence, robot)
+        # velocities that are another joint's, or zero, are no clocks
+        wrong = any(suspicion.certain for suspicion in found)
+        clock = [] if wrong else list(clock_suspicions(excerpts, evidence))
+        # where time is what is wrong, it makes the positions scatter
+        found += clock or _coarse(evidence, robot)
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
-        found += () if unknown_gains else mechanical_suspicions(excerpts, robot, evidence.moves & ~coarse(evidence))
+        found += (
+            ()
+            if unknown_gains
+            else mechanical_suspicions(excerpts, robot, evidence.moves & ~coarse(evidence))
+        )
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 

@@ -72,6 +72,7 @@ class Statement:
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),
             (counts.doubled, "row has the stamp of another", "rows have the stamp of another"),
+            (counts.held, *self._held()),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
             (self.wraps, "step of a whole turn is undone", "steps of whole turns are undone"),
             (counts.bridged, "missing sample is interpolated", "missing samples are interpolated"),
@@ -80,6 +81,16 @@ class Statement:
         ):
             if number:
                 yield f"{number} {one if number == 1 else many}"
+
+    def _held(self) -> tuple[str, str]:
+        """What rows are that hold all values of the row before, one and many."""
+        counts = self.timing.counts
+        usually = f": values change every {counts.every} rows" if counts.every > 1 else ""
+        first = f"the row before in all columns, from row {counts.first_held} on"
+        return tuple(
+            f"{word} {first}, and count as missing{usually}"
+            for word in ("row repeats", "rows repeat")
+        )
 
     def _velocities(self) -> Iterator[str]:
         joints = [joint for joint, recorded in enumerate(self.recorded, start=1) if recorded]

@@ -1,0 +1,86 @@
+"""Recorded velocities are clocks: they show rates, instants and rows that were held."""
+
+import numpy as np
+import pytest
+from small_recording import a_map, motion, table, write_csv, write_map
+
+from hil.imports.importing import import_recordings
+
+RATE = 200.0
+
+
+def stated(folder, columns, **changes):
+    write_csv(folder / "data.csv", columns)
+    found = []
+    import_recordings([write_map(folder, a_map(velocity=True, **changes))], folder / "run",
+                      found.append)  # fmt: skip
+    return found[0]
+
+
+@pytest.mark.parametrize(("wrong", "seen"), [(208.0, "200"), (190.0, "200"), (210.0, "200")])
+def test_a_rate_that_all_velocities_contradict_is_named(tmp_path, wrong, seen):
+    (one,) = stated(tmp_path, table(20.0, rate=RATE), time={"rate": wrong}).suspicions
+    assert one.location == ("time",)
+    assert f"at {seen} Hz all of them fit; correct the rate" in one.message
+    assert not one.certain
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.01])
+def test_filtered_velocities_contradict_no_rate(tmp_path, delay):
+    columns = table(20.0, rate=RATE)
+    share = 1.0 if not delay else 1.0 - np.exp(-1.0 / RATE / delay)
+    for name in ("v1", "v2"):
+        x = columns[name]
+        for k in range(1, len(x)):
+            x[k] = x[k - 1] + share * (x[k] - x[k - 1])
+    assert stated(tmp_path, columns, time={"rate": RATE}).suspicions == ()
+
+
+def test_rows_that_are_uneven_by_all_velocities_are_named(tmp_path):
+    steps = np.random.default_rng(3).choice([0.004, 0.008], 4000, p=[0.75, 0.25])
+    columns = table(time=np.concatenate([[0.0], np.cumsum(steps)]))
+    (one,) = stated(tmp_path, columns, time={"rate": 200}).suspicions
+    assert "samples are not even in time: by the recorded velocities of joints 1, 2" in one.message
+    assert "record a time stamp with each row" in one.message
+
+
+def test_noise_of_one_encoder_is_no_uneven_clock(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["q1"] += 2e-3 * np.random.default_rng(1).standard_normal(len(columns["t"]))
+    found = stated(tmp_path, columns, time={"rate": RATE}).suspicions
+    assert not any(s.location == ("time",) for s in found)
+
+
+@pytest.mark.parametrize("time", [{"rate": RATE}, {"column": "t"}])
+def test_rows_that_were_recorded_twice_are_named_and_count_as_missing(tmp_path, time):
+    columns = table(20.0, rate=RATE)
+    twice = np.random.default_rng(2).random(len(columns["t"])) < 0.1
+    twice[0] = False
+    for name, x in columns.items():
+        if name != "t":
+            x[twice] = x[np.flatnonzero(twice) - 1]
+    found = stated(tmp_path, columns, time=time)
+    counts, lines = found.timing.counts, "\n".join(found.lines())
+    assert counts.held > 0.8 * twice.sum()
+    assert f"{counts.held} rows repeat the row before in all columns, from row" in lines
+    assert counts.gaps == 0
+    assert found.suspicions == ()
+
+
+def test_rows_that_hold_values_give_way_to_the_rate_at_which_these_change(tmp_path):
+    columns = table(20.0, rate=50.0)
+    held = {name: np.repeat(x, 4) for name, x in columns.items()}
+    held["t"] = np.arange(len(held["t"])) / RATE
+    found = stated(tmp_path, held)
+    assert found.timing.period == pytest.approx(0.02)
+    assert "values change every 4 rows" in "\n".join(found.lines())
+
+
+def test_a_robot_that_rests_repeats_no_rows(tmp_path):
+    columns = table(20.0, rate=RATE)
+    q, qd, tau = motion(columns["t"].clip(max=12.0))
+    resting = columns["t"] > 12.0
+    names = ["q1", "q2", "v1", "v2", "m1", "m2"]
+    for name, x in zip(names, [*q.T, *np.where(resting[:, None], 0, qd).T, *tau.T], strict=True):
+        columns[name] = x
+    assert stated(tmp_path, columns, time={"rate": RATE}).timing.counts.held == 0
