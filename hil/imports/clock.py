@@ -37,7 +37,7 @@ def clock_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterato
     if not shown.any():
         return
     ratio, error = _ratios(excerpts, evidence, shown)
-    common = float(np.exp(np.average(np.log(ratio), weights=error**-2)))
+    common, _ = common_ratio(excerpts, evidence, shown)
     agreeing = np.all(np.abs(np.log(ratio / common)) <= error)
     period = excerpts[0].period
     joints = ", ".join(str(joint + 1) for joint in np.flatnonzero(shown))
@@ -62,6 +62,14 @@ def clock_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterato
             " average; record a time stamp with each row, and name its column in place of the rate",
             certain=False,
         )
+
+
+def common_ratio(
+    excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask
+) -> tuple[float, float]:
+    """Return the rate by the velocities of some joints over the map's, and its relative error."""
+    ratio, error = _ratios(excerpts, evidence, shown)
+    return float(np.exp(np.average(np.log(ratio), weights=error**-2))), float(error.min())
 
 
 def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tuple[Array, Array]:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.clock import clock_suspicions
-from hil.imports.evidence import Evidence, Suspicion
+from hil.imports.evidence import Suspicion
+from hil.imports.held import held_suspicions
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import misread_torques, misread_velocities, range_suspicions, small
 from hil.model.frames import ROUNDED_OFF
@@ -22,12 +23,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.arrays import Mask
-    from hil.imports.evidence import Excerpt
+    from hil.imports.evidence import Evidence, Excerpt
     from hil.model.robot import Robot
 
 
 def suspicions(
     excerpts: Sequence[Excerpt],
+    evidence: Evidence,
     robot: Robot,
     alone: int | None = None,
     unknown_gains: Sequence[int] = (),
@@ -37,6 +39,8 @@ def suspicions(
     Parameters
     ----------
     excerpts : sequence of Excerpt
+    evidence : Evidence
+        Of the excerpts together.
     robot : Robot
     alone : int, optional
         The joint, from 0, that is stated to move while all others stand still.
@@ -44,7 +48,6 @@ def suspicions(
         Joints, from 0, of whose torques the size says nothing: then limits of torque and mechanics,
         which compares the torques of joints, are no checks.
     """
-    evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot, unknown_gains)
@@ -53,8 +56,9 @@ def suspicions(
         # velocities that are another joint's, or zero, are no clocks
         wrong = any(suspicion.certain for suspicion in found)
         clock = [] if wrong else list(clock_suspicions(excerpts, evidence))
+        held = [] if wrong else list(held_suspicions(excerpts, evidence))
         # where time is what is wrong, it makes the positions scatter
-        found += clock or _coarse(evidence, robot)
+        found += clock + held or _coarse(evidence, robot)
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()

@@ -38,6 +38,8 @@ class Statement:
     motions : tuple of FreeMotion
     suspicions : tuple of Suspicion
         That the map accepts, or that are not certain.
+    explanation : tuple of str
+        What was understood of each joint, and the figures of the checks.
     """
 
     the_map: MapFile
@@ -46,6 +48,7 @@ class Statement:
     recorded: tuple[bool, ...]
     motions: tuple[FreeMotion, ...]
     suspicions: tuple[Suspicion, ...]
+    explanation: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Sentences, the most general first."""

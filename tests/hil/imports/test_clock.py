@@ -1,5 +1,7 @@
 """Recorded velocities are clocks: they show rates, instants and rows that were held."""
 
+import re
+
 import numpy as np
 import pytest
 from small_recording import a_map, motion, table, write_csv, write_map
@@ -85,3 +87,28 @@ def test_a_robot_that_rests_repeats_no_rows(tmp_path):
     for name, x in zip(names, [*q.T, *np.where(resting[:, None], 0, qd).T, *tau.T], strict=True):
         columns[name] = x
     assert stated(tmp_path, columns, time={"rate": RATE}).timing.counts.held == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "key"), [("m2", "torque"), ("q1", "position"), ("v1", "velocity")]
+)
+def test_a_column_that_is_held_is_named(tmp_path, name, key):
+    columns = table(20.0, rate=RATE)
+    columns[name] = np.repeat(columns[name][::4], 4)[: len(columns["t"])]
+    found = [s for s in stated(tmp_path, columns).suspicions if "values are held" in s.message]
+    assert [s.location for s in found] == [("joints", int(name[1]) - 1, key)]
+    assert re.search("(75|69) % of the rows", found[0].message)
+
+
+def test_a_coarse_column_is_not_held(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["m2"] = np.round(columns["m2"])
+    columns["q1"] = 2e-3 * np.round(columns["q1"] / 2e-3)
+    assert not any("are held" in s.message for s in stated(tmp_path, columns).suspicions)
+
+
+def test_what_was_understood_is_explained_joint_by_joint(tmp_path):
+    lines = stated(tmp_path, table(20.0, rate=RATE)).explanation
+    assert lines[0].startswith("joint 1: position q1 [rad], velocity v1 [rad/s], torque m1 [N m]")
+    for check in ("range", "still", "velocity", "time"):
+        assert any(line.startswith(f"check {check}: ") for line in lines)
