@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Suspicion
-from hil.imports.misread import compared
+from hil.imports.misread import FITS, OTHER, compared, other_units
 from hil.least_squares.standstill import SPAN
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Mask
     from hil.imports.evidence import Evidence, Excerpt
+    from hil.model.robot import Robot
 
 LEAST = 0.01
 """Share of a rate from which on its error is stated: accelerations are off by twice as much, which
@@ -31,9 +32,11 @@ FORETOLD = 0.5
 most where the recorder is uneven; instants that say nothing leave 1 or more."""
 
 
-def clock_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
+def clock_suspicions(
+    excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot
+) -> Iterator[Suspicion]:
     """A rate or a unit of time that all recorded velocities contradict; samples that are uneven."""
-    shown = compared(evidence)
+    shown = clocks(evidence)
     if not shown.any():
         return
     ratio, error = _ratios(excerpts, evidence, shown)
@@ -41,7 +44,15 @@ def clock_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterato
     agreeing = np.all(np.abs(np.log(ratio / common)) <= error)
     period = excerpts[0].period
     joints = ", ".join(str(joint + 1) for joint in np.flatnonzero(shown))
-    if agreeing and abs(np.log(common)) > max(LEAST, float(error.min())):
+    units = [
+        factor
+        for joint in np.flatnonzero(shown).tolist()
+        for each in other_units(robot, joint).values()
+        for factor in (each, 1.0 / each)
+    ]
+    # a factor that a unit explains is the unit's
+    explained = any(abs(common / factor - 1.0) < LEAST for factor in units)
+    if agreeing and not explained and abs(np.log(common)) > max(LEAST, float(error.min())):
         yield Suspicion(
             "velocity",
             ("time",),
@@ -49,9 +60,11 @@ def clock_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterato
             f" {'joint' if len(ratio) == 1 else 'joints'} {joints} are {common:.4g} times the"
             f" derivatives of the positions: at {common / period:.5g} Hz all of them fit; correct"
             " the rate or the unit of time, or the velocities' common unit",
-            certain=False,
+            certain=len(ratio) > 1 and abs(np.log(common)) > np.log(OTHER),
         )
-    elif int(shown.sum()) > 1 and (steps := _uneven(excerpts, shown)) is not None:
+    elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
+        return
+    elif (steps := _uneven(excerpts, shown)) is not None:
         low, high = np.quantile(steps, [0.1, 0.9])
         yield Suspicion(
             "velocity",
@@ -62,6 +75,14 @@ def clock_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterato
             " average; record a time stamp with each row, and name its column in place of the rate",
             certain=False,
         )
+
+
+def clocks(evidence: Evidence) -> Mask:
+    """Joints whose recorded velocity follows their position, and so shows time."""
+    product = np.sum(evidence.qd * evidence.recorded_qd, axis=0)
+    size = np.linalg.norm(evidence.qd, axis=0) * np.linalg.norm(evidence.recorded_qd, axis=0)
+    follows = np.nan_to_num(product) >= FITS * np.nan_to_num(size)
+    return np.asarray(compared(evidence) & (np.nan_to_num(size) > 0) & follows)
 
 
 def common_ratio(

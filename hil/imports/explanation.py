@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.imports.clock import common_ratio
+from hil.imports.clock import clocks, common_ratio
 from hil.imports.misread import FITS, compared
 from hil.imports.plausibility import coarse
 
@@ -57,19 +57,22 @@ def _checks(robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence) -> It
     if np.isfinite(limited).any():
         yield f"check range: reaches {_each(100 * limited)} % of limits of speed or torque"
     noise = np.max([each.extent.noise for each in excerpts], axis=0)
-    yield f"check still: ways over noise of the positions {_each(np.ptp(evidence.q, axis=0) / noise.clip(1e-300))}"
+    over = np.ptp(evidence.q, axis=0) / noise.clip(1e-300)
+    yield f"check still: ways over noise of the positions {_each(over)}"
     shown = compared(evidence)
     if not shown.any():
         yield "check velocity: no recorded velocity beyond the noise of velocity and position"
     for joint in np.flatnonzero(shown):
         own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
-        correlation = float(own @ other) / float(np.linalg.norm(own) * np.linalg.norm(other))
+        size = float(np.linalg.norm(own) * np.linalg.norm(other))
+        correlation = float(own @ other) / max(size, np.finfo(float).tiny)
         yield (
             f"check velocity: joint {joint + 1} is {float(own @ other / (other @ other)):.4g} times"
             f" the derivative of the position, correlation {correlation:.4f} of at least {FITS}"
         )
-    if shown.any():
-        ratio, error = common_ratio(excerpts, evidence, shown)
+    timed = clocks(evidence)
+    if timed.any():
+        ratio, error = common_ratio(excerpts, evidence, timed)
         yield (
             f"check time: velocities say that the rate is {ratio:.4g} times that of the map, known"
             f" to {100 * error:.2g} %"

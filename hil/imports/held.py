@@ -23,8 +23,8 @@ OFTENER = 5.0
 """Times that a column repeats oftener than by chance where it is held: three rows more than the one
 in which noise may bring the same value again, and one to spare."""
 SHARE = 0.2
-"""Share of rows from which on held values are stated: fewer delay a column by a tenth of a sample on
-average."""
+"""Share of rows from which on held values are stated: fewer delay a column by a tenth of a sample
+on average."""
 
 
 def held_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
@@ -48,7 +48,8 @@ def held_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator
 def _repeats(columns: Sequence[Array], positions: Sequence[Array]) -> float:
     """Share of rows that repeat a value where the joint is under way; 0 where chance explains it."""
     steps = np.abs(np.concatenate([np.diff(x) for x in columns]))
-    ways = np.abs(np.concatenate([np.convolve(np.diff(q), np.ones(9), "same") for q in positions]))
+    about = np.ones(9)  # rows over which a held position has changed
+    ways = np.abs(np.concatenate([np.convolve(np.diff(q), about, "same") for q in positions]))
     # under way: faster than half of the rows
     steps = steps[ways >= np.median(ways)]
     share = float(np.mean(steps == 0))

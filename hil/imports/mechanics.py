@@ -99,8 +99,8 @@ def mechanical_suspicions(
             "shape",
             ("joints", 0, "torque"),
             f"the model, friction and all, leaves {100 * share[shown].min():.0f} % of the variance"
-            " of the torques of all joints that move unexplained at least: they do not follow this motion; name the"
-            " columns of torques, of the same recording and of this robot",
+            " of the torques of all joints that move unexplained at least: they do not follow this"
+            " motion; name the columns of torques, of the same recording and of this robot",
         )
         return
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()

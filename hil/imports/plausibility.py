@@ -52,13 +52,14 @@ def suspicions(
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot, unknown_gains)
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
-        found += misread_velocities(evidence, robot)
-        # velocities that are another joint's, or zero, are no clocks
+        clock = list(clock_suspicions(excerpts, evidence, robot))
+        # what all velocities have in common is said once; it makes speeds and positions look wrong
+        found = clock + found
+        found += () if clock else misread_velocities(evidence, robot)
         wrong = any(suspicion.certain for suspicion in found)
-        clock = [] if wrong else list(clock_suspicions(excerpts, evidence))
         held = [] if wrong else list(held_suspicions(excerpts, evidence))
-        # where time is what is wrong, it makes the positions scatter
-        found += clock + held or _coarse(evidence, robot)
+        found += held
+        found += () if clock or held else _coarse(evidence, robot)
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()

@@ -11,9 +11,9 @@ increment each way across a bound, so two increments are ordinary.
 
 Recorders drop a sample now and then, and few small spikes spoil nothing. Least squares counts
 squares: spikes refuse the import where they outweigh all else, of torques and velocities as they
-are, of positions as second differences, since these are differentiated twice. Positions and velocities
-of a joint that rests have no motion to outweigh: what they add to the torques is weighed against
-the motion of the joints that move.
+are, of positions as second differences, since these are differentiated twice. Positions and
+velocities of a joint that rests have no motion to outweigh: what they add to the torques is weighed
+against the motion of the joints that move.
 """
 
 from __future__ import annotations

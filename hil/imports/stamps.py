@@ -2,9 +2,10 @@
 
 The period is the middle one of the mean periods of fifty samples each, so that neither stamps in
 bursts nor gaps nor a coarse clock decide it. Rows without a number, rows that repeat the row
-before, and rows that hold its values, are left out and counted. Where more than 20 ms, or 2.5 periods where these are longer, pass
-between two rows, and later rows do not make up for it, samples are missing and the recording is
-split; a stall of the recorder after which rows come in a burst is none.
+before, and rows that hold its values, are left out and counted. Where more than 20 ms, or 2.5
+periods where these are longer, pass between two rows, and later rows do not make up for it, samples
+are missing and the recording is split; a stall of the recorder after which rows come in a burst is
+none.
 """
 
 from __future__ import annotations

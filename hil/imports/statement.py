@@ -90,10 +90,8 @@ class Statement:
         counts = self.timing.counts
         usually = f": values change every {counts.every} rows" if counts.every > 1 else ""
         first = f"the row before in all columns, from row {counts.first_held} on"
-        return tuple(
-            f"{word} {first}, and count as missing{usually}"
-            for word in ("row repeats", "rows repeat")
-        )
+        rest = f"{first}, and count as missing{usually}"
+        return f"row repeats {rest}", f"rows repeat {rest}"
 
     def _velocities(self) -> Iterator[str]:
         joints = [joint for joint, recorded in enumerate(self.recorded, start=1) if recorded]

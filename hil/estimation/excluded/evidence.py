@@ -149,7 +149,9 @@ class Evidence:
 
     def only(self, chosen: Mask) -> Evidence:
         """Return the parts whose first row is chosen."""
-        return self._of([np.arange(a.start, a.stop) if chosen[a.start] else [] for a, _ in self.parts])
+        return self._of(
+            [np.arange(a.start, a.stop) if chosen[a.start] else [] for a, _ in self.parts]
+        )
 
     def _of(self, kept: Sequence[Indices | Sequence[int]]) -> Evidence:
         """Return some rows of each part."""

@@ -1,8 +1,8 @@
 """Traces of a scope below one another, as CODESYS exports them: keys and values, then the rows.
 
 Each trace has a line ``N.Variable; NAME``, others of its own, and then rows of a time stamp and a
-value. The columns are `time` and the names where all traces have the same stamps, else ``NAME/time``
-beside each ``NAME``.
+value. The columns are `time` and the names where all traces have the same stamps, else
+``NAME/time`` beside each ``NAME``.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _columns(traces: dict[str, Array]) -> dict[str, Array]:
     first = next(iter(traces.values()))[:n, 0]
     if all(np.array_equal(each[:n, 0], first) for each in traces.values()):
         return {"time": first} | {name: each[:n, 1] for name, each in traces.items()}
-    found = {}
+    found: dict[str, Array] = {}
     for name, each in traces.items():
         found |= {f"{name}/time": each[:, 0], name: each[:, 1]}
     return found

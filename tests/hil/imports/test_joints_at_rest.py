@@ -65,10 +65,12 @@ MOVING = {
 
 @pytest.mark.parametrize("case", MOVING)
 def test_a_joint_that_moves_is_compared_all_the_same(tmp_path, case):
-    with pytest.raises(FileError, match="joints.1.velocity: does not follow the position of joint"):
+    with pytest.raises(
+        FileError, match=r"joints\.1\.velocity: does not follow the position of joint"
+    ):
         suspicions(tmp_path, **MOVING[case])
 
 
 def test_a_spike_of_a_joint_at_rest_that_outweighs_all_motion_is_refused(tmp_path):
-    with pytest.raises(FileError, match="joints.1.position: 1 sample stands out"):
+    with pytest.raises(FileError, match=r"joints\.1\.position: 1 sample stands out"):
         suspicions(tmp_path, velocity=False, q2=flicker(30.0, [500]), m2=HOLDING)
