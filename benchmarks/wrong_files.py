@@ -6,7 +6,7 @@ neither refused nor doubted for what they are not::
 
     python benchmarks/wrong_files.py [--robots ROBOT ...] [--seed 21] [--only WORDS]
 
-Checks were tuned on ur10e, seed 1.
+Checks were tuned on ur10e, seed 1, and panda, seed 21; ur10e-on-a-wall, seed 22, was seen by none.
 """
 
 # ruff: noqa: E501 - a mistake a line
@@ -316,7 +316,8 @@ def main() -> None:
              "files": Figure.count(n * len(numbers)), "named-files": Figure.count(sum(named.values())),
              "clean": Figure.count(n * len(clean)), "doubted": Figure.count(wronged)},
             depends=("hil/imports",), seeds=[given.seed],
-            command=f"python benchmarks/wrong_files.py --seed {given.seed}",
+            command=f"python benchmarks/wrong_files.py --robots {' '.join(given.robots)}"
+            f" --seed {given.seed}",
         )  # fmt: skip
 
 

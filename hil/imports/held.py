@@ -46,7 +46,7 @@ def held_suspicions(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator
 
 
 def _repeats(columns: Sequence[Array], positions: Sequence[Array]) -> float:
-    """Share of rows that repeat a value where the joint is under way; 0 where chance explains it."""
+    """Share of rows that repeat a value where the joint is under way; 0 where that is chance."""
     steps = np.abs(np.concatenate([np.diff(x) for x in columns]))
     about = np.ones(9)  # rows over which a held position has changed
     ways = np.abs(np.concatenate([np.convolve(np.diff(q), about, "same") for q in positions]))
