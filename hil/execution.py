@@ -21,6 +21,7 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from checked_files.yaml_file import FileError
+from hil.optional_packages import remedy
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -61,8 +62,7 @@ def cluster(address: str) -> Iterator[Execute[Any, Any]]:
         import distributed  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise FileError(
-            "Dask is not installed; install it with: pip install"
-            " 'canopen-robot-identification[dask]'"
+            f"Dask is not installed; install it with: {remedy('dask', 'distributed')}"
         ) from error
     try:
         client = distributed.Client(address)  # type: ignore[no-untyped-call]

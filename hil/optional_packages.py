@@ -12,9 +12,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def remedy(extra: str) -> str:
-    """Return the command that installs what comes with an extra."""
-    return f"pip install 'canopen-robot-identification[{extra}]'"
+_PACKAGES = {"foxglove": "foxglove-sdk"}
+"""Packages by the name of their module, where the two differ."""
+
+
+def remedy(extra: str, package: str) -> str:
+    """Return the commands that install a package, or all that comes with an extra.
+
+    The project itself need not be in a package index: the package alone is, and a checkout has the
+    extra.
+    """
+    return f"pip install {package}; or, in a checkout, pip install '.[{extra}]'"
 
 
 @contextmanager
@@ -31,7 +39,8 @@ def needed_for(what: Path | str, extra: str = "recordings") -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        package = str(error.name).partition(".")[0]
+        module = str(error.name).partition(".")[0]
+        package = _PACKAGES.get(module, module)
         raise FileError(
-            f"{what}: needs the package {package}, which is not installed: {remedy(extra)}"
+            f"{what}: needs the package {package}, which is not installed: {remedy(extra, package)}"
         ) from error

@@ -39,6 +39,12 @@ def import_(
         Path | None,
         typer.Option("--draft", help="Recording of which a first map is drafted."),
     ] = None,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain", help="Print each joint as it was understood, and all checks' figures."
+        ),
+    ] = False,
     workers: Annotated[
         int | None,
         typer.Option(min=1, help="Number of maps to import in parallel; 1 by default."),
@@ -69,7 +75,8 @@ def import_(
     def state(statement: Statement) -> None:
         nonlocal done
         done += 1
-        for line in statement.lines():
+        explained = statement.explanation if explain else ()
+        for line in (*statement.lines(), *explained):
             say(f"{statement.the_map.path}: {line}")
         status.update(f"{done} of {len(paths)} maps imported")
 

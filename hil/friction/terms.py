@@ -81,7 +81,8 @@ _OTHERS = {
 }
 """What Coulomb's friction changes by with the logarithm of the presliding distance; with the load,
 by direction; and over the distance that the axis goes."""
-RIPPLE = tuple(f"{wave} {order}" for order in RIPPLE_ORDERS for wave in ("cosine", "sine"))
+WAVES = ("cosine", "sine")
+RIPPLE = tuple(f"{wave} {order}" for order in RIPPLE_ORDERS for wave in WAVES)
 """Ripple over the motor's angle, wave by wave."""
 TERMS = (*OF_SPEED, *RIPPLE)
 """Terms of laws, in the order of their columns."""

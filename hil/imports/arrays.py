@@ -51,7 +51,7 @@ def run_from_arrays(
     for number, samples in enumerate(recordings, start=1):
         stem = f"r{number}"
         try:
-            timing, numbered, found = understood(the_map, robot, samples)
+            timing, numbered, found, _ = understood(the_map, robot, samples)
         except FileError as error:
             raise InvalidArray(f"recording {number}: {_reason(error, the_map)}") from error
         made = list(measured_motions(the_map, samples, numbered, stem))

@@ -116,7 +116,8 @@ class Evidence:
     """Motion and torques of all excerpts together: arrays (n, n_joints), SI, joint side.
 
     Of each joint besides, shape (n_joints,): the standard deviations that noise of positions gives
-    `qd` and `qdd`, and whether it moves by more than this noise.
+    `qd` and `qdd`, the noise of a sample of the recorded velocity, and whether the joint moves by
+    more than the noise of its position.
     """
 
     q: Array
@@ -126,7 +127,9 @@ class Evidence:
     recorded_qd: Array
     noise_qd: Array
     noise_qdd: Array
+    noise_recorded: Array
     moves: Mask
+    duration: float
 
     @classmethod
     def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:
@@ -134,9 +137,11 @@ class Evidence:
         samples, noises = zip(*map(_fitted, excerpts), strict=True)
         noise_qd, noise_qdd = np.max(noises, axis=0)
         moves = moving([excerpt.extent for excerpt in excerpts])
+        recorded = np.max([extent(each.qd, each.period).noise for each in excerpts], axis=0)
+        duration = sum(each.period * len(each.q) for each in excerpts)
         joined = map(np.concatenate, zip(*samples, strict=True))
         q, qd, qdd, tau, recorded_qd = joined
-        return cls(q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, moves)
+        return cls(q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, recorded, moves, duration)
 
 
 def _fitted(excerpt: Excerpt) -> tuple[tuple[Array, ...], Array]:

@@ -42,6 +42,7 @@ from hil.runs.recording import IDLE, Recording
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from hil.arrays import Mask
     from hil.estimation.excluded.evidence import Evidence
     from hil.estimation.signals import Prepared, Signals
     from hil.imports.evidence import Excerpt
@@ -64,8 +65,7 @@ NOTHING = 0.8
 """Share of the variance of all axes' torques that is left where they are not of this motion: public
 recordings of five machines have a twentieth at most, noise in place of torques leaves 0.89."""
 LAGS = (0.05, 0.1)
-"""By which torques may be late [s], beyond the lags that estimates fit (`hil.estimation.nuisances`):
-a filter, a stack of software, another computer's clock."""
+"""By which torques may be late [s], beyond the lags that estimates fit by themselves: a filter, a stack of software, another computer's clock."""
 DEGREE = np.pi / 180.0
 """Factor of positions that are in degrees and stated as radians."""
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
@@ -73,8 +73,19 @@ ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
 of robots, and what moves less would not exceed them in the other unit either."""
 
 
-def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator[Suspicion]:
-    """Another reading of the map that explains the torques where its own does not, if any."""
+def mechanical_suspicions(
+    excerpts: Sequence[Excerpt], robot: Robot, shown: Mask
+) -> Iterator[Suspicion]:
+    """Another reading of the map that explains the torques where its own does not, if any.
+
+    Parameters
+    ----------
+    excerpts : sequence of Excerpt
+    robot : Robot
+    shown : ndarray of bool, shape (n_joints,)
+        Joints that move, with accelerations beyond their noise: what a model leaves of the torques
+        of others says nothing of the columns.
+    """
     prepared = [_motion(number, each) for number, each in enumerate(excerpts)]
     try:
         solver = SimultaneousFit(robot, prepared)
@@ -82,13 +93,13 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
         return
     smooth = np.concatenate([s.smoothed(s.tau) for _, s in prepared])
     share = 1.0 / np.maximum(solver.weight * smooth.var(axis=0), np.finfo(float).tiny)
-    if (share > NOTHING).all():
+    if shown.any() and (share[shown] > NOTHING).all():
         yield Suspicion(
             "shape",
             ("joints", 0, "torque"),
-            f"the model, friction and all, leaves {100 * share.min():.0f} % of the variance of the"
-            " torques of all joints unexplained at least: they do not follow this motion; name the"
-            " columns of torques, of the same recording and of this robot",
+            f"the model, friction and all, leaves {100 * share[shown].min():.0f} % of the variance"
+            " of the torques of all joints that move unexplained at least: they do not follow this"
+            " motion; name the columns of torques, of the same recording and of this robot",
         )
         return
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
@@ -101,7 +112,7 @@ def mechanical_suspicions(excerpts: Sequence[Excerpt], robot: Robot) -> Iterator
     drives = stated.driven[driven] >= 1.0 - LEAVES
     enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
     likely = [each for each in every if each[0].misfit < enough and each[0].possible]
-    astray = set(np.flatnonzero(share > NOTHING).tolist())
+    astray = set(np.flatnonzero(shown & (share > NOTHING)).tolist())
     tried = [
         (*each[:4], signed)
         for each in every

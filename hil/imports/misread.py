@@ -17,12 +17,13 @@ import numpy as np
 from hil.estimation.excluded.causes import CAUSES
 from hil.imports.evidence import Suspicion
 from hil.model.drive_train_file import USUAL_BOUND
+from hil.model.frames import ROUNDED_OFF
 from hil.runs.recording import CHANCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.imports.evidence import Evidence, Excerpt
     from hil.model.robot import Robot
 
@@ -42,6 +43,9 @@ filter delays is the cosine of its angle: 36 ms at 2 Hz, as fast as robots turn 
 _NOISE = 1.0 - FITS
 """Share of noise in the power of both velocities that takes their correlation below `FITS`, and
 their ratio by as much below 1."""
+INDEPENDENT = 1.0 / 6.0
+"""Time after which motion of a robot up to 3 Hz has another independent sample [s]: half a
+period."""
 OTHER = (2.0 / (1.0 - _NOISE)) ** 0.5
 """Ratio of velocities that is refused: the geometric mean of what noise makes and of 2, the least
 that a wrong unit or instants of every other sample make."""
@@ -59,10 +63,8 @@ def other_units(robot: Robot, joint: int) -> dict[str, float]:
 
 
 def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
-    """Recorded velocities against the derivatives of the positions, where these are no noise."""
-    noisy = evidence.noise_qd**2 > _NOISE * np.mean(evidence.qd**2, axis=0)
-    recorded = np.isfinite(evidence.recorded_qd).all(axis=0)
-    for joint in np.flatnonzero(recorded & evidence.moves & ~noisy).tolist():
+    """Recorded velocities against the derivatives of the positions, where noise hides neither."""
+    for joint in np.flatnonzero(compared(evidence)).tolist():
         own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
         at = ("joints", joint, "velocity")
         correlation = _correlation(own, other)
@@ -70,7 +72,9 @@ def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             yield Suspicion("velocity", at, _fits_none(evidence, joint, correlation))
             continue
         scale = float(own @ other / (other @ other))
-        if abs(scale - 1) > _NOISE:
+        # rounding, as dead bands have it, takes up to its own share off
+        rounding = float(evidence.noise_recorded[joint] / np.sqrt(np.mean(own**2)))
+        if abs(scale - 1) > _NOISE + rounding:
             yield Suspicion(
                 "velocity",
                 at,
@@ -78,6 +82,46 @@ def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
                 f" {_why_scaled(scale, robot, joint)}",
                 certain=scale < 0 or abs(np.log(scale)) > np.log(OTHER),
             )
+    for joint in np.flatnonzero(_astray(evidence)).tolist():
+        correlation = _correlation(evidence.recorded_qd[:, joint], evidence.qd[:, joint])
+        message = _fits_none(evidence, joint, correlation)
+        yield Suspicion("velocity", ("joints", joint, "velocity"), message)
+
+
+def compared(evidence: Evidence) -> Mask:
+    """Joints whose recorded velocity the derivative of their position can confirm or contradict.
+
+    The noise of either takes the correlation of the two below `FITS` where it has more than
+    `_NOISE` of the power. That of a recorded velocity counts as of a single sample, since rounding
+    and dead bands are not averaged over neighbours; a column that never changes shows no rounding
+    of its own, but is no finer than the others.
+    """
+    recorded = np.isfinite(evidence.recorded_qd).all(axis=0)
+    rounding = np.where(recorded, evidence.noise_recorded, 0.0)
+    constant = recorded & (np.ptp(evidence.recorded_qd, axis=0) == 0)
+    rounding[constant] = rounding.max(initial=0.0)
+    power = np.mean(evidence.qd**2, axis=0)
+    greater = np.maximum(power, np.nan_to_num(np.mean(evidence.recorded_qd**2, axis=0)))
+    noisy = (evidence.noise_qd**2 > _NOISE * power) | (rounding**2 > _NOISE * greater)
+    return np.asarray(recorded & evidence.moves & ~noisy)
+
+
+def _astray(evidence: Evidence) -> Mask:
+    """Joints whose recorded velocity is noise, for certain, where their position shows motion.
+
+    Of a noisy velocity the covariance with the true one is that one's power still, within its
+    standard error for as many samples as motion has independent ones: one in `INDEPENDENT`.
+    """
+    power = np.mean(evidence.qd**2, axis=0)
+    shown = np.isfinite(evidence.recorded_qd).all(axis=0) & evidence.moves & ~compared(evidence)
+    shown &= (evidence.noise_qd**2 <= _NOISE * power) & (np.ptp(evidence.recorded_qd, axis=0) > 0)
+    if not shown.any():
+        return shown
+    share = np.mean(evidence.qd * evidence.recorded_qd, axis=0)[shown] / power[shown]
+    spread = np.mean(evidence.recorded_qd**2, axis=0)[shown] / power[shown]
+    error = np.sqrt(spread * INDEPENDENT / evidence.duration)
+    shown[shown] = np.abs(share) + 5.0 * error < 0.5
+    return shown
 
 
 def _fits_none(evidence: Evidence, joint: int, correlation: float) -> str:
@@ -139,7 +183,10 @@ def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicio
         for key, arrays in (("position", [e.q for e in excerpts]),
                             ("torque", [e.tau for e in excerpts])):  # fmt: skip
             same = all(np.array_equal(array[:, i], array[:, j]) for array in arrays)
-            if same and any(np.ptp(array[:, i]) > 0 for array in arrays):
+            least = ROUNDED_OFF * max(float(np.abs(array[:, i]).max()) for array in arrays)
+            # joints that rest may have equal positions
+            shown = key == "torque" or evidence.moves[i]
+            if same and shown and any(np.ptp(array[:, i]) > least for array in arrays):
                 yield Suspicion(
                     "still",
                     ("joints", j, key),

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.evidence import even_samples, excerpts_of
+from hil.imports.evidence import Evidence, even_samples, excerpts_of
+from hil.imports.explanation import explanation
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
 from hil.imports.samples import columns_of, read_samples
@@ -88,7 +89,7 @@ def import_one(
     scratch = job.folder / f"{job.stem}.samples"
     samples = read_samples(the_map, robot, scratch, progress)
     scratch.unlink()  # what is mapped stays until it is no longer used
-    timing, numbered, found = understood(the_map, robot, samples)
+    timing, numbered, found, explained = understood(the_map, robot, samples)
     recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
     measured = measured_motions(the_map, samples, numbered, job.stem)
     motions = tuple(_written(each, job.folder, job.robot) for each in measured)
@@ -101,13 +102,14 @@ def import_one(
         motions,
         found,
         (*samples.notes, *_lacking(the_map, samples)),
+        explained,
     )
 
 
 def understood(
     the_map: MapFile, robot: Robot, samples: Samples
-) -> tuple[Timing, list[Numbered], tuple[Suspicion, ...]]:
-    """Times, motions and doubts of a map's samples.
+) -> tuple[Timing, list[Numbered], tuple[Suspicion, ...], tuple[str, ...]]:
+    """Times, motions and doubts of a map's samples, and what was understood of each joint.
 
     Raises
     ------
@@ -124,9 +126,12 @@ def understood(
     numbered = numbered_pieces(the_map, samples, timing)
     excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
     alone = the_map.content.kind
-    found = suspicions(excerpts, robot, None if alone is None else alone - 1, the_map.unknown_gains)
+    evidence = Evidence.of(excerpts)
+    moving = None if alone is None else alone - 1
+    found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains)
     _refuse(the_map, found)
-    return timing, numbered, (*mixed, *spikes, *found)
+    explained = explanation(the_map, robot, excerpts, evidence)
+    return timing, numbered, (*mixed, *spikes, *found), explained
 
 
 def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.imports.evidence import Evidence, Suspicion
+from hil.imports.clock import clock_suspicions
+from hil.imports.evidence import Suspicion
+from hil.imports.held_columns import held_suspicions
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import misread_torques, misread_velocities, range_suspicions, small
 from hil.model.frames import ROUNDED_OFF
@@ -20,12 +22,14 @@ from hil.model.frames import ROUNDED_OFF
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.imports.evidence import Excerpt
+    from hil.arrays import Mask
+    from hil.imports.evidence import Evidence, Excerpt
     from hil.model.robot import Robot
 
 
 def suspicions(
     excerpts: Sequence[Excerpt],
+    evidence: Evidence,
     robot: Robot,
     alone: int | None = None,
     unknown_gains: Sequence[int] = (),
@@ -35,6 +39,8 @@ def suspicions(
     Parameters
     ----------
     excerpts : sequence of Excerpt
+    evidence : Evidence
+        Of the excerpts together.
     robot : Robot
     alone : int, optional
         The joint, from 0, that is stated to move while all others stand still.
@@ -42,16 +48,26 @@ def suspicions(
         Joints, from 0, of whose torques the size says nothing: then limits of torque and mechanics,
         which compares the torques of joints, are no checks.
     """
-    evidence = Evidence.of(excerpts)
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot, unknown_gains)
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
-        found += [*misread_velocities(evidence, robot), *_coarse(evidence, robot)]
+        clock = list(clock_suspicions(excerpts, evidence, robot))
+        # what all velocities have in common is said once; it makes speeds and positions look wrong
+        found = clock + found
+        found += () if clock else misread_velocities(evidence, robot)
+        wrong = any(suspicion.certain for suspicion in found)
+        held = [] if wrong else list(held_suspicions(excerpts, evidence))
+        found += held
+        found += () if clock or held else _coarse(evidence, robot)
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
-        found += () if unknown_gains else mechanical_suspicions(excerpts, robot)
+        found += (
+            ()
+            if unknown_gains
+            else mechanical_suspicions(excerpts, robot, evidence.moves & ~coarse(evidence))
+        )
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
@@ -84,10 +100,15 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
             )
 
 
+def coarse(evidence: Evidence) -> Mask:
+    """Joints of whose accelerations noise of the position makes more than half of the power."""
+    power = np.mean(evidence.qdd**2, axis=0)
+    return np.asarray(evidence.noise_qdd**2 > power / 2)
+
+
 def _coarse(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
     """Positions whose noise makes more of the accelerations than the motion does."""
-    power = np.mean(evidence.qdd**2, axis=0)
-    for joint in np.flatnonzero(evidence.moves & (evidence.noise_qdd**2 > power / 2)).tolist():
+    for joint in np.flatnonzero(evidence.moves & coarse(evidence)).tolist():
         unit = robot.position_unit(joint)
         yield Suspicion(
             "velocity",

@@ -6,9 +6,14 @@ a part of the whole range that the column has. Noise does not, nor does a step, 
 are looked at once whole turns are undone; a step of several turns that is undone at once was no
 turn either.
 
+A column that is rounded to increments flickers: noise takes a sample and its neighbour by half an
+increment each way across a bound, so two increments are ordinary.
+
 Recorders drop a sample now and then, and few small spikes spoil nothing. Least squares counts
 squares: spikes refuse the import where they outweigh all else, of torques and velocities as they
-are, of positions as second differences, since these are differentiated twice.
+are, of positions as second differences, since these are differentiated twice. Positions and
+velocities of a joint that rests have no motion to outweigh: what they add to the torques is weighed
+against the motion of the joints that move.
 """
 
 from __future__ import annotations
@@ -20,12 +25,12 @@ import numpy as np
 
 from hil.imports.evidence import Suspicion
 from hil.imports.tables import ROWS
-from hil.least_squares.standstill import CARRIED
+from hil.least_squares.standstill import CARRIED, extent, increment, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.arrays import Array, Integers
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.instants import Stretch
     from hil.imports.samples import Samples
     from hil.model.robot import Robot
@@ -66,16 +71,20 @@ def spike_suspicions(
     """Columns with spikes, each with how many samples stand out, and where the first one is."""
     n = robot.n_joints
     found = [_Spikes() for _ in range(3 * n)]
-    for stretch in stretches:
-        for begin in range(0, len(stretch.rows), ROWS):
-            rows = stretch.rows[begin : begin + ROWS]
-            if len(rows) > 2 * REACH:
-                for column, x in enumerate(samples.read(rows).T):
-                    _add(found[column], samples, rows, column, x)
+    for rows, _ in _parts(stretches):
+        for column, x in enumerate(samples.read(rows).T):
+            _add(found[column], samples, rows, column, x)
+    if not any(spikes.count for spikes in found):
+        return
+    moves = _moving(samples, stretches)
     for column, spikes in enumerate(found):
-        share = min(spikes.of_spikes / spikes.of_all, 1.0) if spikes.count else 0.0
         kind, joint = divmod(column, n)
         alike = found[kind * n : (kind + 1) * n]
+        all_else = spikes.of_all
+        if kind != 1 and moves.any() and not moves[joint]:
+            same = robot.revolute == robot.revolute[joint]
+            all_else = max(each.of_all for each, fits in zip(alike, same, strict=True) if fits)
+        share = min(spikes.of_spikes / all_else, 1.0) if spikes.count else 0.0
         # joints at rest tremble by little besides what others move
         if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
             continue
@@ -95,6 +104,24 @@ def spike_suspicions(
         )
 
 
+def _parts(stretches: Sequence[Stretch]) -> Iterator[tuple[Integers, float]]:
+    """Rows of parts of the stretches that are long enough to be looked at, and their period [s]."""
+    for stretch in stretches:
+        for begin in range(0, len(stretch.rows), ROWS):
+            rows = stretch.rows[begin : begin + ROWS]
+            if len(rows) > 2 * REACH:
+                yield rows, stretch.period
+
+
+def _moving(samples: Samples, stretches: Sequence[Stretch]) -> Mask:
+    """Joints that move, shape (n_joints,)."""
+    positions = slice(0, samples.n_joints)
+    return moving([
+        extent(samples.read(rows)[:, positions].clip(-GREATEST, GREATEST), period)
+        for rows, period in _parts(stretches)
+    ])  # fmt: skip
+
+
 def _add(spikes: _Spikes, samples: Samples, rows: Integers, column: int, x: Array) -> None:
     """Add what a part `x` of a column, whole turns undone, has of spikes."""
     if not np.isfinite(x).all():
@@ -103,6 +130,8 @@ def _add(spikes: _Spikes, samples: Samples, rows: Integers, column: int, x: Arra
     excursion = _excursion(x)
     # and a hundredth of the ordinary range: where a joint hardly ever moves, its turns are as quick
     out = excursion > max(_ordinary(x), 0.01 * np.ptp(np.quantile(x, MIDDLE)))
+    if out.any():  # rounding flickers by an increment each way; the last digit of a double is none
+        out &= excursion > (2.0 + 1e-6) * increment(x)
     if position and samples.wraps:
         recorded = samples.values[rows, column].clip(-GREATEST, GREATEST)
         turned = _excursion(recorded)

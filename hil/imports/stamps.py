@@ -1,10 +1,11 @@
 """Time stamps: in which order and at which period samples came, and where some are missing.
 
 The period is the middle one of the mean periods of fifty samples each, so that neither stamps in
-bursts nor gaps nor a coarse clock decide it. Rows without a number, and rows that repeat the row
-before, are left out and counted. Where more than 20 ms, or 2.5 periods where these are longer, pass
-between two rows, and later rows do not make up for it, samples are missing and the recording is
-split; a stall of the recorder after which rows come in a burst is none.
+bursts nor gaps nor a coarse clock decide it. Rows without a number, rows that repeat the row
+before, and rows that hold its values, are left out and counted. Where more than 20 ms, or 2.5
+periods where these are longer, pass between two rows, and later rows do not make up for it, samples
+are missing and the recording is split; a stall of the recorder after which rows come in a burst is
+none.
 """
 
 from __future__ import annotations
@@ -67,6 +68,9 @@ class Counts:
     missing: int = 0
     doubled: int = 0
     disordered: int = 0
+    repeating: int = 0
+    first_repeating: int = 0
+    every: int = 1
     gaps: int = 0
     lost: float = 0.0
     bridged: int = 0
@@ -122,7 +126,13 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         ordered = [measured(samples, rows, counts.held.positions) for rows in ordered]
         counts.repeated = published - sum(map(len, ordered))
         period = _period([samples.time[rows] for rows in ordered])
-    parts = [part for rows in ordered for part in _split(samples.time[rows], rows, period, counts)]
+    ordered = [_without_held(samples, rows, period, counts) for rows in ordered]
+    period *= counts.every
+    parts = [
+        part
+        for rows in ordered
+        for part in _split(samples.time[rows], rows, period, counts, trusted=trusted)
+    ]
     parts = [part for part in parts if len(part) > 1]
     period = _refined([samples.time[rows] for rows in parts], period)
     _note_jitter([samples.time[rows] for rows in parts], period, counts)
@@ -131,7 +141,9 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     for rows in parts:
         kept = rows if instants != "stamped" else distinct(samples.time, rows, period)
         if len(kept) > 1:
-            stretches.append(stretch_of(samples.time[kept], kept, period, instants))
+            stretches.append(
+                stretch_of(samples.time[kept], kept, period, instants, trusted=trusted)
+            )
     counts.bridged = sum(stretch.bridged for stretch in stretches)
     longest = max(stretches, key=lambda stretch: len(stretch.rows))
     return Timing(stretches, longest.period, instants, counts)
@@ -195,11 +207,41 @@ def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Intege
     return np.delete(rows, found)
 
 
-def _split(time: Array, rows: Integers, period: float, counts: Counts) -> Iterator[Integers]:
+def _without_held(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
+    """Rows without those that repeat all values of the row before: held, not sampled anew.
+
+    What is held for as long as a gap is bridged, or 2.5 times as long as usually, is left out, and
+    interpolated like a missing sample. Where nothing moves, that makes no difference.
+    """
+    same = np.zeros(len(rows), dtype=bool)
+    for begin in range(1, len(rows), ROWS):
+        values = np.nan_to_num(samples.values[rows[begin - 1 : begin + ROWS]])
+        same[begin : begin + ROWS] = (values[1:] == values[:-1]).all(axis=1)
+    changes = np.flatnonzero(~same)
+    if len(changes) == len(rows) or len(changes) < 2:
+        return rows
+    apart = np.diff(changes, append=len(rows))
+    usual = float(np.median(apart))
+    held = same & np.repeat(apart <= max(0.02 / period, 2.5 * usual), apart)
+    found = np.flatnonzero(held)
+    # fewer than one row in a hundred spoil nothing, and coarse columns repeat as many by chance
+    if len(found) < 0.01 * len(rows):
+        return rows
+    counts.first_repeating = counts.first_repeating or int(rows[found[0]]) + 1
+    counts.every = max(counts.every, round(usual))
+    counts.repeating += len(found)
+    return np.delete(rows, found)
+
+
+def _split(
+    time: Array, rows: Integers, period: float, counts: Counts, *, trusted: bool
+) -> Iterator[Integers]:
     """Split rows where samples are missing for longer than is bridged."""
-    longest = max(0.02, 2.5 * period)
+    longest = max(0.02, 2.5 * period) * (1 + SAME_STAMP)
     wide = np.flatnonzero(np.diff(time) > longest)
-    cuts = wide[lost(time, wide, period) > longest - period] + 1
+    # stamps of a stated rate are never late
+    missing = np.diff(time)[wide] - period if trusted else lost(time, wide, period)
+    cuts = wide[missing > longest - period] + 1
     counts.gaps += len(cuts)
     counts.lost += float(np.sum(time[cuts] - time[cuts - 1] - period))
     yield from np.split(rows, cuts)

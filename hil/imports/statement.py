@@ -40,6 +40,8 @@ class Statement:
         That the map accepts, or that are not certain.
     notes : tuple of str
         What is to be known of files as a whole.
+    explanation : tuple of str
+        What was understood of each joint, and the figures of the checks.
     """
 
     the_map: MapFile
@@ -49,6 +51,7 @@ class Statement:
     motions: tuple[FreeMotion, ...]
     suspicions: tuple[Suspicion, ...]
     notes: tuple[str, ...] = ()
+    explanation: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Sentences, the most general first."""
@@ -94,6 +97,7 @@ class Statement:
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),
             (counts.doubled, "row has the stamp of another", "rows have the stamp of another"),
+            (counts.repeating, *self._held()),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
             (self.wraps, "step of a whole turn is undone", "steps of whole turns are undone"),
             (counts.bridged, "missing sample is interpolated", "missing samples are interpolated"),
@@ -102,6 +106,14 @@ class Statement:
         ):
             if number:
                 yield f"{number} {one if number == 1 else many}"
+
+    def _held(self) -> tuple[str, str]:
+        """What rows are that hold all values of the row before, one and many."""
+        counts = self.timing.counts
+        usually = f": values change every {counts.every} rows" if counts.every > 1 else ""
+        first = f"the row before in all columns, from row {counts.first_repeating} on"
+        rest = f"{first}, and count as missing{usually}"
+        return f"row repeats {rest}", f"rows repeat {rest}"
 
     def _velocities(self) -> Iterator[str]:
         joints = [joint for joint, recorded in enumerate(self.recorded, start=1) if recorded]

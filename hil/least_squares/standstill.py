@@ -45,7 +45,7 @@ def extent(q: Array, period: float) -> Extent:
     size = max(float(np.abs(left).max()), np.finfo(float).tiny)  # whose square may be no number
     scatter = size * np.sqrt(((left / size) ** 2).sum(axis=(0, 1)) / (len(spans) * (span - 3)))
     means = spans.mean(axis=1)
-    noise = np.maximum(scatter, [_increment(each) / np.sqrt(12.0) for each in q.T])
+    noise = np.maximum(scatter, [increment(each) / np.sqrt(12.0) for each in q.T])
     return Extent(means.min(axis=0), means.max(axis=0), noise)
 
 
@@ -58,8 +58,8 @@ def moving(extents: Sequence[Extent]) -> Mask:
     return np.asarray(reach > np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max()))
 
 
-def _increment(x: Array) -> float:
-    """Least difference between values that differ; rounding of converted counts is none."""
+def increment(x: Array) -> float:
+    """Return the least difference of values that differ; rounding of converted counts is none."""
     steps = np.diff(np.unique(x))
     real = steps[steps > 1e-9 * max(1.0, float(np.abs(x).max()))]
     return float(real.min(initial=np.inf)) if len(real) else 0.0

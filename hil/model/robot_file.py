@@ -28,8 +28,12 @@ MOST_JOINTS = 30
 """Joints of a chain: more is no robot, and the time for the equations grows with their cube."""
 EARTH = (0.0, 0.0, -9.81)
 """Gravity where the base stands upright [m/s^2]."""
-_MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
-_MAX_VELOCITY = {"revolute": 40.0, "prismatic": 20.0}
+MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
+"""Greatest position of a joint by its type [rad or m]."""
+MAX_VELOCITY = {"revolute": 40.0, "prismatic": 20.0}
+"""Greatest speed of a joint by its type [rad/s or m/s]."""
+MAX_TORQUE = 1e5
+"""Greatest torque or force of a joint [N m or N]."""
 _MAX_ACCELERATION = {"revolute": 1000.0, "prismatic": 500.0}
 _MAX_GEAR_RATIO = {"revolute": 1e4, "prismatic": 1e5}
 _UNIT = {"revolute": "rad", "prismatic": "m"}
@@ -83,7 +87,7 @@ class Joint(FileModel):
     @classmethod
     def _check_range(cls, value: float, info: ValidationInfo) -> float:
         kind = info.data.get("type", "revolute")
-        unit, bound = _UNIT[kind], _MAX_RANGE[kind]
+        unit, bound = _UNIT[kind], MAX_RANGE[kind]
         if abs(value) > bound:
             raise ValueError(
                 f"{value:g} {unit} must be within +-{bound:g} {unit}:"
@@ -102,11 +106,11 @@ class Joint(FileModel):
         kind = info.data.get("type", "revolute")
         hint = f"it looks like {_WRONG_UNIT[kind]}{_conversion(kind, value)}"
         if info.field_name == "velocity_limit":
-            return positive(value, f"{_UNIT[kind]}/s", _MAX_VELOCITY[kind], hint)
+            return positive(value, f"{_UNIT[kind]}/s", MAX_VELOCITY[kind], hint)
         if info.field_name == "acceleration_limit":
             return positive(value, f"{_UNIT[kind]}/s2", _MAX_ACCELERATION[kind], hint)
         unit = "N m" if kind == "revolute" else "N"
-        return positive(value, unit, 1e5, f"it looks like m{unit}")
+        return positive(value, unit, MAX_TORQUE, f"it looks like m{unit}")
 
     @field_validator("torque_noise", "friction_wander")
     @classmethod

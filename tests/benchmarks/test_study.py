@@ -330,7 +330,7 @@ class TestCluster:
         options = ("--scenario", "on", "--seeds", 2, "--first-seed", 1)
         status, _, err = program("-o", study, *options, "--scheduler", "tcp://localhost:1")
         assert status == 1
-        assert "pip install 'canopen-robot-identification[dask]'" in err
+        assert "pip install distributed; or, in a checkout, pip install '.[dask]'" in err
 
     def test_a_scheduler_that_does_not_answer_is_reported(self) -> None:
         import dask

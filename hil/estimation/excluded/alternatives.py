@@ -239,7 +239,7 @@ def explained(
     rows = evidence.without_friction(np.hstack([torque[:, None], X]))
     blocks = evidence.blocks(rows, X.shape[1])
     regression = Regression.weighed(blocks, rounds=rounds)
-    x, least = regression.solution, evidence.finest**2
+    x, least = regression.solution, np.maximum(evidence.finest**2, np.finfo(float).tiny)
     left, counts = np.maximum(blocks.mean_squares(x), least), blocks.counts[0]
     return Explained(
         robot=robot,

@@ -125,21 +125,13 @@ class Products:
 
 
 def division(processing: Processing, duration: float, stretches: Sequence[Motion] = ()) -> Division:
-    """Divide recordings of some `duration` [s], cells as `stretches` of them show the motion.
-
-    Raises
-    ------
-    NotEnoughData
-        All stretches are shorter than the filter's reach.
-    """
+    """Divide recordings of some `duration` [s], cells as `stretches` of them show the motion."""
     n = 2 * len(processing.speed)
     # about 120 pieces of all recordings, none shorter than 10 periods of the cut-off frequency
     piece = max(duration / 120, 10.0 / processing.band)
     if not stretches:
         return Division(piece, np.zeros((0, n)), np.ones(n))
     states = np.vstack([_states(motion)[motion.used] for motion in stretches])
-    if not len(states):
-        raise _too_short(processing)
     scale = _scale(states)
     return Division(piece, _middles(states / scale), scale)
 
@@ -216,7 +208,10 @@ def recorded_products(
     pieces: list[Groups] = []
     crossed: list[Array] = []
     origin: list[int] = []
+    longest, spoilt = 0.0, 0.0
     for number, motion in enumerate(motions):
+        longest = max(longest, motion.recording.n_samples * motion.rates.period)
+        spoilt = max(spoilt, motion.spoilt)
         parts = pieces_of(motion, divided.piece)
         if not parts:
             continue
@@ -235,7 +230,7 @@ def recorded_products(
         if instruments:
             crossed.append(_crossed(robot, motion, parts, first, terms, soft))
     if not pieces:
-        raise _too_short(motion.processing)
+        raise too_short(longest, spoilt, motion.processing)
     columns = shared, terms
     by_time = Groups.joined(pieces).by_speed(*columns, {"recording": np.array(origin)})
     other = None
@@ -244,11 +239,12 @@ def recorded_products(
     return Products(by_time, cells.by_speed(*columns), other)
 
 
-def _too_short(processing: Processing) -> NotEnoughData:
+def too_short(longest: float, spoilt: float, processing: Processing) -> NotEnoughData:
+    """Return the error that the low-pass spoils all of each recording; times in s."""
     return NotEnoughData(
-        f"no recording is longer than {2e-3 * processing.spoilt(1e-3):.2g} s, of which the low-pass"
-        f" at {processing.cut_off:.3g} Hz spoils both ends; import longer ones, or state a higher"
-        " cut_off in the map"
+        f"the longest recording has {longest:.3g} s, of which the low-pass at"
+        f" {processing.cut_off:.3g} Hz spoils {spoilt:.3g} s at its ends; import longer ones, or"
+        " state a higher cut_off in the map"
     )
 
 

@@ -19,7 +19,8 @@ import numpy as np
 from hil.arrays import side_by_side
 from hil.estimation.free_motion.motion import low_passed
 from hil.estimation.nuisances import compliance_names, gear_columns
-from hil.friction.terms import COLUMNS, coupled_friction, friction_columns, motor_angle
+from hil.friction.ripple import RIPPLE_ORDERS, ripple_orders
+from hil.friction.terms import COLUMNS, WAVES, coupled_friction, friction_columns, motor_angle
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
@@ -85,19 +86,24 @@ def axis_columns(
         First estimate of the base parameters, for the torque that is transmitted: it enters a small
         term of friction, so it need not be good.
     terms : sequence of str
-        Of friction.
+        Of friction; ripple that gravity and inertia cannot be told from is 0 throughout.
     gears : ndarray, shape (n, n_joints, n_soft), optional
         As of `soft_gears`.
     """
     q, qd = motion.q, motion.qd
-    friction = friction_columns(
-        qd[:, axis] / motion.processing.speed[axis],
-        motion.directions[axis],
-        rows @ first,
-        motor_angle(robot, q, axis),
-        motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
-        terms=terms,
-    )
+    offered = set(ripple_orders(robot, axis))
+    hidden = {f"{wave} {n}" for wave in WAVES for n in RIPPLE_ORDERS if n not in offered}
+    seen = [term for term in terms if term not in hidden]
+    friction = np.zeros((len(q), len(terms)))
+    if seen:
+        friction[:, [terms.index(term) for term in seen]] = friction_columns(
+            qd[:, axis] / motion.processing.speed[axis],
+            motion.directions[axis],
+            rows @ first,
+            motor_angle(robot, q, axis),
+            motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
+            terms=seen,
+        )
     rotor = rotor_torque(robot, motion, axis)
     soft = q[:, :0] if gears is None else gears[:, axis]
     return side_by_side(rows, coupled_friction(robot, qd, axis), soft, rotor, friction)

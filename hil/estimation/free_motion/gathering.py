@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from hil.errors import NotEnoughData
-from hil.estimation.free_motion.accumulation import division, recorded_products
+from hil.estimation.free_motion.accumulation import division, recorded_products, too_short
 from hil.estimation.free_motion.choice import (
     choose,
     covariance_of_choices,
@@ -188,7 +188,7 @@ def gather(
     chosen = variant.terms == "chosen"
     nuisances = find_nuisances(robot, found, processing, options.nuisance if chosen else ())
     processing = nuisances.processing
-    stretches = [filtered_motion(each, processing) for each in found.stretches]
+    stretches = _unspoilt_stretches(found, motions, processing)
     divided = division(processing, found.duration, stretches)
     beside = p if found.unknown_gains else None
     first, unknown = beside, found.unknown_gains
@@ -278,6 +278,28 @@ def as_kinds(gathered: Sequence[Gathered]) -> list[Kind]:
         cells = replace(cells, channels=names)
         kinds.append(Kind(fitted.of(blocks), cells, each.beside, each.effect))
     return kinds
+
+
+def _unspoilt_stretches(
+    found: Survey, motions: Iterable[tuple[FreeMotion, Recording]], processing: Processing
+) -> list[Motion]:
+    """Filter the survey's stretches; take longer ones where the low-pass spoils all of each.
+
+    Raises
+    ------
+    NotEnoughData
+        The low-pass spoils all of each recording.
+    """
+    stretches = [filtered_motion(each, processing) for each in found.stretches]
+    if any(each.used.any() for each in stretches):
+        return stretches
+    spoilt = max(each.spoilt for each in stretches)
+    # twice what is spoilt, so that as much is left
+    longer = survey(motions, 2.0 * spoilt).stretches
+    stretches = [filtered_motion(each, processing) for each in longer]
+    if any(each.used.any() for each in stretches):
+        return stretches
+    raise too_short(found.longest, spoilt, processing)
 
 
 def _first_estimate(

@@ -237,6 +237,12 @@ class Motion:
         return self.rates.period * self.rates.fine
 
     @property
+    def spoilt(self) -> float:
+        """Time at both ends together that reflected samples have reached [s]."""
+        every = self.period * self.rates.coarse
+        return 2 * self.processing.spoilt(every) * every
+
+    @property
     def duration(self) -> float:
         """Of the samples that are used [s]."""
         return int(self.used.sum()) * self.period * self.rates.coarse

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 STRETCHES = 150.0
 """Time of all stretches together, at most [s]."""
 LEAST_STRETCH = 5.0
-"""Of one recording, where it is as long [s]."""
+"""Of one recording, where it is as long and no filter needs more of it [s]."""
 SLOWEST = 1e-5
 """Least speed of an axis that moves, by which speeds are divided [rad/s or m/s]."""
 SPAN = 0.05
@@ -46,6 +46,8 @@ class Survey:
         Axes, from 0, that do not move.
     duration : float
         Of all recordings [s].
+    longest : float
+        Of the longest recording [s].
     n_recordings, n_samples : int
     cut_off : float or None
         Lowest that the recordings state [Hz].
@@ -59,6 +61,7 @@ class Survey:
     speed: Array
     still: tuple[int, ...]
     duration: float
+    longest: float
     n_recordings: int
     n_samples: int
     cut_off: float | None
@@ -69,8 +72,9 @@ class Survey:
 class _Stretches:
     """Middle parts of recordings, which become shorter and then fewer as more recordings come."""
 
-    def __init__(self) -> None:
+    def __init__(self, least: float) -> None:
         self.kept: list[Recording] = []
+        self._least = least
         self._length, self._every, self._seen = STRETCHES, 1, 0
 
     def add(self, recording: Recording) -> None:
@@ -78,20 +82,28 @@ class _Stretches:
         if (self._seen - 1) % self._every:
             return
         self.kept.append(_middle(recording, self._length))
-        while sum(map(_duration, self.kept)) > STRETCHES:
+        while len(self.kept) > 1 and sum(map(_duration, self.kept)) > STRETCHES:
             self._shorten()
 
     def _shorten(self) -> None:
-        if self._length > LEAST_STRETCH:
-            self._length = max(self._length / 2, LEAST_STRETCH)
+        if self._length > self._least:
+            self._length = max(self._length / 2, self._least)
             self.kept = [_middle(each, self._length) for each in self.kept]
         else:
             self._every *= 2
             self.kept = self.kept[::2]
 
 
-def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
+def survey(
+    recorded: Iterable[tuple[FreeMotion, Recording]], least_stretch: float = LEAST_STRETCH
+) -> Survey:
     """Look at all recordings, one after the other.
+
+    Parameters
+    ----------
+    recorded : iterable of (FreeMotion, Recording)
+    least_stretch : float
+        Length below which the stretch of a recording is not shortened [s].
 
     Raises
     ------
@@ -101,14 +113,15 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         The gain of an axis is known in some recordings and unknown in others.
     """
     unknown: dict[str, tuple[int, ...]] = {}
-    stretches, speeds, extents, stated, short = _Stretches(), [], [], [], []
-    duration, n_samples = 0.0, 0
+    stretches, speeds, extents, stated, short = _Stretches(least_stretch), [], [], [], []
+    duration, longest, n_samples = 0.0, 0.0, 0
     for motion, recording in recorded:
         unknown[motion.id] = motion.unknown_gains or ()
         if recording.n_samples < FEWEST:
             short.append(motion.id)
             continue
         duration += _duration(recording)
+        longest = max(longest, _duration(recording))
         n_samples += recording.n_samples
         stretches.add(recording)
         speeds.append(greatest_speed(recording))
@@ -124,6 +137,7 @@ def survey(recorded: Iterable[tuple[FreeMotion, Recording]]) -> Survey:
         speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), SLOWEST)),
         still=tuple(int(axis) for axis in np.flatnonzero(still)),
         duration=duration,
+        longest=longest,
         n_recordings=len(speeds),
         n_samples=n_samples,
         cut_off=min(stated, default=None),

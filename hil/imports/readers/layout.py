@@ -92,15 +92,18 @@ def layout_of(text: str, stated: Format) -> Layout:
     delimiter = stated.delimiter or _delimiter([line for _, line in used[:_LOOKED_AT]])
     decimal = stated.decimal or _decimal([line for _, line in used[:_LOOKED_AT]], delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
-    first = _first_row(rows, decimal, stated)
+    scope = any(_states_channels(row) for _, row in rows)
+    first = _first_row(rows, decimal, stated, whole=scope)
     width = len(rows[first][1])
     units_below = first > 1 and _are_units(rows[first - 1][1], rows[first - 2][1])
     header = rows[first - 1 - units_below][1]
     named = tuple(header[1:] if header[0] in _COMMENTS else header)
+    named = _of_scope([cells for _, cells in rows[:first]], width) or named
     names = named if first else _in_comment(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
-    return Layout(delimiter, decimal, stated.comment, names or ("",) * width, rows[first][0], width)
+    comment = "EOF" if scope else stated.comment  # what a scope may write at the end
+    return Layout(delimiter, decimal, comment, names or ("",) * width, rows[first][0], width)
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -133,8 +136,10 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
     return "," if any("," in c for c in found) and not any("." in c for c in found) else "."
 
 
-def _first_row(rows: Sequence[tuple[int, list[str]]], decimal: str, stated: Format) -> int:
-    """Index of the first row of numbers among `rows`."""
+def _first_row(
+    rows: Sequence[tuple[int, list[str]]], decimal: str, stated: Format, *, whole: bool
+) -> int:
+    """Index of the first row of numbers among `rows`; of a `whole` row, without any text."""
     if stated.header is not None:
         if len(rows) <= stated.header:
             raise NoNumbers("has a header and no rows")
@@ -143,7 +148,7 @@ def _first_row(rows: Sequence[tuple[int, list[str]]], decimal: str, stated: Form
         numbers = sum(_is_number(cell, decimal) for cell in row)
         if numbers and all(_is_number(c, decimal) or c.lower() in MISSING for c in row):
             return index
-        if index and numbers >= 2:
+        if index and numbers >= 2 and not whole:
             return index  # text in one of its cells, which matters only where that is wanted
     raise NoNumbers("has no row of numbers in its first lines")
 
@@ -159,6 +164,23 @@ def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:
     return len(row) == len(above) and all(
         cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell) for cell in row
     )
+
+
+def _of_scope(above: Sequence[Sequence[str]], width: int) -> tuple[str, ...]:
+    """Names where a scope states each channel's in pairs, as those of TwinCAT: Name, X, Name, Y.
+
+    Each channel has a column of time before that of its values.
+    """
+    for row in above:
+        if len(row) >= width > 1 and _states_channels(row):
+            channels = row[1:width:2]
+            return tuple(name for channel in channels for name in (f"{channel}/time", channel))
+    return ()
+
+
+def _states_channels(row: Sequence[str]) -> bool:
+    """Whether a row names channels as a scope does; its first line names the scope alone."""
+    return len(row) >= 4 and all(word == "Name" for word in row[0:4:2])
 
 
 def _in_comment(lines: Sequence[str], begin: int, stated: Format) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, layout_of
+from hil.imports.readers.stacked import is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.imports.map_file import Format
+    from hil.imports.tables import Table
 
 
 BLOCK = 1 << 23
@@ -163,7 +165,7 @@ def _numbers(cells: NDArray[np.str_]) -> Array:
     return found
 
 
-def open_text(path: Path, stated: Format) -> TextTable:
+def open_text(path: Path, stated: Format) -> Table:
     """Open a table as text.
 
     Raises
@@ -179,12 +181,19 @@ def open_text(path: Path, stated: Format) -> TextTable:
     if len(head) == _HEAD:
         head = head.rpartition(b"\n")[0]
     text = _decoded(head)
+    if is_stacked(text):
+        return open_stacked(path, _whole(path))
     try:
         return TextTable(path, layout_of(text, stated))
     except NoNumbers as error:
         raise FileError(
             f"{path}: {error}; state header, delimiter, decimal, comment or skip in format"
         ) from error
+
+
+def _whole(path: Path) -> str:
+    with _opened(path) as file:
+        return _decoded(file.read())
 
 
 def _decoded(head: bytes) -> str:

@@ -25,7 +25,7 @@ import numpy as np
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, meant
-from hil.model.robot_file import EARTH, MOST_JOINTS
+from hil.model.robot_file import EARTH, MAX_RANGE, MAX_TORQUE, MAX_VELOCITY, MOST_JOINTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -356,6 +356,9 @@ class UrdfReader:
                 f"joint {name!r}: type {stated!r} must be revolute, continuous, prismatic or"
                 " fixed; choose another chain with --from and --to",
             )
+        kind: Literal["revolute", "prismatic"]
+        kind = "prismatic" if stated == "prismatic" else "revolute"
+        smaller = 180.0 / math.pi if kind == "revolute" else 1e3  # degrees or mm in one unit
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         at = self.file.line(element if limit is None else limit)
@@ -363,14 +366,14 @@ class UrdfReader:
             place=f"{self._path}:{at}: joint {name!r}",
             name=name,
             link=edge.child,
-            type="prismatic" if stated == "prismatic" else "revolute",
+            type=kind,
             before=before,
             axis=self._axis(element),
-            lower=self._number(ranged, "lower"),
-            upper=self._number(ranged, "upper"),
-            velocity=self._greatest(limit, "velocity"),
+            lower=_limit(self._number(ranged, "lower"), MAX_RANGE[kind] * smaller),
+            upper=_limit(self._number(ranged, "upper"), MAX_RANGE[kind] * smaller),
+            velocity=_limit(self._greatest(limit, "velocity"), MAX_VELOCITY[kind] * smaller),
             acceleration=math.nan,
-            effort=self._greatest(limit, "effort"),
+            effort=_limit(self._greatest(limit, "effort"), MAX_TORQUE * 1e3),
         )
 
     def _axis(self, element: Element) -> Array:
@@ -438,6 +441,15 @@ class UrdfReader:
     def _number(self, element: Element | None, key: str) -> float:
         found = None if element is None else self.file.numbers(element, key, 1)
         return math.nan if found is None else found[0]
+
+
+def _limit(stated: float, greatest: float) -> float:
+    """Return a limit, or NaN where it exceeds what any joint has, in whichever unit.
+
+    Published URDFs state +-10000 rad, say, where there is no limit; a value that is possible in
+    degrees, mm or mN m is kept, and refused with that remark.
+    """
+    return math.nan if abs(stated) > greatest else stated
 
 
 def _turned_about(axis: Array, angle: float) -> Array:

@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from free_run import TRUTH, arm, recorded
 from synthetic import TABLE_3_A, Friction, record
 
+from hil.estimation.free_motion.columns import axis_columns
+from hil.estimation.free_motion.motion import Processing, filtered_motion
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.friction.ripple import RIPPLE_ORDERS
+from hil.friction.terms import WAVES
 from hil.model.robot import parse_robot
 from hil.planning.design.by_counts import design
 
@@ -90,3 +95,16 @@ def test_orders_that_the_regression_holds_are_not_among_them(
     if order is not None:
         prepared = [(m, rippled(slow_motors, s, order)) for m, s in prepared]
     assert unmodelled_ripple(slow_motors, SimultaneousFit(slow_motors, prepared)).largest == {}
+
+
+def test_free_motions_offer_no_ripple_that_gravity_has_behind_a_low_gear() -> None:
+    robot = arm(gear_ratio=2.0)
+    ((_, recording), *_) = recorded(robot, TRUTH, n=1)
+    settings = Processing(8.0, 8.0, np.full(2, 3.0), np.zeros(2, bool), np.zeros(2), np.zeros(2))
+    motion = filtered_motion(recording, settings)
+    rows = np.zeros((len(motion.q), len(TRUTH)))
+    terms = ("offset", *(f"{wave} {n}" for n in RIPPLE_ORDERS for wave in WAVES))
+    columns = axis_columns(robot, motion, 0, rows, TRUTH, terms)[:, -len(terms) :]
+    shown = {term for term, column in zip(terms, columns.T, strict=True) if column.any()}
+    assert shown == {"offset", *(f"{wave} {n}" for n in range(2, 7) for wave in WAVES)}
+    assert "cosine 1" not in shown

@@ -369,5 +369,5 @@ def test_a_package_that_is_missing_is_named_with_its_remedy(
     with pytest.raises(FileError) as refused:
         export_recordings(measured, name, tmp_path / "out")
     assert f"--to {name}: needs the package {package}" in str(refused.value)
-    assert "canopen-robot-identification[recordings]" in str(refused.value)
+    assert "in a checkout, pip install '.[recordings]'" in str(refused.value)
     assert not (tmp_path / "out").exists()

@@ -380,4 +380,4 @@ def test_a_package_that_is_missing_is_named_with_its_remedy(tmp_path, monkeypatc
     with pytest.raises(FileError) as refused:
         open_table(tmp_path / name, Format())
     assert f"needs the package {package}" in str(refused.value)
-    assert remedy("recordings") in str(refused.value)
+    assert remedy("recordings", package) in str(refused.value)

@@ -211,7 +211,8 @@ def test_a_package_that_is_missing_is_named_with_its_remedy(
     with pytest.raises(ListenerFailed) as refused:
         Listener("the stream to Foxglove", MODULE, "127.0.0.1", "0").start(lambda: None)
     assert "--foxglove: needs the package foxglove" in str(refused.value)
-    assert "canopen-robot-identification[foxglove]" in str(refused.value)
+    remedy = "pip install foxglove-sdk; or, in a checkout, pip install '.[foxglove]'"
+    assert remedy in str(refused.value)
 
 
 # --- lines become messages ------------------------------------------------------------------------

@@ -321,3 +321,18 @@ def test_a_urdf_in_the_place_of_a_robot_file_is_a_robot_that_cannot_be_moved(
     path.unlink()
     with pytest.raises(FileError, match=r"arm\.urdf: cannot be read"):
         load_robot(path)
+
+
+def test_limits_that_no_joint_has_are_none(tmp_path: Path) -> None:
+    text = urdf("pan tilt", ROBOTS["pan-tilt"])
+    beyond = {'lower="-1.1"': 'lower="-10000"', 'upper="2.1"': 'upper="10000"',
+              'velocity="1.1"': 'velocity="1e6"', 'effort="51"': 'effort="1e10"'}  # fmt: skip
+    for stated, instead in beyond.items():
+        assert stated in text
+        text = text.replace(stated, instead)
+    first, second = chain_of(tmp_path, text).joints
+    assert np.isnan([first.lower, first.upper, first.velocity, first.effort]).all()
+    assert (second.lower, second.upper) == (-1.2, 2.2)
+    # degrees are no such limit: the robot file refuses them with that remark
+    degrees = text.replace('upper="10000"', 'upper="120"')
+    assert chain_of(tmp_path, degrees).joints[0].upper == 120.0

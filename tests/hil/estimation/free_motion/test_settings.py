@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from free_run import TRUTH, arm, recorded
 
+from hil.errors import NotEnoughData
+from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.settings import processing_of
 from hil.estimation.free_motion.survey import STRETCHES, survey
+from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 
 
 def test_noise_of_the_positions_lowers_the_cut_off() -> None:
@@ -54,3 +57,23 @@ def test_an_axis_that_shows_noise_alone_stands_still(sigma: float) -> None:
     for _, recording in (data := recorded(arm(), TRUTH)):
         recording.q[:, 1] = 0.4 + sigma * rng.standard_normal(recording.n_samples)
     assert survey(data).still == (1,)
+
+
+def test_stretches_are_as_long_as_a_low_cut_off_needs() -> None:
+    data = [
+        (motion.model_copy(update={"cut_off": 1.0}), each)
+        for motion, each in recorded(arm(), TRUTH, n=1, duration=30.0) * 20
+    ]
+    # twenty recordings share 150 s: 5 s of each, of which the low-pass would spoil all
+    assert {round(each.n_samples * each.period) for each in survey(data).stretches} == {5}
+    gathered = gather(arm(), data, VARIANTS[DEFAULT])
+    assert all(motion.used.any() for motion in gathered.stretches)
+
+
+def test_recordings_that_the_low_pass_spoils_say_how_long_the_longest_is() -> None:
+    data = [
+        (motion.model_copy(update={"cut_off": 1.0}), each)
+        for motion, each in recorded(arm(), TRUTH, n=2, duration=10.0)
+    ]
+    with pytest.raises(NotEnoughData, match=r"the longest recording has 10 s, .* at 1 Hz spoils"):
+        gather(arm(), data, VARIANTS[DEFAULT])

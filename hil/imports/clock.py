@@ -1,0 +1,151 @@
+"""What recorded velocities say of the time between samples.
+
+A velocity is what its position changes by in a time, so each joint whose velocity was recorded is a
+clock. Joints differ in unit and gain, never in time: a factor that all of them share is the rate's,
+and a time between two samples that the velocities of all other joints foretell is the recorder's.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.imports.evidence import Suspicion
+from hil.imports.misread import FITS, OTHER, compared, other_units
+from hil.least_squares.standstill import SPAN
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.arrays import Array, Mask
+    from hil.imports.evidence import Evidence, Excerpt
+    from hil.model.robot import Robot
+
+LEAST = 0.01
+"""Share of a rate from which on its error is stated: accelerations are off by twice as much, which
+is what inertias of a good identification are known to."""
+CHANCE = 5.0
+"""Standard errors that no error of a rate is by chance: one in two million."""
+FORETOLD = 0.5
+"""Share that instants by the other joints' velocities leave of the scatter of a joint's steps at
+most where the recorder is uneven; instants that say nothing leave 1 or more."""
+
+
+def clock_suspicions(
+    excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot
+) -> Iterator[Suspicion]:
+    """A rate or a unit of time that all recorded velocities contradict; samples that are uneven."""
+    shown = clocks(evidence)
+    if not shown.any():
+        return
+    ratio, error = _ratios(excerpts, evidence, shown)
+    common, _ = common_ratio(excerpts, evidence, shown)
+    agreeing = np.all(np.abs(np.log(ratio / common)) <= error)
+    period = excerpts[0].period
+    joints = ", ".join(str(joint + 1) for joint in np.flatnonzero(shown))
+    units = [
+        factor
+        for joint in np.flatnonzero(shown).tolist()
+        for each in other_units(robot, joint).values()
+        for factor in (each, 1.0 / each)
+    ]
+    # a factor that a unit explains is the unit's
+    explained = any(abs(common / factor - 1.0) < LEAST for factor in units)
+    if agreeing and not explained and abs(np.log(common)) > max(LEAST, float(error.min())):
+        yield Suspicion(
+            "velocity",
+            ("time",),
+            f"samples come at {1 / period:.5g} Hz by the map, but recorded velocities of"
+            f" {'joint' if len(ratio) == 1 else 'joints'} {joints} are {common:.4g} times the"
+            f" derivatives of the positions: at {common / period:.5g} Hz all of them fit; correct"
+            " the rate or the unit of time, or the velocities' common unit",
+            certain=len(ratio) > 1 and abs(np.log(common)) > np.log(OTHER),
+        )
+    elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
+        return
+    elif (steps := _uneven(excerpts, shown)) is not None:
+        low, high = np.quantile(steps, [0.1, 0.9])
+        yield Suspicion(
+            "velocity",
+            ("time",),
+            "samples are not even in time: by the recorded velocities of joints"
+            f" {joints} a tenth of the rows come {1e3 * low * period:.2g} ms or less after the row"
+            f" before, a tenth {1e3 * high * period:.2g} ms or more, {1e3 * period:.3g} ms on"
+            " average; record a time stamp with each row, and name its column in place of the rate",
+            certain=False,
+        )
+
+
+def clocks(evidence: Evidence) -> Mask:
+    """Joints whose recorded velocity follows their position, and so shows time."""
+    product = np.sum(evidence.qd * evidence.recorded_qd, axis=0)
+    size = np.linalg.norm(evidence.qd, axis=0) * np.linalg.norm(evidence.recorded_qd, axis=0)
+    follows = np.nan_to_num(product) >= FITS * np.nan_to_num(size)
+    return np.asarray(compared(evidence) & (np.nan_to_num(size) > 0) & follows)
+
+
+def common_ratio(
+    excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask
+) -> tuple[float, float]:
+    """Return the rate by the velocities of some joints over the map's, and its relative error."""
+    ratio, error = _ratios(excerpts, evidence, shown)
+    return float(np.exp(np.average(np.log(ratio), weights=error**-2))), float(error.min())
+
+
+def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tuple[Array, Array]:
+    """Recorded velocities over derivatives of the positions, and by how much they may be off.
+
+    Ways over `SPAN` are compared with integrals of the velocity over the same. Root mean squares
+    have no part of a delay; a filter of first order that delays by an angle takes its cosine off
+    the amplitude, and as much off the correlation.
+    """
+    sums, n = np.zeros((3, int(shown.sum()))), 0
+    noise = np.zeros((2, int(shown.sum())))
+    for each in excerpts:
+        every = max(2, round(SPAN / each.period))
+        qd = each.qd[:, shown]
+        way = each.period * np.cumsum((qd[1:] + qd[:-1]) / 2, axis=0)
+        by_velocity = np.diff(np.vstack([0.0 * way[:1], way])[::every], axis=0)
+        by_position = np.diff(each.q[::every, shown], axis=0)
+        sums += [
+            (by_velocity**2).sum(0),
+            (by_position**2).sum(0),
+            (by_velocity * by_position).sum(0),
+        ]
+        n += len(by_position)
+        noise += len(by_position) * np.array([
+            every * (each.period * evidence.noise_recorded[shown]) ** 2,
+            2.0 * each.extent.noise[shown] ** 2,
+        ])  # fmt: skip
+    of_velocity, of_position = np.maximum(sums[:2] - noise, 0.1 * sums[:2])
+    power = np.maximum(np.sqrt(sums[0] * sums[1]), np.finfo(float).tiny)
+    correlation = np.clip(sums[2] / power, -1.0, 1.0)
+    error = CHANCE * np.sqrt((1.0 - correlation**2) / max(n, 1)) + (1.0 - correlation)
+    ratio = np.sqrt(of_velocity / np.maximum(of_position, np.finfo(float).tiny))
+    return np.maximum(ratio, np.finfo(float).tiny), np.maximum(error, np.finfo(float).eps)
+
+
+def _uneven(excerpts: Sequence[Excerpt], shown: Mask) -> Array | None:
+    """Times between samples by the velocities, in periods; None where these do not agree on them.
+
+    Each joint's steps are foretold by what the others say of the time that passed.
+    """
+    every = []
+    left, whole = np.zeros(int(shown.sum())), np.zeros(int(shown.sum()))
+    for each in excerpts:
+        qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / 2
+        scale = np.sqrt(np.mean(qd**2, axis=0)) * each.period
+        step, speed = np.diff(each.q[:, shown], axis=0) / scale, qd * each.period / scale
+        # speeds of a third of the mean square of one joint, at least, show time
+        fast = (speed**2).sum(axis=1)[:, None] - speed**2 > 1.0 / 3.0
+        others = (step * speed).sum(axis=1)[:, None] - step * speed
+        power = (speed**2).sum(axis=1)[:, None] - speed**2
+        foretold = others / np.where(fast, power, 1.0)
+        left += np.where(fast, (step - speed * foretold) ** 2, 0.0).sum(axis=0)
+        whole += np.where(fast, (step - speed) ** 2, 0.0).sum(axis=0)
+        some = (speed**2).sum(axis=1) > 1.0 / 3.0
+        every.append(((step * speed).sum(axis=1) / (speed**2).sum(axis=1).clip(1e-300))[some])
+    if not np.all(left < FORETOLD * whole):
+        return None
+    return np.concatenate(every)

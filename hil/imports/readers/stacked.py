@@ -1,0 +1,90 @@
+"""Traces of a scope below one another, as CODESYS exports them: keys and values, then the rows.
+
+Each trace has a line ``N.Variable; NAME``, others of its own, and then rows of a time stamp and a
+value. The columns are `time` and the names where all traces have the same stamps, else
+``NAME/time`` beside each ``NAME``.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.yaml_file import FileError
+from hil.imports.tables import ArrayTable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from hil.arrays import Array
+
+    Trace = tuple[Array, Array]
+
+_VARIABLE = re.compile(r"^\s*(\d+)\.Variable\s*;\s*(.*?)\s*$")
+_KEY = re.compile(r"^\s*[A-Za-z\[\d][^;]*;")
+
+
+def is_stacked(head: str) -> bool:
+    """Return True if a file that begins with `head` holds traces below one another."""
+    lines = head.lstrip("\ufeff").splitlines()[:200]
+    return bool(lines) and lines[0].startswith("[key]") and any(map(_VARIABLE.match, lines))
+
+
+def open_stacked(path: Path, text: str) -> ArrayTable:
+    """Make a table of traces below one another.
+
+    Raises
+    ------
+    FileError
+        A row of a trace is no time stamp and value, or no trace has rows.
+    """
+    rows: dict[str, list[tuple[float, float]]] = {}
+    name = ""
+    for number, line in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
+        if found := _VARIABLE.match(line):
+            name = found[2] or f"trace {found[1]}"
+            name = name if name not in rows else f"{name} ({found[1]})"
+            rows[name] = []
+        elif line.strip() and not _KEY.match(line):
+            rows[name].append(_row(path, number, line, name))
+    traces = {name: np.array(each).reshape(-1, 2) for name, each in rows.items() if each}
+    if not traces:
+        raise FileError(f"{path}: holds {len(rows)} traces without rows; record them, then export")
+    return ArrayTable(path, {key: _read(column) for key, column in _columns(traces).items()})
+
+
+def _row(path: Path, number: int, line: str, name: str) -> tuple[float, float]:
+    cells = [cell.strip().replace(",", ".") for cell in line.split(";")]
+    try:
+        time, value = (_number(cell) for cell in cells if cell)
+    except ValueError:
+        raise FileError(
+            f"{path}:{number}: {line.strip()[:40]!r} in trace {name!r} must be a time stamp and a"
+            " number; choose another trace, or remove this one"
+        ) from None
+    return time, value
+
+
+def _number(cell: str) -> float:
+    """A number, or a truth value as the controller has it."""
+    truth = {"TRUE": 1.0, "FALSE": 0.0}
+    return truth[cell.upper()] if cell.upper() in truth else float(cell)
+
+
+def _columns(traces: dict[str, Array]) -> dict[str, Array]:
+    """Columns by name; one of time where all traces have the same stamps, as far as all have."""
+    n = min(map(len, traces.values()))
+    first = next(iter(traces.values()))[:n, 0]
+    if all(np.array_equal(each[:n, 0], first) for each in traces.values()):
+        return {"time": first} | {name: each[:n, 1] for name, each in traces.items()}
+    found: dict[str, Array] = {}
+    for name, each in traces.items():
+        found |= {f"{name}/time": each[:, 0], name: each[:, 1]}
+    return found
+
+
+def _read(column: Array) -> tuple[int, Callable[[slice], object]]:
+    return len(column), lambda part: column[part]

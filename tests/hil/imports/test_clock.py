@@ -1,0 +1,114 @@
+"""Recorded velocities are clocks: they show rates, instants and rows that were held."""
+
+import re
+
+import numpy as np
+import pytest
+from small_recording import a_map, motion, table, write_csv, write_map
+
+from hil.imports.importing import import_recordings
+
+RATE = 200.0
+
+
+def stated(folder, columns, **changes):
+    write_csv(folder / "data.csv", columns)
+    found = []
+    import_recordings([write_map(folder, a_map(velocity=True, **changes))], folder / "run",
+                      found.append)  # fmt: skip
+    return found[0]
+
+
+@pytest.mark.parametrize(("wrong", "seen"), [(208.0, "200"), (190.0, "200"), (210.0, "200")])
+def test_a_rate_that_all_velocities_contradict_is_named(tmp_path, wrong, seen):
+    (one,) = stated(tmp_path, table(20.0, rate=RATE), time={"rate": wrong}).suspicions
+    assert one.location == ("time",)
+    assert f"at {seen} Hz all of them fit; correct the rate" in one.message
+    assert not one.certain
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.01])
+def test_filtered_velocities_contradict_no_rate(tmp_path, delay):
+    columns = table(20.0, rate=RATE)
+    share = 1.0 if not delay else 1.0 - np.exp(-1.0 / RATE / delay)
+    for name in ("v1", "v2"):
+        x = columns[name]
+        for k in range(1, len(x)):
+            x[k] = x[k - 1] + share * (x[k] - x[k - 1])
+    assert stated(tmp_path, columns, time={"rate": RATE}).suspicions == ()
+
+
+def test_rows_that_are_uneven_by_all_velocities_are_named(tmp_path):
+    steps = np.random.default_rng(3).choice([0.004, 0.008], 4000, p=[0.75, 0.25])
+    columns = table(time=np.concatenate([[0.0], np.cumsum(steps)]))
+    (one,) = stated(tmp_path, columns, time={"rate": 200}).suspicions
+    assert "samples are not even in time: by the recorded velocities of joints 1, 2" in one.message
+    assert "record a time stamp with each row" in one.message
+
+
+def test_noise_of_one_encoder_is_no_uneven_clock(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["q1"] += 2e-3 * np.random.default_rng(1).standard_normal(len(columns["t"]))
+    found = stated(tmp_path, columns, time={"rate": RATE}).suspicions
+    assert not any(s.location == ("time",) for s in found)
+
+
+@pytest.mark.parametrize("time", [{"rate": RATE}, {"column": "t"}])
+def test_rows_that_were_recorded_twice_are_named_and_count_as_missing(tmp_path, time):
+    columns = table(20.0, rate=RATE)
+    twice = np.random.default_rng(2).random(len(columns["t"])) < 0.1
+    twice[0] = False
+    twice[1:] &= ~twice[:-1]
+    for name, x in columns.items():
+        if name != "t":
+            x[twice] = x[np.flatnonzero(twice) - 1]
+    found = stated(tmp_path, columns, time=time)
+    counts, lines = found.timing.counts, "\n".join(found.lines())
+    assert counts.held == twice.sum()
+    assert f"{counts.held} rows repeat the row before in all columns, from row" in lines
+    assert counts.gaps == 0
+    assert found.suspicions == ()
+
+
+def test_rows_that_hold_values_give_way_to_the_rate_at_which_these_change(tmp_path):
+    columns = table(20.0, rate=50.0)
+    held = {name: np.repeat(x, 4) for name, x in columns.items()}
+    held["t"] = np.arange(len(held["t"])) / RATE
+    found = stated(tmp_path, held)
+    assert found.timing.period == pytest.approx(0.02)
+    assert "values change every 4 rows" in "\n".join(found.lines())
+
+
+def test_a_robot_that_rests_repeats_no_rows(tmp_path):
+    columns = table(20.0, rate=RATE)
+    q, qd, tau = motion(columns["t"].clip(max=12.0))
+    resting = columns["t"] > 12.0
+    names = ["q1", "q2", "v1", "v2", "m1", "m2"]
+    for name, x in zip(names, [*q.T, *np.where(resting[:, None], 0, qd).T, *tau.T], strict=True):
+        columns[name] = x
+    assert stated(tmp_path, columns, time={"rate": RATE}).timing.counts.held == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "key"), [("m2", "torque"), ("q1", "position"), ("v1", "velocity")]
+)
+def test_a_column_that_is_held_is_named(tmp_path, name, key):
+    columns = table(20.0, rate=RATE)
+    columns[name] = np.repeat(columns[name][::4], 4)[: len(columns["t"])]
+    found = [s for s in stated(tmp_path, columns).suspicions if "values are held" in s.message]
+    assert [s.location for s in found] == [("joints", int(name[1]) - 1, key)]
+    assert re.search("(75|69) % of the rows", found[0].message)
+
+
+def test_a_coarse_column_is_not_held(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["m2"] = np.round(columns["m2"])
+    columns["q1"] = 2e-3 * np.round(columns["q1"] / 2e-3)
+    assert not any("are held" in s.message for s in stated(tmp_path, columns).suspicions)
+
+
+def test_what_was_understood_is_explained_joint_by_joint(tmp_path):
+    lines = stated(tmp_path, table(20.0, rate=RATE)).explanation
+    assert lines[0].startswith("joint 1: position q1 [rad], velocity v1 [rad/s], torque m1 [N m]")
+    for check in ("range", "still", "velocity", "time"):
+        assert any(line.startswith(f"check {check}: ") for line in lines)

@@ -1,0 +1,76 @@
+"""Joints that rest have nothing to show, and nothing is said against them."""
+
+import numpy as np
+import pytest
+from small_recording import a_map, motion, table, write_csv, write_map
+
+from checked_files.yaml_file import FileError
+from hil.imports.importing import import_recordings
+
+COLUMNS = table(20.0, rate=100.0)
+T = COLUMNS["t"]
+Q, QD, TAU = motion(T)
+RNG = np.random.default_rng(7)
+TREMBLE = 3e-4 * np.sin(2 * np.pi * 0.4 * T)
+COUNT = 4e-4
+
+
+def suspicions(folder, velocity=True, **columns):
+    write_csv(folder / "data.csv", COLUMNS | columns)
+    stated = []
+    the_map = write_map(folder, a_map(velocity=velocity))
+    import_recordings([the_map], folder / "run", stated.append)
+    return [s for s in stated[0].suspicions if "nothing can be found of joint" not in s.message]
+
+
+def flicker(size, at):
+    """A constant that is off by `size` in a few rows."""
+    x = np.full(len(T), 0.3)
+    x[at] += size
+    return x
+
+
+HOLDING = 8 + 0.2 * RNG.standard_normal(len(T))
+AT_REST = {
+    "a velocity of a coarse increment": {
+        "q2": TREMBLE, "v2": 0.04 * np.round(RNG.standard_normal(len(T)) / 3)},
+    "a velocity below its increment": {"q2": TREMBLE, "v2": 0 * T},
+    "a velocity with a dead band": {
+        "q2": TREMBLE, "v2": 5e-4 * np.round(np.gradient(TREMBLE, T) / 5e-4)},
+    "noise as velocity": {"q2": 0 * T, "v2": 0.02 * RNG.standard_normal(len(T))},
+    "one count of the encoder in one sample": {"q2": flicker(COUNT, [500]), "v2": 0 * T},
+    "counts of a velocity here and there": {
+        "q2": flicker(0, []), "v2": flicker(0.0049, [100, 500, 503, 900]) - 0.3},
+    "three counts of a velocity": {"q2": 0 * T, "v2": flicker(0.0147, [100, 500, 900]) - 0.3},
+    "rounding of a constant": {"q2": 0.3 + 1e-17 * np.arange(len(T)), "v2": 0 * T},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", AT_REST)
+def test_a_joint_at_rest_refuses_no_recording(tmp_path, case):
+    assert suspicions(tmp_path, m2=HOLDING, **AT_REST[case]) == []
+
+
+def test_counts_of_a_torque_at_rest_are_no_spikes(tmp_path):
+    torque = 8 + 0.1 * np.isin(np.arange(len(T)), [100, 500, 503, 900])
+    assert suspicions(tmp_path, velocity=False, q2=0 * T, m2=torque) == []
+
+
+MOVING = {
+    "noise in place of a velocity": {"v2": RNG.standard_normal(len(T))},
+    "zeros in place of a velocity": {"v2": 0 * T},
+    "a noisy torque in place of a velocity": {"v2": TAU[:, 1] + 2 * RNG.standard_normal(len(T))},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MOVING)
+def test_a_joint_that_moves_is_compared_all_the_same(tmp_path, case):
+    with pytest.raises(
+        FileError, match=r"joints\.1\.velocity: does not follow the position of joint"
+    ):
+        suspicions(tmp_path, **MOVING[case])
+
+
+def test_a_spike_of_a_joint_at_rest_that_outweighs_all_motion_is_refused(tmp_path):
+    with pytest.raises(FileError, match=r"joints\.1\.position: 1 sample stands out"):
+        suspicions(tmp_path, velocity=False, q2=flicker(30.0, [500]), m2=HOLDING)
