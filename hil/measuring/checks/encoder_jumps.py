@@ -145,15 +145,18 @@ class _Path:
             _median(self._speeds[::-1])[::-1][np.minimum(before + 1, last - 1)],
         )
         slower = np.minimum(*np.abs(speeds))  # after a jump the loop adds a speed of its own
-        off = []
+        off, signs = [], []
         for speed, end, step in ((speeds[0], before, 1), (speeds[1], before + 1, -1)):
             around = np.clip(end - step * np.arange(AROUND)[:, None], 0, last)
             beyond = np.clip(end + step * np.array([[1], [2]]), 0, last)
             base = np.median(self._q[around] - speed * self._time[around], axis=0)
             shifts = self._q[beyond] - speed * self._time[beyond] - base
             reached = np.min(np.abs(shifts) - slower * self._ages[beyond], axis=0)
-            off.append(np.where(np.sign(shifts[0]) == np.sign(shifts[1]), reached, 0.0))
-        return np.minimum(*off)
+            signs.append(np.sign(shifts) * step)
+            off.append(reached)
+        # positions curved by an acceleration are on the same side of both lines
+        same = np.ptp(np.concatenate(signs), axis=0) == 0
+        return np.where(same, np.minimum(*off), 0.0)
 
 
 def _median(values: Array) -> Array:
