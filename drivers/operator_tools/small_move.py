@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from drivers.session.servo_axes import ServoAxes
 
 SPEED_TIME = 0.08
-"""Speed is taken from positions this far apart [s], which a drive may renew less often than SYNC."""
+"""Speed is taken from positions this far apart [s]: a drive may not renew them with each SYNC."""
 TOO_FAST = 2.0
 """Times the commanded velocity at which a move is given up."""
 POLLED = 0.1

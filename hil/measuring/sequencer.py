@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
 from hil.measuring import events
-from hil.measuring.checks.recording_checks import check
+from hil.measuring.checks.recording_checks import LASTING, check
 from hil.measuring.motion import MANNERS, PREPARATIONS
 from hil.measuring.travel import locate, travel
 from hil.planning.timetable import timetable
@@ -132,7 +132,7 @@ def _attempts(
         findings = tuple(check(recording, measurement, robot))
         tries.append((recording, findings))
         now = float(recording.time[-1])
-        if not findings or len(tries) == plan.attempts:
+        if {finding.check for finding in findings} <= LASTING or len(tries) == plan.attempts:
             break
         yield events.Repeated(now, clock.remaining(now), measurement, len(tries), findings)
     clock.done += 1

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import SampleFlag, Tripped
+from hil.measuring.checks.old_values import with_old_values
 from hil.runs.journal import EXACT
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
     from hil.runs.recording import Recorder, Recording
 
+_OF_BEFORE = SampleFlag.LATE | SampleFlag.OLD
 TIMES = 5.0
 """A jump is so many times what acceleration, and what is usual in this motion, account for."""
 USUAL = 0.99
@@ -41,8 +43,16 @@ stamp among them has no effect."""
 
 
 def finished(bus: DriveBus, recorder: Recorder, acceleration: float) -> Recording:
-    """Turn what was recorded of a motion into arrays; see `refuse_jumps`."""
-    recording = recorder.finish()
+    """Turn what was recorded of a motion into arrays with all flags; see `refuse_jumps`.
+
+    Raises
+    ------
+    DriveRefused
+        A drive renews its position less often than SYNC comes.
+    Tripped
+        An encoder jumped.
+    """
+    recording = with_old_values(recorder.finish(), acceleration, bus.axes)
     resolution, units = [a.position_resolution for a in bus.axes], [a.unit for a in bus.axes]
     refuse_jumps(recording, acceleration, resolution, units)
     return recording
@@ -79,7 +89,7 @@ def refuse_jumps(
     period = float(np.median(intervals))
     off = intervals - np.rint(intervals / period) * period
     age = 0.0 if np.abs(off).max() <= EXACT else period
-    known = np.isfinite(recording.q) & (recording.flags & SampleFlag.LATE == 0)
+    known = np.isfinite(recording.q) & (recording.flags & _OF_BEFORE == 0)
     known &= advances[:, None]
     found = []
     for axis, least in enumerate(np.broadcast_to(resolution, recording.n_joints)):

@@ -89,6 +89,28 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
         )
 
 
+def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
+    """Find where drives renew position or current less often than SYNC comes."""
+    del measurement, robot
+    moving = recording.under_way
+    old = np.any(recording.flags[moving] & SampleFlag.OLD, axis=1)
+    share = float(old.mean()) if moving.any() else 0.0
+    if share > TOLERATED:
+        period = float(np.median(np.diff(recording.time)))
+        fresh = recording.time[moving][~old]
+        spans = np.diff(fresh)[np.diff(np.flatnonzero(~old)) > 1]
+        every = round(float(np.median(spans)) / period) if len(spans) else 1
+        yield Finding(
+            "renewal",
+            f"{share:.0%} of the samples in motion repeat a position or current of axis"
+            f" {_axes(recording, SampleFlag.OLD)}, which is renewed only every {every} SYNCs, at"
+            f" most {TOLERATED:.0%} may; fresh samples alone are used: set sync_period:"
+            f" {every * period:.3g} in the drives file and plan anew",
+            share,
+            TOLERATED,
+        )
+
+
 def _saturation(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     del measurement, robot
     at = np.any(recording.flags & SampleFlag.LIMIT, axis=1) & recording.under_way
@@ -161,8 +183,10 @@ def _explained(values: Array, longest: int) -> int:
     return math.ceil(1 + math.log(CHANCE / len(values)) / math.log(share))
 
 
-ALWAYS: tuple[Check, ...] = (_gaps, _saturation, frozen)
+ALWAYS: tuple[Check, ...] = (_gaps, renewal, _saturation, frozen)
 """What every recording must pass."""
+LASTING = frozenset({"renewal"})
+"""Names of checks that another attempt would fail as well."""
 CHECKS: dict[str, tuple[Check, ...]] = {
     "gravity": (windows, half_sums),
     "inertia": (peaks,),

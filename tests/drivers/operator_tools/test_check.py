@@ -431,9 +431,9 @@ def test_how_often_a_noisy_value_is_renewed_shows_whatever_its_steps(
     for seed in range(20):
         noise = np.random.default_rng(seed).normal(0.0, ratio, 2000)
         values = np.round(noise[np.floor(np.arange(600) / every).astype(int)])
-        assert renewed_every([values[:300], values[300:]], 1.0) == pytest.approx(
-            expected, rel=0.15
-        ), seed
+        assert renewed_every([values[:300], values[300:]], 1.0) == pytest.approx(every, rel=0.15), (
+            seed
+        )
 
 
 def test_a_value_that_hardly_changes_shows_no_period() -> None:
