@@ -27,7 +27,7 @@ class Watched:
 
     def look(self, *samples: tuple[int, ...]) -> list[NodeSilent]:
         """Take the flags of samples; return what they made known."""
-        shown = [self.telegrams.look(flags) for flags in samples]
+        shown = [self.telegrams.look(flags, {}) for flags in samples]
         return [error for error in shown if error is not None]
 
 
