@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drivers.drive_bus import LATE_FOR, SampleFlag
-from hil.measuring.checks.stroke_checks import half_sums, partners, peaks, stuck, windows
+from hil.measuring.checks.stroke_checks import half_sums, opposed, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
 from hil.runs.recording import CHANCE, Finding
 
@@ -185,13 +185,15 @@ def _explained(values: Array, longest: int) -> int:
 
 ALWAYS: tuple[Check, ...] = (_gaps, renewal, _saturation, frozen)
 """What every recording must pass."""
-LASTING = frozenset({"renewal"})
+SIGN = "sign"
+"""Name of the check whose failure ends a run: all torques of the axis count the wrong way."""
+LASTING = frozenset({"renewal", SIGN})
 """Names of checks that another attempt would fail as well."""
 CHECKS: dict[str, tuple[Check, ...]] = {
-    "gravity": (windows, half_sums),
+    "gravity": (opposed, windows, half_sums),
     "inertia": (peaks,),
-    "coupling": (windows, stuck, partners),
-    "friction": (windows,),
+    "coupling": (opposed, windows, stuck, partners),
+    "friction": (opposed, windows),
     "trajectory": (astray,),
 }
 """What recordings of each kind of measurement must pass besides."""

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 VELOCITY_TOLERANCE = 0.05
 """Mean velocity in a window may differ by this share."""
+SIGNIFICANT = 4.0
+"""Standard errors by which friction must be negative to count as that."""
 LAG = 0.02
 """Time over which a highest velocity is averaged [s]."""
 RUNNING = 3
@@ -107,6 +109,34 @@ def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Itera
             f" {bound:.3g} {unit} may; friction is not steady: warm up longer, or plan more cycles",
             spread,
             bound,
+        )
+
+
+def opposed(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
+    """Find a torque that counts against the motion: friction takes power, so it is positive.
+
+    Half the difference of two successive strokes is friction, for both pass the same places.
+    """
+    torque = [
+        recording.tau[constant_velocity(recording, measurement, k), measurement.index]
+        * (1.0 if measurement.profile(k).end > measurement.profile(k).start else -1.0)
+        for k in range(measurement.n_strokes)
+    ]
+    torque = [values[np.isfinite(values)] for values in torque]
+    if len(torque) < 2 or any(len(values) < 2 for values in torque):
+        return
+    means = np.array([values.mean() for values in torque])
+    frictions = (means[1:] + means[:-1]) / 2
+    noise = max(float(values.std() / np.sqrt(len(values))) for values in torque)
+    if frictions.max() < -SIGNIFICANT * noise:
+        unit, friction = robot.torque_unit(measurement.index), float(frictions.mean())
+        yield Finding(
+            "sign",
+            f"the torque of axis {measurement.axis} counts against its motion: friction is"
+            f" {friction:.3g} {unit}, must be positive; turn current.sign of this axis in the"
+            " drives file, see that hil drives check agrees, and measure anew",
+            friction,
+            0.0,
         )
 
 

@@ -132,7 +132,14 @@ def _doubled(sound: Recording) -> Recording:
     return replace(sound, flags=flags)
 
 
+def _opposed(sound: Recording) -> Recording:
+    return replace(sound, tau=-sound.tau)
+
+
 FAULTS = [
+    ("gravity", _opposed, "sign"),
+    ("friction", _opposed, "sign"),
+    ("coupling", _opposed, "sign"),
     ("gravity", _slowed, "velocity"),
     ("friction", _slowed, "velocity"),
     ("inertia", _slowed, "velocity"),
