@@ -140,7 +140,7 @@ class CurrentStuck(NodeInjection):
 class PositionSlow(NodeInjection):
     """The drive renews its position less often than it sends it."""
 
-    places = POSITIONS
+    places: tuple[int, ...] = POSITIONS
 
     def begin(self) -> None:
         """Renew it now and then."""

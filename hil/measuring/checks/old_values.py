@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.drive_bus import AxisInfo
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Indices, Mask
     from hil.runs.recording import Recording
 
 TIMES = 5.0
@@ -108,7 +108,7 @@ def _old_torques(tau: Array, step: float) -> Mask:
     return _repeated(changes[1:], np.diff(changes), len(tau))
 
 
-def _repeated(changes: Array, rests: Array, n: int) -> Mask:
+def _repeated(changes: Indices, rests: Indices, n: int) -> Mask:
     """Samples that repeat the one before, in so many steps up to each change; shape (n,)."""
     counts = np.zeros(n + 1, dtype=int)
     np.add.at(counts, changes - rests + 2, 1)
