@@ -46,58 +46,46 @@ class ForeignFrames:
     """
 
     def __init__(
-        self,
-        network: PumpedNetwork,
-        labels: Mapping[int, str],
-        command: Callable[[Tripped], None],
+        self, network: PumpedNetwork, labels: Mapping[int, str], command: Callable[[Tripped], None]
     ) -> None:
         self._network, self._labels, self._command = network, labels, command
         self.remarks: list[str] = []
         self._rpdos: dict[int, int] = {}
-        network.subscribe(NMT, self._on_nmt)
-        network.subscribe(SYNC, self._on_sync)
-        for node in labels:
-            network.subscribe(SDO_REQUEST + node, self._on_sdo)
+        for identifier in (NMT, SYNC, *(SDO_REQUEST + node for node in labels)):
+            network.subscribe(identifier, self._on_frame)
 
     def wire(self, rpdos: Mapping[int, int], tpdos: Sequence[int]) -> None:
         """Expect no other RPDOs, by identifier the node, than ours; what `tpdos` use is theirs."""
         for identifier in self._rpdos:
-            self._network.unsubscribe(identifier, self._on_rpdo)
+            self._network.unsubscribe(identifier, self._on_frame)
         usual = {base + node: node for node in self._labels for base in RPDOS}
-        found = {**usual, **rpdos}
-        self._rpdos = {key: node for key, node in found.items() if key not in tpdos}
+        self._rpdos = {key: node for key, node in {**usual, **rpdos}.items() if key not in tpdos}
         for identifier in self._rpdos:
-            self._network.subscribe(identifier, self._on_rpdo)
+            self._network.subscribe(identifier, self._on_frame)
 
-    def _on_nmt(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        del can_id, timestamp
-        if len(data) < 2 or data[1] not in {0, *self._labels}:
-            return
-        whom = self._labels.get(data[1], "all nodes")
-        what = f"another master commands {whom} {_NMT.get(data[0], f'by {data[0]:02X}h')} (NMT)"
-        self._take(what, harmless=data[0] == 1)
-
-    def _on_sync(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        del can_id, data, timestamp
-        self._take("another producer sends SYNC (080h), so drives answer at instants of its own")
-
-    def _on_rpdo(self, can_id: int, data: bytearray, timestamp: float) -> None:
+    def _on_frame(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp
-        label = self._labels[self._rpdos[can_id]]
-        self._take(f"another master commands {label} by RPDO {can_id:03X}h, {data.hex(' ')}")
+        if can_id == SYNC:
+            self._take("another producer sends SYNC (080h), so drives answer at other instants")
+        elif can_id == NMT and len(data) > 1 and data[1] in {0, *self._labels}:
+            whom = self._labels.get(data[1], "all nodes")
+            what = _NMT.get(data[0], f"by {data[0]:02X}h")
+            self._take(f"another master commands {whom} {what} (NMT)", harmless=data[0] == 1)
+        elif can_id in self._rpdos:
+            label = self._labels[self._rpdos[can_id]]
+            self._take(f"another master commands {label} by RPDO {can_id:03X}h, {data.hex(' ')}")
+        elif can_id > SDO_REQUEST and len(data) > 3:
+            self._take_request(self._labels[can_id - SDO_REQUEST], data)
 
-    def _on_sdo(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        del timestamp
-        command = data[0] >> 5 if len(data) > 3 else 0
-        if command not in _WRITES | _READS:
-            return None
-        index, label = data[1] | data[2] << 8, self._labels[can_id - SDO_REQUEST]
-        place = f"{index:04X}:{data[3]:02X} of {label}"
+    def _take_request(self, label: str, data: bytearray) -> None:
+        command, who = data[0] >> 5, "another master or tool"
         if command in _READS:
-            return self._take(f"another master or tool reads objects of {label}", harmless=True)
-        value = int.from_bytes(data[4:8], "little") if data[0] & 2 else None
-        shown = "" if value is None or command != 1 else f" = {value:X}h"
-        return self._take(f"another master or tool writes {place}{shown} (SDO)")
+            self._take(f"{who} reads objects of {label}", harmless=True)
+        elif command in _WRITES:
+            place = f"{data[1] | data[2] << 8:04X}:{data[3]:02X}"
+            expedited = command == 1 and data[0] & 2
+            value = f" = {int.from_bytes(data[4:8], 'little'):X}h" if expedited else ""
+            self._take(f"{who} writes {place} of {label}{value} (SDO)")
 
     def _take(self, what: str, *, harmless: bool = False) -> None:
         message = f"{what}; {_REMEDY}"
