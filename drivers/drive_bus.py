@@ -91,6 +91,8 @@ class SampleFlag(enum.IntFlag):
     """The drive reports an internal limit (statusword bit 11): its torque saturates."""
     SKIPPED = 16
     """SYNCs right before this one were passed over: they had waited too long to be judged."""
+    OLD = 32
+    """The drive had not renewed position or torque since the SYNC before, in motion."""
 
 
 @dataclass(frozen=True, slots=True)

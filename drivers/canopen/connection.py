@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen.communication import CanopenCommunication, find_collisions
 from drivers.canopen.emergency import Emergencies
+from drivers.canopen.foreign_frames import ForeignFrames
 from drivers.canopen.heartbeat import START_TIME, Heartbeats, guarding_request
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.pdo_mapping import answers
@@ -79,10 +80,11 @@ class CanopenConnection(Connection):
         communications = tuple(
             CanopenCommunication.predefined(axis, feed_forward=feed_forward) for axis in drives.axes
         )
+        labels = {server.node: server.label for server in servers}
         heartbeats = Heartbeats(
             network,
             drives.master_node,
-            {server.node: server.label for server in servers},
+            labels,
             drives.heartbeat_period,
             drives.heartbeat_timeout,
             clock.now,
@@ -90,8 +92,8 @@ class CanopenConnection(Connection):
         data = SyncProcessData(network, drives.axes, clock, communications)
         super().__init__(servers, communications, data, heartbeats)
         network.idle = heartbeats.beat
-        nodes = [server.node for server in servers]
-        self._emergencies = Emergencies(network, nodes, self.supervision.take_emergency)
+        self._emergencies = Emergencies(network, list(labels), self.supervision.take_emergency)
+        self._foreign = ForeignFrames(network, labels, heartbeats.fail)
 
     @classmethod
     def on(
@@ -125,6 +127,10 @@ class CanopenConnection(Connection):
             kernel.shutdown()
             raise
 
+    def remarks(self) -> Sequence[str]:
+        """State who else was heard on the bus."""
+        return self._foreign.remarks
+
     def conflicts(self) -> Sequence[DriveRefused]:
         """Return which drives use an identifier that is in use already."""
         return find_collisions(self.communications, self._master)
@@ -133,6 +139,8 @@ class CanopenConnection(Connection):
         """Expect TPDOs, emergencies and guarding of each drive as it has been set up; start all."""
         found = self.communications
         self.process_data.wire(found)
+        ours = {pdo.cob_id: drive.node for drive in found for pdo in drive.inputs if pdo}
+        self._foreign.wire(ours, [pdo.cob_id for drive in found for pdo in drive.transmitted])
         self._emergencies.listen([drive.emergency for drive in found])
         self.life_sign.requests = [guarding_request(drive.node) for drive in found if drive.guarded]
         for server in self.servers:

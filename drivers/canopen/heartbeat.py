@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from drivers.canopen.network import PumpedNetwork
+    from drivers.drive_bus import DriveError
 
 START_TIME = 2.0
 """How long a node may take from NMT start to OPERATIONAL [s]; CiA 301 states no bound."""
@@ -57,8 +58,8 @@ class Heartbeats:
         What they watch, for messages.
     due : float
         When `service` must be called next [s].
-    trouble : NodeSilent or None
-        Why a drive is no longer with us.
+    trouble : DriveError or None
+        Why a drive is no longer with us, or with us alone.
     ceased : bool
         Ours is sent no more.
     starting : set of int
@@ -81,7 +82,7 @@ class Heartbeats:
         self.due = -math.inf
         self.ceased = False
         self._next_beat = -math.inf
-        self.trouble: NodeSilent | None = None
+        self.trouble: DriveError | None = None
         self.requests: list[can.Message] = []
         self._network = network
         self._frame = can.Message(
@@ -143,15 +144,21 @@ class Heartbeats:
                 f"{self.timeout:g} s); check the drive's supply and the CAN wiring"
             )
 
+    def fail(self, trouble: DriveError) -> None:
+        """Take note that somebody else commands a drive that is watched."""
+        if self._heard and self.trouble is None:
+            self.trouble = trouble
+
     def _on_ours(self, can_id: int, data: bytearray, timestamp: float) -> None:
         """Somebody else sends what the drives watch: they would not miss us."""
         del data, timestamp
-        if self._heard and self.trouble is None:
-            self.trouble = NodeSilent(
+        self.fail(
+            NodeSilent(
                 f"another master on the bus sends our heartbeat (node {can_id - 0x700}): the drives"
                 " would go on when this process dies; end that master, or give each a master_node"
                 " of its own in the drives file"
             )
+        )
 
     def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp

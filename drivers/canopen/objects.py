@@ -11,6 +11,8 @@ LIFE_TIME_FACTOR = Entry(0x100D, 0, "u8", "life time factor")
 EMERGENCY_COB_ID = Entry(0x1014, 0, "u32", "COB-ID of emergencies")
 CONSUMER_HEARTBEAT = Entry(0x1016, 1, "u32", "consumer heartbeat time")
 PRODUCER_HEARTBEAT = Entry(0x1017, 0, "u16", "producer heartbeat time")
+INHIBIT_TIME = Entry(0x1800, 3, "u16", "inhibit time of TPDO 1")
+EVENT_TIMER = Entry(0x1800, 5, "u16", "event timer of TPDO 1")
 SET_POINT_TRANSMISSION = Entry(0x1401, 2, "u8", "transmission type of RPDO 2")
 SYNC_COUNTER = Entry(0x1019, 0, "u8", "synchronous counter overflow value")
 

@@ -175,6 +175,8 @@ def _set_up(server: RemoteDictionary, pdo: Pdo) -> Pdo:
     if off and present | OFF != identifier | OFF:
         server.set(cob, identifier | OFF)
     transmission = _set_transmission(server, pdo)
+    if pdo.sends:
+        _let_send(server, pdo)
     carried = _set_mapping(server, pdo, off=off)
     if server.get(cob) != identifier:
         server.set(cob, identifier)
@@ -189,6 +191,15 @@ def _set_transmission(server: RemoteDictionary, pdo: Pdo) -> int:
     if present not in {pdo.transmission, *pdo.also}:
         _refuse_fixed(server, kind, f"{present}", f"{pdo.transmission}")
     return present
+
+
+def _let_send(server: RemoteDictionary, pdo: Pdo) -> None:
+    """Have a TPDO sent with each SYNC: neither held back for a time nor sent in between."""
+    for subindex, name in ((3, "inhibit time"), (5, "event timer")):
+        entry = Entry(pdo.communication, subindex, "u16", f"{name} of {pdo.name}")
+        present = server.find(entry)
+        if present and not server.set_unless_fixed(entry, 0):
+            _refuse_fixed(server, entry, f"{present}", "0")
 
 
 def _set_mapping(server: RemoteDictionary, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]:

@@ -260,6 +260,11 @@ class SyncProcessData(ProcessData):
         if len(data) == self._sizes[slot]:
             self._settle(slot)
             self._mark(slot, SampleFlag.LATE)
+        else:
+            self.misfits[self._axis_of[slot]] = (
+                f"TPDO {can_id:03X}h has {len(data)} bytes, {self._sizes[slot]} were mapped: the"
+                " drive restarted, or somebody else maps it"
+            )
 
     def _mark(self, slot: int, flag: SampleFlag) -> None:
         axis = self._axis_of[slot]

@@ -86,6 +86,14 @@ REQUIREMENTS = with_rows((
         cia301.SET_POINT_TRANSMISSION, Use.SET, ON_ARRIVAL,
         value=ON_SYNC, serves=range(256), served=f"above {AT_SYNC[-1]}, {ON_ARRIVAL}",
     ),
+    silent(
+        cia301.INHIBIT_TIME, Use.SET, "its TPDOs are not held back", value=0,
+        fixed="it holds back TPDOs, so not every SYNC is answered",
+    ),
+    silent(
+        cia301.EVENT_TIMER, Use.SET, "its TPDOs come with SYNC alone", value=0,
+        fixed="its TPDOs come between SYNCs too",
+    ),
     silent(cia301.EMERGENCY_COB_ID, Use.READ, "emergencies are expected under 80h plus node"),
 ))  # fmt: skip
 """The rows by object, in the order in which a drive is asked for them."""

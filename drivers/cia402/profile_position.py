@@ -10,6 +10,7 @@ and a set-point that comes meanwhile waits until the one before has reached its 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,7 @@ _ON_TARGET = (
     "the axis is on its target, but its drive does not show target reached (6041 bit 10): check its"
     " position window and the time for that (6067, 6068)"
 )
+_STUCK = "check encoder and cable, whether the drive still renews its position (6064)"
 _REMEDIES = {
     Phase.OFFERED: f"{_NOT_REACHED}, or state a longer acknowledge_timeout in the drives file",
     Phase.TAKEN: f"{_NOT_REACHED}; where the drive holds its acknowledge until the target is "
@@ -58,6 +60,8 @@ class _Motion:
     duration: float
     start: float = 0.0
     under_way: bool = False
+    still: tuple[int, float] = (0, math.inf)
+    """A position, and since when it has been shown [increments], [s]."""
     following: Move | None = None
 
 
@@ -126,6 +130,8 @@ class ProfilePosition:
             if process_data.flags[axis] & _MISSING:
                 continue
             position = process_data.positions[axis]
+            if position != motion.still[0]:
+                motion.still = position, time
             self._step(axis, motion, process_data.words[axis], position)
             if time > motion.deadline and axis in self.active:
                 return self._failure(axis, motion, position)
@@ -201,8 +207,12 @@ class ProfilePosition:
         phase = motion.command.phase
         there = abs(position - motion.command.target) <= motion.command.window
         remedy = _ON_TARGET if there and phase is Phase.TRAVELLING else _NOT_REACHED
+        still, seen = self._process_data.now() - motion.still[1], ""
+        if still > GRACE and not there and phase is Phase.TRAVELLING:
+            seen = f"the encoder has shown no motion for {still:.2g} s, "
+            remedy = f"{_STUCK}, {_NOT_REACHED.removeprefix('check ')}"
         return MoveFailed(
-            f"{place}: set-point {target:g} at q = {q:g}: {phase.value}, for too long; "
+            f"{place}: {seen}set-point {target:g} at q = {q:g}: {phase.value}, for too long; "
             f"{_REMEDIES.get(phase, remedy)}"
         )
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import AxisScale
-from drivers.commissioning.verdict import Grade, Verdict, graded, unknown
+from drivers.commissioning.verdict import Grade, Verdict, graded, undecided, unknown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -38,6 +38,11 @@ NOISE_MAX = 0.01
 """Of the torque limit: noise of the current above it costs accuracy."""
 QUANTUM_MAX = 0.005
 """Of the torque limit: coarser steps of the current cost accuracy."""
+LEAST_CHANGES = 10
+"""Changes of a value from which on the time between them means anything."""
+RENEWED = 0.05
+"""Share of the readings that may repeat beyond what the steps of a value explain: where a drive
+renews it as often as SYNC comes, but by a clock of its own, some are read twice."""
 WINDOW_SHARE = 0.5
 """Of the following error window that a slow move may take up."""
 
@@ -147,9 +152,67 @@ def judge_rest(
 
 def judge_strokes(seen: Moved) -> Iterator[Verdict]:
     """Judge velocity, sign of the current and following error of both strokes."""
+    scale = AxisScale.of(seen.drive)
+    yield _renewal(seen, "position", abs(scale.position), "q")
+    yield _renewal(seen, "current", scale.torque_step, "tau")
     yield _velocity(seen)
     yield _current_sign(seen)
     yield _following(seen)
+
+
+def renewed_every(stretches: Sequence[NDArray[np.float64]], step: float) -> float:
+    """Return how many SYNCs lie between two renewals of a value that changes all the time.
+
+    Readings x that are rounded to steps s repeat by chance, at most about s / (sigma sqrt(2 pi)) of
+    them, with sigma the standard deviation of x's changes, if these are normal. Where more do, or
+    hardly any follows the one before without a repetition, the drive renews the value less often.
+
+    Parameters
+    ----------
+    stretches : sequence of ndarray, shape (n,)
+        Values of successive SYNCs.
+    step : float
+        Least change that the value can show, in the same unit.
+
+    Returns
+    -------
+    float
+        1 where it is renewed with each SYNC, NaN where it changes too rarely to tell.
+    """
+    steps = [np.diff(values) for values in stretches]
+    intervals = np.concatenate([np.diff(np.flatnonzero(each)) for each in steps])
+    if len(intervals) < LEAST_CHANGES:
+        return math.nan
+    changes = np.concatenate([each[each != 0] for each in steps])
+    by_chance = step / max(float(np.sqrt(np.mean(changes**2))) * math.sqrt(2 * math.pi), step)
+    repeated = 1.0 - 1.0 / float(np.mean(intervals))
+    shortest = int(np.quantile(intervals, RENEWED, method="lower"))
+    if shortest > 1:
+        return float(np.mean(intervals[intervals < 1.5 * shortest]))
+    return 1.0 / (1.0 - repeated) if repeated > RENEWED + 2 * by_chance else 1.0
+
+
+def _renewal(seen: Moved, what: str, step: float, name: str) -> Verdict:
+    """Judge how often the drive renews a value, by its readings in motion."""
+    stretches = []
+    for stroke in seen.strokes:
+        # near the ends the axis is too slow to show another position at each SYNC
+        moving = stroke.between(0.1 * abs(stroke.move.target - stroke.q[0]))
+        stretches.append(getattr(stroke, name)[moving & np.isfinite(stroke.tau)])
+    every, check = renewed_every(stretches, step), f"renewal of the {what}"
+    if math.isnan(every):
+        return undecided(seen.place, check, "it changes too rarely", "move farther")
+    time = every * float(np.median(np.diff(seen.strokes[0].time)))
+    return graded(
+        every < 1.0 + RENEWED,
+        Grade.REFUSED,
+        seen.place,
+        check,
+        f"every {every:.3g} SYNCs ({1000 * time:.3g} ms)",
+        "with every SYNC",
+        f"set sync_period: {time:.3g} in the drives file, or let the drive renew it faster: the"
+        " readings between are old",
+    )
 
 
 def _velocity(seen: Moved) -> Verdict:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
     from drivers.session.servo_axes import ServoAxes
 
-SPEED_TIME = 0.04
-"""Speed is taken from positions this far apart [s]."""
+SPEED_TIME = 0.08
+"""Speed is taken from positions this far apart [s]: a drive may not renew them with each SYNC."""
 TOO_FAST = 2.0
 """Times the commanded velocity at which a move is given up."""
 POLLED = 0.1
@@ -70,8 +70,11 @@ class Stroke:
     def cruising(self) -> NDArray[np.bool_]:
         """Which samples lie in the middle part of the way, at constant velocity; shape (n,)."""
         way = self.move.velocity**2 / self.move.acceleration / 2
+        return self.between(min(1.2 * way, 0.4 * abs(self.move.target - float(self.q[0]))))
+
+    def between(self, margin: float) -> NDArray[np.bool_]:
+        """Return which samples lie farther than `margin` from both ends [rad]; shape (n,)."""
         low, high = sorted((float(self.q[0]), self.move.target))
-        margin = min(1.2 * way, 0.4 * (high - low))
         inside: NDArray[np.bool_] = (self.q > low + margin) & (self.q < high - margin)
         return inside
 

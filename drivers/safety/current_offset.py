@@ -1,14 +1,16 @@
 """Whether current sensors read zero where no current can flow: with the power stage off.
 
 Looked at before the axes are energised and after they were switched off. A constant offset is no
-reason to stop, for an estimate of friction absorbs it, but the operator shall know.
+reason to stop, for an estimate of friction absorbs it, but the operator shall know. Where an axis's
+telegram is missing, its current is that of a SYNC before, when its power may have been on.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
-import numpy as np
+from drivers.drive_bus import SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,8 +19,9 @@ if TYPE_CHECKING:
     from drivers.cycle_data import ProcessData
 
 SYNCS = 10
-"""Samples that are averaged."""
+"""SYNCs whose samples are averaged, as far as they came in time."""
 
+_OLD = SampleFlag.MISSING | SampleFlag.LATE
 OFFSET = 0.02
 """Share of an axis's torque limit that its sensor may read with power off."""
 
@@ -39,13 +42,20 @@ def offsets(
     when : str
         For the message.
     """
-    rows = []
+    seen: list[list[float]] = [[] for _ in axes]
     for _ in range(SYNCS):
         cycle()
-        rows.append(process_data.currents)
+        for readings, current, flag in zip(
+            seen, process_data.currents, process_data.flags, strict=True
+        ):
+            if not flag & _OLD:
+                readings.append(current)
     found = []
-    for axis, current in zip(axes, np.mean(rows, axis=0), strict=True):
-        torque, bound = abs(float(current) * axis.scale.torque), OFFSET * axis.stated.limits.torque
+    for axis, readings in zip(axes, seen, strict=True):
+        if not readings:  # of a silent drive nothing is known
+            continue
+        current, bound = math.fsum(readings) / len(readings), OFFSET * axis.stated.limits.torque
+        torque = abs(current * axis.scale.torque)
         if torque > bound:
             unit = axis.stated.effort_unit
             found.append(

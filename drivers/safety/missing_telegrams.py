@@ -1,4 +1,4 @@
-"""Axes whose process data stay away: one sample is a gap in a recording, ten are no control.
+"""Axes whose process data stay away or come twice: one sample is a gap, ten are no control.
 
 In lock-step nothing arrives unless something is sent. So after a gap our heartbeat goes out early
 (`collect_late`): a TPDO that was merely late comes with it, is flagged as late and dropped, and is
@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import NodeSilent, SampleFlag
+from drivers.drive_bus import NodeSilent, SampleFlag, Tripped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from drivers.axis import Axis
+    from drivers.drive_bus import DriveError
 
 BLIND = 10
 """SYNCs in a row without an axis's TPDO after which all axes are stopped."""
@@ -58,17 +59,22 @@ class MissingTelegrams:
         self._axes = axes
         self._collect_late = collect_late
         self._counts = [0] * len(axes)
+        self._doubled = [0] * len(axes)
 
     @property
     def blind(self) -> bool:
         """Nobody has seen some axis for more than one SYNC."""
         return self.open and max(self._counts) > 1
 
-    def look(self, flags: Sequence[int], *, busy: bool = False) -> NodeSilent | None:
+    def look(
+        self, flags: Sequence[int], misfits: Mapping[int, str], *, busy: bool = False
+    ) -> DriveError | None:
         """Take the flags of a sample; return which axis we are blind for, if any.
 
         Parameters
         ----------
+        misfits : mapping of int to str
+            By axis, what came in place of its telegram.
         busy : bool
             This computer was late just now.
         """
@@ -76,13 +82,23 @@ class MissingTelegrams:
         for axis in self._axes:
             gone = flags[axis.index] & SampleFlag.MISSING
             self._counts[axis.index] = self._counts[axis.index] + 1 if gone else 0
+            twice = flags[axis.index] & SampleFlag.DOUBLED
+            self._doubled[axis.index] = self._doubled[axis.index] + 1 if twice else 0
         self.open = any(self._counts)
         if self.open:
             self._collect_late()
+        if max(self._doubled) >= BLIND:
+            labels = ", ".join(a.label for a in self._axes if self._doubled[a.index] >= BLIND)
+            return Tripped(
+                f"{labels}: two telegrams came for each of {BLIND} SYNCs in a row; give each node"
+                " a number of its own, and see that nobody else sends SYNC"
+            )
         blind = [axis.label for axis in self._axes if self._counts[axis.index] >= most]
         if not blind:
             return None
+        found = [misfits[axis.index] for axis in self._axes if axis.index in misfits]
+        why = f"; {'; '.join(found)}" if found else ""
         return NodeSilent(
-            f"{', '.join(blind)}: {self._silence.format(most)}; check the drive's supply, "
+            f"{', '.join(blind)}: {self._silence.format(most)}{why}; check the drive's supply, "
             f"{self._wiring}"
         )

@@ -214,7 +214,7 @@ class Session:
                 self._attend(words)
             if data.irregular or self._missing.open:
                 busy = time - self._late[0] <= LATE_FOR
-                blind = self._missing.look(data.flags, busy=busy)
+                blind = self._missing.look(data.flags, data.misfits, busy=busy)
                 if blind:
                     self._fail(blind)
             if time - before > self._unsupervised and profile.active:

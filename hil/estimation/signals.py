@@ -203,12 +203,12 @@ def signals(recording: Recording) -> Signals:
 
 
 def _signals(recording: Recording) -> Signals:
-    period = float(np.median(np.diff(recording.time)))
+    sampled = recording.fresh
+    period = _period(recording.time, recording.time[sampled])
     index = np.rint((recording.time - recording.time[0]) / period).astype(int)
     n = int(index[-1]) + 1
     time = recording.time[0] + period * np.arange(n)
     missing = np.ones(n, dtype=bool)
-    sampled = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(axis=1)
     if not sampled.any():
         raise NotEnoughData("no usable sample among all those recorded; repeat it")
     missing[index[sampled]] = False
@@ -232,6 +232,17 @@ def _signals(recording: Recording) -> Signals:
         group=None if recording.group is None else recording.group[nearest],
         resolution=np.array([_least_difference(own) for own in recording.q[sampled].T]),
     )
+
+
+def _period(time: Array, fresh: Array) -> float:
+    """Return the time between samples, of those between which most of a motion passes [s].
+
+    Where drives renew their values less often than SYNC comes, that is the time between renewals.
+    """
+    apart = np.diff(fresh)
+    regular = float(np.median(np.diff(time)))
+    longer = apart[apart > 1.5 * regular]  # 1.5: at least one sample is left out
+    return float(np.median(longer)) if longer.sum() > apart.sum() / 2 else regular
 
 
 def _least_difference(q: Array) -> float:

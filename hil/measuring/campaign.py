@@ -85,14 +85,21 @@ def run_campaign(
                 measured = Measured(
                     event.measurement, event.recording, event.attempts, event.findings, session
                 )
-                background.do(partial(folder.write, measured))
                 timing = timing.with_recording(event.recording)
                 folder.keep(sync=timing)
+                background.do(partial(_save, folder, measured))
             elif isinstance(event, Repeated):
                 messages = [finding.message for finding in event.findings]
                 folder.keep_repeated(event.measurement.id, event.attempt, messages)
+                background.do(folder.save_journal)
             background.check()
             yield event
+
+
+def _save(folder: RunFolder, measured: Measured) -> None:
+    """Write a recording, then the journal that counts it: what a kill leaves is counted too."""
+    folder.write(measured)
+    folder.save_journal()
 
 
 def rehearse_campaign(

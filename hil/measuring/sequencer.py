@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
 from hil.measuring import events
-from hil.measuring.checks.recording_checks import check
+from hil.measuring.checks.recording_checks import LASTING, SIGN, check
 from hil.measuring.motion import MANNERS, PREPARATIONS
 from hil.measuring.travel import locate, travel
 from hil.planning.timetable import timetable
@@ -132,7 +132,8 @@ def _attempts(
         findings = tuple(check(recording, measurement, robot))
         tries.append((recording, findings))
         now = float(recording.time[-1])
-        if not findings or len(tries) == plan.attempts:
+        failed = {finding.check for finding in findings}
+        if failed <= LASTING or SIGN in failed or len(tries) == plan.attempts:
             break
         yield events.Repeated(now, clock.remaining(now), measurement, len(tries), findings)
     clock.done += 1
@@ -143,6 +144,9 @@ def _attempts(
         )
         yield events.GaveUp(now, left, measurement, len(tries), findings)
     yield events.Recorded(now, left, measurement, recording, len(tries), findings)
+    for finding in findings:
+        if finding.check == SIGN:
+            raise DriveRefused(finding.message)
 
 
 def _warm_up(

@@ -25,6 +25,7 @@ from hil.results.quantities import Quantity, quantities, reading
 from hil.results.rounding import signed, unit
 from hil.results.tables.table import Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
+from hil.runs.journal import SyncTiming
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
@@ -197,9 +198,10 @@ def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
 def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
     word = "doubtful" if model.outcome is None else model.outcome.word
     yield _check("identification", "", word, least=limits.outcome)
-    timings = [session.sync for session in run.journal.sessions]
-    samples = sum(timing.samples for timing in timings)
-    flagged = sum(timing.flagged for timing in timings) / samples if samples else 0.0
+    timing = SyncTiming()  # of the recordings: a session that was killed keeps no count for sure
+    for measured in run:
+        timing = timing.with_recording(measured.recording)
+    flagged = timing.flagged / max(1, timing.samples)
     kept = sum(bool(each.findings) for each in run.without(model.provenance.without))
     yield _check("measurements missing", "", len(run.missing), limits.missing)
     yield _check("measurements left out", "", len(model.provenance.without), limits.missing)

@@ -18,6 +18,7 @@ stays. It goes with the process, however that ends. A system without such locks 
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 import secrets
@@ -69,7 +70,9 @@ def write_file(path: Path, content: bytes) -> None:
 def whole_folder(output: Path) -> Iterator[Path]:
     """Yield a new folder beside `output` that gets its name at the end, or goes.
 
-    Folders about it that had to be made go with it. An empty folder at `output` is replaced.
+    Folders about it that had to be made go with it. An empty folder at `output` is replaced. What
+    a process left that was killed while it made the same folder is removed; one that still works on
+    it holds a lock.
 
     Raises
     ------
@@ -79,18 +82,49 @@ def whole_folder(output: Path) -> Iterator[Path]:
     missing = [folder for folder in output.parents if not folder.exists()]
     part = output.with_name(f".{output.name}.{secrets.token_hex(4)}{PART}")
     try:
-        with file_errors(output, "made"):
-            part.mkdir(parents=True)
-        yield part
-        with file_errors(output, "made"):
-            part.rename(output)
-            _flush_folder(output.parent)
+        new_folder(part)
+        _remove_abandoned(output, part)
+        with _held(part, os.O_RDONLY, f"{part}: is in use"):
+            yield part
+            with file_errors(output, "made"):
+                part.rename(output)
+                _flush_folder(output.parent)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         with suppress(OSError):  # somebody else put something there meanwhile
             for folder in missing:
                 folder.rmdir()
         raise
+
+
+def new_folder(path: Path) -> None:
+    """Make a folder that may be there, with those above it, and flush their entries to the disk.
+
+    Raises
+    ------
+    FileError
+        It cannot be made.
+    """
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    with file_errors(path, "made"):
+        path.mkdir(parents=True, exist_ok=True)
+        for folder in made:
+            _flush_folder(folder.parent)
+
+
+def _remove_abandoned(output: Path, own: Path) -> None:
+    """Remove parts of a folder that no living process works on; none where there are no locks."""
+    hexadecimal = "[0-9a-f]" * 8
+    for part in output.parent.glob(f".{glob.escape(output.name)}.{hexadecimal}{PART}"):
+        if fcntl is None or part == own or part.is_symlink():
+            continue
+        with suppress(OSError):
+            handle = os.open(part, os.O_RDONLY)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(part, ignore_errors=True)
+            finally:
+                os.close(handle)
 
 
 @contextmanager

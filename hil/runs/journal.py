@@ -37,7 +37,7 @@ PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h
 EXACT = 1e-6
 """Jitter below this is that of adding floats [s]."""
 
-_GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
+_GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE | SampleFlag.OLD
 
 
 def versions() -> dict[str, str]:
@@ -100,7 +100,8 @@ class SyncTiming(FileModel):
     Attributes
     ----------
     samples, flagged, left_out : int
-        SYNCs recorded; those of them with a telegram missing, doubled or late; SYNCs left out.
+        SYNCs recorded; those of them with a telegram missing, doubled, late
+        or old; SYNCs left out.
     jitter, worst : float
         Root mean square and maximum of how far the time between SYNCs was off the period [s].
     """

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from drivers.drive_bus import SampleFlag
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
@@ -39,7 +41,7 @@ UNITS = {
     "time": "s",
     "q": "rad",
     "tau": "N m",
-    "flags": "bits: 1 missing, 2 doubled, 4 late, 8 internal limit",
+    "flags": "bits: 1 missing, 2 doubled, 4 late, 8 internal limit, 32 old",
     "stroke": "number, even forward, odd back, -1 at rest",
     "partner_stroke": "number, even forward, odd back, -1 at rest",
     "qd": "rad/s",
@@ -108,6 +110,13 @@ class Recording:
             return self.slowed
         groups: Mask = np.isin(self.group, self.group[self.slowed]) & (self.group != IDLE)
         return groups
+
+    @property
+    def fresh(self) -> Mask:
+        """Samples with all values, none of them older than their SYNC, shape (n,)."""
+        there = np.isfinite(self.q).all(axis=1) & np.isfinite(self.tau).all(axis=1)
+        fresh: Mask = there & ~np.any(self.flags & SampleFlag.OLD, axis=1)
+        return fresh
 
     @property
     def pair(self) -> Numbers:

@@ -27,6 +27,7 @@ from hil.runs import SIMULATED
 from hil.runs.atomic_file import (
     PART,
     file_errors,
+    new_folder,
     own_folder,
     refuse_link,
     whole_name,
@@ -86,8 +87,7 @@ class RunFolder(Run):
         """
         path = Path(path)
         cls.refuse_taken(path)
-        with file_errors(path, "made"):
-            path.mkdir(parents=True, exist_ok=True)
+        new_folder(path)
         own_folder(path / "recordings")
         write_file(path / "plan.yaml", dump_plan(plan).encode())
         write_file(path / "robot.yaml", robot.text.encode())
@@ -255,7 +255,7 @@ class RunFolder(Run):
         self.journal = self.journal.with_last(**of_session)
 
     def keep_repeated(self, measurement: str, attempt: int, findings: Sequence[str]) -> None:
-        """Note why an attempt is repeated; goes to the disk with the session's end."""
+        """Note why an attempt is repeated; goes to the disk with `save_journal`, or its end."""
         failed = RepeatedAttempt(measurement=measurement, attempt=attempt, findings=tuple(findings))
         self.keep(repeated=(*self.journal.sessions[-1].repeated, failed))
 

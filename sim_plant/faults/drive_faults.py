@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from sim_plant.drive.cia402_states import Command
 from sim_plant.drive.disobedience import OBEDIENT, Disobedience
 from sim_plant.faults.injection import NodeInjection
+from sim_plant.faults.machine_faults import CURRENTS, POSITIONS
 
 if TYPE_CHECKING:
     from sim_plant.slave_network import CanFrame
@@ -134,6 +135,27 @@ class CurrentStuck(NodeInjection):
         """Show what is."""
         del self.machine.frozen[self.axis]
         return []
+
+
+class PositionSlow(NodeInjection):
+    """The drive renews its position less often than it sends it."""
+
+    places: tuple[int, ...] = POSITIONS
+
+    def begin(self) -> None:
+        """Renew it now and then."""
+        self.machine.renew(self.axis, self.places, (self.fault.size or 0.0) / 1000.0)
+
+    def end(self) -> list[CanFrame]:
+        """Show what is."""
+        self.machine.renew(self.axis, self.places, None)
+        return []
+
+
+class CurrentSlow(PositionSlow):
+    """The drive renews its current less often than it sends it."""
+
+    places = CURRENTS
 
 
 class BrakeClosed(NodeInjection):

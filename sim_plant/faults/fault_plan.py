@@ -72,6 +72,10 @@ class What(StrEnum):
     """At +- `size` per mille of rated."""
     CURRENT_STUCK = "current-stuck"
     """At its value."""
+    POSITION_SLOW = "position-slow"
+    """The drive renews its position only every `size` ms."""
+    CURRENT_SLOW = "current-slow"
+    """The drive renews its current only every `size` ms."""
     BRAKE_CLOSED = "brake-closed"
     """On an axis that is energised."""
     AXIS_WEAK = "axis-weak"
@@ -113,6 +117,8 @@ _WITH_SIZE = {
     What.ENCODER_JUMP,
     What.CURRENT_OFFSET,
     What.CURRENT_CLIPPED,
+    What.POSITION_SLOW,
+    What.CURRENT_SLOW,
     What.AXIS_WEAK,
     What.PUSH,
     What.FRAMES_LOST,

@@ -36,6 +36,8 @@ DRIVE_FAULTS: dict[What, type[NodeInjection]] = {
     What.CURRENT_OFFSET: drive_faults.CurrentOffset,
     What.CURRENT_CLIPPED: drive_faults.CurrentClipped,
     What.CURRENT_STUCK: drive_faults.CurrentStuck,
+    What.POSITION_SLOW: drive_faults.PositionSlow,
+    What.CURRENT_SLOW: drive_faults.CurrentSlow,
     What.BRAKE_CLOSED: drive_faults.BrakeClosed,
     What.AXIS_WEAK: drive_faults.AxisWeak,
     What.PUSH: drive_faults.Pushed,

@@ -7,6 +7,7 @@ that it should be, so the demand is shifted against the true angle.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from sim_plant.machine_protocol import Reading
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 
 _WIDTH = len(Reading._fields)
 _POSITION, _DEMAND = Reading._fields.index("position"), Reading._fields.index("demand")
-_CURRENTS = (Reading._fields.index("torque"), Reading._fields.index("current"))
+POSITIONS = (_POSITION,)
+CURRENTS = (Reading._fields.index("torque"), Reading._fields.index("current"))
 
 
 class FaultyAxis:
@@ -113,6 +115,7 @@ class FaultyMachine:
         self.offsets: dict[int, int] = {}
         self.clips: dict[int, int] = {}
         self.frozen: dict[int, tuple[int, int]] = {}
+        self._renewed: dict[int, list[float]] = {}
         self._shown = plant.read().copy()
 
     @property
@@ -140,24 +143,37 @@ class FaultyMachine:
 
     def read(self) -> NDArray[np.int64]:
         """Latch what encoders and current sensors show, which may be wrong."""
+        before = self._shown.copy()
         self._shown[:] = self.plant.read()
         for i, axis in enumerate(self.axes):
             self._shown[i * _WIDTH + _POSITION] += axis.jump
             self._shown[i * _WIDTH + _DEMAND] += axis.jump
-        for place in _CURRENTS:
+        for place in CURRENTS:
             for i, offset in self.offsets.items():
                 self._shown[i * _WIDTH + place] += offset
             for i, clip in self.clips.items():
                 shown = self._shown[i * _WIDTH + place]
                 self._shown[i * _WIDTH + place] = min(max(shown, -clip), clip)
         for i, values in self.frozen.items():
-            for place, value in zip(_CURRENTS, values, strict=True):
+            for place, value in zip(CURRENTS, values, strict=True):
                 self._shown[i * _WIDTH + place] = value
+        for place, renewed in self._renewed.items():
+            number = math.floor(self.time / renewed[0] + 1e-6)  # a sum of periods may fall short
+            if number == renewed[1]:
+                self._shown[place] = before[place]
+            renewed[1] = number
         return self._shown
+
+    def renew(self, axis: int, places: Sequence[int], period: float | None) -> None:
+        """Let the drive of one axis renew some values every `period` [s]; None: whenever asked."""
+        for place in places:
+            self._renewed.pop(axis * _WIDTH + place, None)
+            if period is not None:
+                self._renewed[axis * _WIDTH + place] = [period, -1.0]
 
     def freeze_current(self, axis: int) -> None:
         """Let the current sensor of one axis show for good what it shows now."""
-        values = [int(self._shown[axis * _WIDTH + place]) for place in _CURRENTS]
+        values = [int(self._shown[axis * _WIDTH + place]) for place in CURRENTS]
         self.frozen[axis] = (values[0], values[1])
 
     def jump(self, axis: int, increments: int) -> None:

@@ -163,6 +163,7 @@ class FakeFieldbus:
         self.positions: tuple[int, ...] = (0,) * axes
         self.currents: tuple[float, ...] = (0,) * axes
         self.flags: tuple[int, ...] = (0,) * axes
+        self.misfits: dict[int, str] = {}
         self.irregular = False
         self.on_arrival: tuple[int, ...] = ()
         self.time = 0.0

@@ -3,6 +3,13 @@
 A jump shifts the position reference for good, and the drive's loop moves the axis by as much, so
 whatever is measured afterwards is measured at wrong angles: a jump ends the campaign. Large ones
 trip the driver at once; here the small ones are found, in every motion as soon as it is over.
+
+On the wall clock a sample may be as old as its period: the driver takes what answers SYNC k until
+it sends SYNC k + 1, so the instant of sample k is off by at most the interval after its time stamp.
+At a speed v such a sample looks like a jump of v times that interval, and the next one is back on
+the path. An encoder that jumped stays off it, for as long as the loop takes to bring the axis back.
+So a bend counts as a jump only where neither two successive samples after the bend are within reach
+of the path before it, nor two before the bend within reach of the path after it.
 """
 
 from __future__ import annotations
@@ -11,20 +18,41 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.drive_bus import Tripped
+from drivers.drive_bus import SampleFlag, Tripped
+from hil.measuring.checks.old_values import with_old_values
 from hil.runs.journal import EXACT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.drive_bus import DriveBus
-    from hil.arrays import Array
+    from hil.arrays import Array, Indices
     from hil.runs.recording import Recorder, Recording
+
+_OF_BEFORE = SampleFlag.LATE | SampleFlag.OLD
+TIMES = 5.0
+"""A jump is so many times what acceleration, and what is usual in this motion, account for."""
+USUAL = 0.99
+"""Share of the bends of a motion that count as usual."""
+OF_ONE_JUMP = 6
+"""Largest bends that never count as usual: in a short motion one jump, and the loop that takes the
+axis back within a few samples, are more than one bend in a hundred."""
+AROUND = 3
+"""Samples, and intervals between samples, whose median is the path beside a bend: one wrong time
+stamp among them has no effect."""
 
 
 def finished(bus: DriveBus, recorder: Recorder, acceleration: float) -> Recording:
-    """Turn what was recorded of a motion into arrays; see `refuse_jumps`."""
-    recording = recorder.finish()
+    """Turn what was recorded of a motion into arrays with all flags; see `refuse_jumps`.
+
+    Raises
+    ------
+    DriveRefused
+        A drive renews its position less often than SYNC comes.
+    Tripped
+        An encoder jumped.
+    """
+    recording = with_old_values(recorder.finish(), acceleration, bus.axes)
     resolution, units = [a.position_resolution for a in bus.axes], [a.unit for a in bus.axes]
     refuse_jumps(recording, acceleration, resolution, units)
     return recording
@@ -54,35 +82,94 @@ def refuse_jumps(
     Tripped
         With axis, size and instant of the first jump.
     """
-    if recording.n_samples < 3:
+    advances = np.diff(recording.time, prepend=-np.inf) > 0.0  # a doubled sample has no interval
+    intervals = np.diff(recording.time[advances])
+    if len(intervals) < 2:
         return
-    steps = np.diff(recording.q, axis=0)
-    intervals = np.diff(recording.time)
     period = float(np.median(intervals))
-    speeds = steps / intervals[:, None]
-    bends = np.abs(np.diff(speeds, axis=0)) * period
-    least = np.maximum(resolution, acceleration * period**2)
-    # a jump is 5 times what acceleration, and what is usual in this motion, account for
-    bounds = 5.0 * np.maximum(_usual(bends), least)
-    allowed = bounds + np.zeros_like(bends)
-    if np.ptp(intervals) > EXACT:  # else speed cannot look like a bend
-        allowed += period * np.maximum(np.abs(speeds[1:]), np.abs(speeds[:-1]))
-    jumps = np.argwhere(bends > allowed)
-    if len(jumps):
-        sample, axis = jumps[0]
+    off = intervals - np.rint(intervals / period) * period
+    age = 0.0 if np.abs(off).max() <= EXACT else period
+    known = np.isfinite(recording.q) & (recording.flags & _OF_BEFORE == 0)
+    known &= advances[:, None]
+    found = []
+    for axis, least in enumerate(np.broadcast_to(resolution, recording.n_joints)):
+        path = _Path(recording.time[known[:, axis]], recording.q[known[:, axis], axis], age)
+        found += [(*jump, axis) for jump in path.jumps(acceleration, float(least))]
+    if found:
+        instant, size, most, axis = min(found)
         unit = units[axis] if units else "rad"
         raise Tripped(
-            f"axis {axis + 1}: its position jumps by {bends[sample, axis]:.2g} {unit} at"
-            f" {recording.time[sample + 1]:.3f} s, at most {allowed[sample, axis]:.2g} {unit} can"
-            " be motion; check encoder and cable, and reference the axis anew before measuring"
-            " again"
+            f"axis {axis + 1}: its position jumps by {size:.2g} {unit} at {instant:.3f} s, at most"
+            f" {most:.2g} {unit} can be motion; check encoder and cable, and reference the axis"
+            " anew before measuring again"
         )
 
 
-def _usual(bends: Array) -> Array:
-    """Return what bends of each axis are usual, missing samples left out."""
-    filled = np.nan_to_num(bends)
-    # the percentile of bends that counts as usual is 99
-    place = min(len(filled) - 1, int(len(filled) * 99.0 / 100))
-    usual: Array = np.partition(filled, place, axis=0)[place]
-    return usual
+class _Path:
+    """Positions of one axis, shape (n,), at increasing instants that may be off by up to `age`.
+
+    Parameters
+    ----------
+    time, q : arrays (n,)
+        Time stamps [s] and positions [rad or m].
+    age : float
+        What to expect of the interval after the last sample [s]; 0 where all instants are exact.
+    """
+
+    def __init__(self, time: Array, q: Array, age: float) -> None:
+        self._time, self._q = time, q
+        self._intervals = np.diff(time)
+        self._speeds = np.diff(q) / self._intervals
+        self._ages = np.append(self._intervals, age) * (age > 0)
+
+    def jumps(self, acceleration: float, resolution: float) -> list[tuple[float, float, float]]:
+        """Return instant [s], size and bound [rad or m] of the first jump, if there is one."""
+        if len(self._speeds) < 2:
+            return []
+        here = self._intervals[1:]
+        bends = np.abs(np.diff(self._speeds)) * here
+        motion = np.maximum(resolution, acceleration * here * (here + self._intervals[:-1]) / 2)
+        # two instants of a bend may be off, in opposite directions
+        reach = (
+            2 * np.minimum(self._ages[1:-1], self._ages[-1]) * np.abs(_median(self._speeds[:-1]))
+        )
+        beyond = np.maximum(0.0, bends - reach)
+        place = max(0, min(len(beyond) - 1 - OF_ONE_JUMP, int(len(beyond) * USUAL)))
+        bounds = TIMES * np.maximum(np.partition(beyond, place)[place], motion)
+        at = np.flatnonzero(bends > bounds)
+        if len(at) and self._ages.any():
+            at = at[self._off_path(at + 1) > bounds[at]]
+        return [(float(self._time[k + 1]), float(bends[k]), float(bounds[k])) for k in at[:1]]
+
+    def _off_path(self, before: Indices) -> Array:
+        """Return how far two samples on each side of a bend are off the path on the other [rad, m].
+
+        Parameters
+        ----------
+        before : array of int, shape (k,)
+            Last samples before the bends.
+        """
+        last = len(self._q) - 1
+        speeds = (
+            _median(self._speeds)[before - 1],
+            _median(self._speeds[::-1])[::-1][np.minimum(before + 1, last - 1)],
+        )
+        slower = np.minimum(*np.abs(speeds))  # after a jump the loop adds a speed of its own
+        off, signs = [], []
+        for speed, end, step in ((speeds[0], before, 1), (speeds[1], before + 1, -1)):
+            around = np.clip(end - step * np.arange(AROUND)[:, None], 0, last)
+            beyond = np.clip(end + step * np.array([[1], [2]]), 0, last)
+            base = np.median(self._q[around] - speed * self._time[around], axis=0)
+            shifts = self._q[beyond] - speed * self._time[beyond] - base
+            reached = np.min(np.abs(shifts) - slower * self._ages[beyond], axis=0)
+            signs.append(np.sign(shifts) * step)
+            off.append(reached)
+        # positions curved by an acceleration are on the same side of both lines
+        same = np.ptp(np.concatenate(signs), axis=0) == 0
+        return np.where(same, np.minimum(*off), 0.0)
+
+
+def _median(values: Array) -> Array:
+    """Return of each value the median with those right before."""
+    begun = np.concatenate((np.repeat(values[:1], AROUND - 1), values))
+    return np.median(np.lib.stride_tricks.sliding_window_view(begun, AROUND), axis=1)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drivers.drive_bus import LATE_FOR, SampleFlag
-from hil.measuring.checks.stroke_checks import half_sums, partners, peaks, stuck, windows
+from hil.measuring.checks.stroke_checks import half_sums, opposed, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
 from hil.runs.recording import CHANCE, Finding
 
@@ -85,6 +85,28 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
             f" {_axes(recording, bad)}, at most {TOLERATED:.0%} may; lower the bus load or sample"
             " more slowly",
             disturbed,
+            TOLERATED,
+        )
+
+
+def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
+    """Find where drives renew position or current less often than SYNC comes."""
+    del measurement, robot
+    moving = recording.under_way
+    old = np.any(recording.flags[moving] & SampleFlag.OLD, axis=1)
+    share = float(old.mean()) if moving.any() else 0.0
+    if share > TOLERATED:
+        period = float(np.median(np.diff(recording.time)))
+        fresh = recording.time[moving][~old]
+        spans = np.diff(fresh)[np.diff(np.flatnonzero(~old)) > 1]
+        every = round(float(np.median(spans)) / period) if len(spans) else 1
+        yield Finding(
+            "renewal",
+            f"{share:.0%} of the samples in motion repeat a position or current of axis"
+            f" {_axes(recording, SampleFlag.OLD)}, which is renewed only every {every} SYNCs, at"
+            f" most {TOLERATED:.0%} may; fresh samples alone are used: set sync_period:"
+            f" {every * period:.3g} in the drives file and plan anew",
+            share,
             TOLERATED,
         )
 
@@ -161,13 +183,17 @@ def _explained(values: Array, longest: int) -> int:
     return math.ceil(1 + math.log(CHANCE / len(values)) / math.log(share))
 
 
-ALWAYS: tuple[Check, ...] = (_gaps, _saturation, frozen)
+ALWAYS: tuple[Check, ...] = (_gaps, renewal, _saturation, frozen)
 """What every recording must pass."""
+SIGN = "sign"
+"""Name of the check whose failure ends a run: all torques of the axis count the wrong way."""
+LASTING = frozenset({"renewal", SIGN})
+"""Names of checks that another attempt would fail as well."""
 CHECKS: dict[str, tuple[Check, ...]] = {
-    "gravity": (windows, half_sums),
+    "gravity": (opposed, windows, half_sums),
     "inertia": (peaks,),
-    "coupling": (windows, stuck, partners),
-    "friction": (windows,),
+    "coupling": (opposed, windows, stuck, partners),
+    "friction": (opposed, windows),
     "trajectory": (astray,),
 }
 """What recordings of each kind of measurement must pass besides."""

@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
 from hil.runs.recording import Finding
@@ -25,8 +26,12 @@ if TYPE_CHECKING:
 
 VELOCITY_TOLERANCE = 0.05
 """Mean velocity in a window may differ by this share."""
+SIGNIFICANT = 4.0
+"""Standard errors by which friction must be negative to count as that."""
 LAG = 0.02
 """Time over which a highest velocity is averaged [s]."""
+RUNNING = 3
+"""Successive mean velocities of which the median counts."""
 
 
 def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> Indices:
@@ -74,9 +79,10 @@ def peaks(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[
     """Every accelerating stroke reached the speed of its profile."""
     unit = _unit(robot, measurement.index)
     for stroke in range(measurement.n_strokes):
-        q = recording.q[recording.span(stroke), measurement.index]
-        profile = measurement.profile(stroke)
-        yield from _peak(q, profile, recording.period, "velocity", _name(stroke), unit)
+        span, profile = recording.span(stroke), measurement.profile(stroke)
+        yield from _peak(
+            recording, span, measurement.index, profile, "velocity", _name(stroke), unit
+        )
 
 
 def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
@@ -103,6 +109,34 @@ def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Itera
             f" {bound:.3g} {unit} may; friction is not steady: warm up longer, or plan more cycles",
             spread,
             bound,
+        )
+
+
+def opposed(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
+    """Find a torque that counts against the motion: friction takes power, so it is positive.
+
+    Half the difference of two successive strokes is friction, for both pass the same places.
+    """
+    torque = [
+        recording.tau[constant_velocity(recording, measurement, k), measurement.index]
+        * (1.0 if measurement.profile(k).end > measurement.profile(k).start else -1.0)
+        for k in range(measurement.n_strokes)
+    ]
+    torque = [values[np.isfinite(values)] for values in torque]
+    if len(torque) < 2 or any(len(values) < 2 for values in torque):
+        return
+    means = np.array([values.mean() for values in torque])
+    frictions = (means[1:] + means[:-1]) / 2
+    noise = max(float(values.std() / np.sqrt(len(values))) for values in torque)
+    if frictions.max() < -SIGNIFICANT * noise:
+        unit, friction = robot.torque_unit(measurement.index), float(frictions.mean())
+        yield Finding(
+            "sign",
+            f"the torque of axis {measurement.axis} counts against its motion: friction is"
+            f" {friction:.3g} {unit}, must be positive; turn current.sign of this axis in the"
+            " drives file, see that hil drives check agrees, and measure anew",
+            friction,
+            0.0,
         )
 
 
@@ -148,19 +182,24 @@ def _partner(
             2,
         )
     for number in strokes:
-        q = recording.q[recording.partner_span(int(number)), partner.index]
-        name = f"partner's {_name(int(number))}"
+        span, name = recording.partner_span(int(number)), f"partner's {_name(int(number))}"
         profile = partner.profile(measurement.q, int(number))
         unit = _unit(robot, partner.index)
-        yield from _peak(q, profile, recording.period, "partner", name, unit)
+        yield from _peak(recording, span, partner.index, profile, "partner", name, unit)
 
 
 def _peak(
-    q: Array, profile: Trapezoid, period: float, check: str, name: str, unit: str
+    recording: Recording,
+    span: slice,
+    axis: int,
+    profile: Trapezoid,
+    check: str,
+    name: str,
+    unit: str,
 ) -> Iterator[Finding]:
-    reached = _highest_velocity(q, period)
+    reached = _highest_velocity(recording.time[span], recording.q[span, axis], recording.period)
     # an accelerating stroke has to reach nine tenths of its profile's highest speed
-    wanted = 0.9 * _ideal_velocity(profile, round(period, 9))
+    wanted = 0.9 * _ideal_velocity(profile, round(recording.period, 9))
     if reached < wanted:
         yield Finding(
             check,
@@ -173,14 +212,22 @@ def _peak(
 
 @lru_cache(maxsize=8)
 def _ideal_velocity(profile: Trapezoid, period: float) -> float:
-    return _highest_velocity(profile.q(np.arange(0.0, profile.duration, period)), period)
+    t = np.arange(0.0, profile.duration, period)
+    return _highest_velocity(t, profile.q(t), period)
 
 
-def _highest_velocity(q: Array, period: float) -> float:
-    """Highest mean velocity over `LAG` [rad/s]."""
+def _highest_velocity(time: Array, q: Array, period: float) -> float:
+    """Highest mean velocity over `LAG` [rad/s], of which `RUNNING` successive ones have a median.
+
+    So a wrong time stamp does not count: it ends one of these means and begins one.
+    """
+    known = np.isfinite(q) & (np.diff(time, prepend=-np.inf) > 0)
+    time, q = time[known], q[known]
     lag = max(1, round(LAG / period))
-    steps = np.abs(q[lag:] - q[:-lag])
-    return float(np.fmax.reduce(steps, initial=0.0)) / (lag * period)
+    speeds = np.abs(q[lag:] - q[:-lag]) / (time[lag:] - time[:-lag])
+    if len(speeds) < RUNNING:
+        return float(np.max(speeds, initial=0.0))
+    return float(np.median(sliding_window_view(speeds, RUNNING), axis=1).max())
 
 
 def _mean_velocity(recording: Recording, measurement: Strokes, window: Indices) -> float:

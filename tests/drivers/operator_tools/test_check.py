@@ -20,6 +20,7 @@ from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_limits import check_limits
+from drivers.operator_tools.check_motion import renewed_every
 from drivers.operator_tools.check_powered import SmallMoves, check_powered
 from drivers.operator_tools.operator import StoppedByOperator
 from sim_plant import build
@@ -400,3 +401,41 @@ def test_where_the_kernel_sends_sync_it_does_so_for_a_check_as_well() -> None:
     assert bus.by_kernel > 100
     assert by_us < 20  # before the drives are operational time must pass for them
     assert "slowest answer" in str(rate)
+
+
+@pytest.mark.parametrize("value", ["position", "current"])
+@pytest.mark.parametrize("every", [2, 3, 5, 8])
+def test_a_value_that_is_renewed_less_often_than_sync_is_named_with_the_period_to_use(
+    value: str, every: int, tmp_path: Path
+) -> None:
+    plan = tmp_path / "faults.yaml"
+    fault = f"{{what: {value}-slow, axis: 2, at: {{time: 0}}, size: {4 * every}}}"
+    plan.write_text(f"faults: [{fault}]")
+    with can.Bus("manutec-r15", "sim_plant", ignore_config=True, faults=str(plan)) as bus:
+        verdicts = checked(bus, drives_of(2))
+    refused = refusals(verdicts)
+    assert list(refused) == [f"renewal of the {value}"]
+    (message,) = refused.values()
+    assert f"every {every} SYNCs ({4 * every} ms)" in message
+    assert f"set sync_period: {0.004 * every:g} in the drives file" in message
+
+
+@pytest.mark.parametrize("ratio", [0.6, 2.0, 5.0, 30.0])
+@pytest.mark.parametrize("every", [1.0, 1.75, 2.0, 3.0, 5.0, 8.0])
+def test_how_often_a_noisy_value_is_renewed_shows_whatever_its_steps(
+    ratio: float, every: float
+) -> None:
+    """`ratio`: noise in steps; coarse steps repeat by chance, as often as between 1 and 2 SYNCs."""
+    if every == 1.75 and ratio < 5:
+        return
+    for seed in range(20):
+        noise = np.random.default_rng(seed).normal(0.0, ratio, 2000)
+        values = np.round(noise[np.floor(np.arange(600) / every).astype(int)])
+        assert renewed_every([values[:300], values[300:]], 1.0) == pytest.approx(every, rel=0.15), (
+            seed
+        )
+
+
+def test_a_value_that_hardly_changes_shows_no_period() -> None:
+    values = np.repeat([0.0, 1.0, 0.0], 50)
+    assert math.isnan(renewed_every([values], 1.0))

@@ -6,17 +6,19 @@ import pytest
 from fake_fieldbus import FakeFieldbus, axes_of
 from local_bench import drives_file
 
+from drivers.drive_bus import SampleFlag
 from drivers.safety.current_offset import offsets
 
 AXES = drives_file().axes
 
 
-def found(second: list[int]) -> list[str]:
+def found(second: list[int], flags: list[int] | None = None) -> list[str]:
     """Return what is found while the current of axis 2 reads `second`, SYNC by SYNC [per mille]."""
-    bus, readings = FakeFieldbus(len(AXES)), iter(second)
+    bus, readings, seen = FakeFieldbus(len(AXES)), iter(second), iter(flags or [0] * len(second))
 
     def cycle() -> None:
         bus.currents = (0, next(readings), 0)
+        bus.flags = (0, next(seen), 0)
 
     messages = offsets(bus, axes_of(AXES), cycle, "before power-on")
     assert next(readings, None) is None
@@ -38,3 +40,12 @@ def test_a_smaller_offset_is_not(current: int) -> None:
 @pytest.mark.parametrize(("peak", "noted"), [(700, True), (500, False)])
 def test_the_mean_of_ten_readings_counts(peak: int, noted: bool) -> None:
     assert bool(found([0] * 9 + [peak])) is noted
+
+
+@pytest.mark.parametrize("flag", [SampleFlag.MISSING, SampleFlag.LATE])
+def test_only_readings_that_came_count(flag: SampleFlag) -> None:
+    """Without a telegram the current is what it was before, perhaps with power on."""
+    assert found([700] * 10, [flag] * 10) == []
+    assert found([700] * 8 + [0] * 2, [flag] * 8 + [0] * 2) == []
+    (message,) = found([0] * 8 + [70] * 2, [flag] * 8 + [0] * 2)
+    assert "reads 7 N m" in message

@@ -6,7 +6,7 @@ import pytest
 from fake_fieldbus import axes_of
 from local_bench import drives_file
 
-from drivers.drive_bus import NodeSilent, SampleFlag
+from drivers.drive_bus import DriveError, SampleFlag
 from drivers.safety.missing_telegrams import MissingTelegrams
 
 HERE, GONE = 0, int(SampleFlag.MISSING)
@@ -25,9 +25,9 @@ class Watched:
     def _collect(self) -> None:
         self.collected += 1
 
-    def look(self, *samples: tuple[int, ...]) -> list[NodeSilent]:
+    def look(self, *samples: tuple[int, ...]) -> list[DriveError]:
         """Take the flags of samples; return what they made known."""
-        shown = [self.telegrams.look(flags) for flags in samples]
+        shown = [self.telegrams.look(flags, {}) for flags in samples]
         return [error for error in shown if error is not None]
 
 
@@ -63,8 +63,20 @@ def test_late_telegrams_are_collected_after_a_gap_and_only_then() -> None:
     assert seen == [(False, 0), (True, 1), (False, 1)]
 
 
-@pytest.mark.parametrize("flag", [flag for flag in SampleFlag if flag is not SampleFlag.MISSING])
+@pytest.mark.parametrize(
+    "flag",
+    sorted(set(SampleFlag) - {SampleFlag.MISSING, SampleFlag.DOUBLED}),
+    ids=lambda flag: flag.name,
+)
 def test_a_telegram_with_another_flag_is_not_missing(flag: SampleFlag) -> None:
     watched = Watched()
     assert watched.look(*[(HERE, int(flag), HERE)] * 20) == []
+    assert watched.collected == 0
+
+
+def test_ten_doubled_telegrams_in_a_row_are_two_nodes_of_one_number() -> None:
+    watched, doubled = Watched(), (HERE, int(SampleFlag.DOUBLED), HERE)
+    assert watched.look(*[doubled] * 9, ALL_HERE, *[doubled] * 9) == []
+    (error,) = watched.look(doubled)
+    assert str(error).startswith("axis 2: two telegrams came for each of 10 SYNCs in a row;")
     assert watched.collected == 0

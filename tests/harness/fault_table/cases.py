@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from drivers.drive_bus import BusUnavailable, DriveFault, DriveRefused, NodeSilent, Tripped
+from drivers.drive_bus import (
+    BusUnavailable,
+    DriveFault,
+    DriveRefused,
+    MoveFailed,
+    NodeSilent,
+    Tripped,
+)
 from fault_table import signs
 from fault_table.case import Case, everywhere, fault
 from fault_table.stop_cases import STOP_CASES
@@ -41,9 +48,9 @@ CASES = (
         (fault(What.TPDO_DOUBLED, lasts=ONCE),), None, "", flags=True,
     ),
     Case(
-        "every TPDO doubled", "flags the samples; the recording is repeated, then kept with its"
-        " finding", (fault(What.TPDO_DOUBLED),), None, "doubled or late telegrams",
-        finding="telegrams", flags=True,
+        "every TPDO doubled", f"{_STOPS}: two nodes may have one number",
+        (fault(What.TPDO_DOUBLED),), Tripped, "two telegrams came for each of 10 SYNCs",
+        flags=True,
     ),
     Case(
         "one TPDO late", "flags its sample as missing; drops it when it comes, with a flag",
@@ -152,6 +159,21 @@ CASES = (
         "current stuck for 0.1 s", "finds readings that repeat themselves; the recording is"
         " repeated", (fault(What.CURRENT_STUCK, lasts=Span(time=0.1)),), None,
         "its sensor is stuck, clipped", finding="current",
+    ),
+    Case(
+        "position renewed every 20 ms", "refuses to measure after the first motion, with the period"
+        " to use", (fault(What.POSITION_SLOW, When(time=0), size=20),), DriveRefused,
+        "its position is renewed only every 5 SYNCs",
+    ),
+    Case(
+        "current renewed every 20 ms", "finds that its readings repeat; flags those that are old,"
+        " which no estimate uses", (fault(What.CURRENT_SLOW, When(time=0), size=20),), None,
+        "which is renewed only every 5 SYNCs", finding="renewal",
+    ),
+    Case(
+        "position stands still for good", "names the encoder when the stroke is not finished in"
+        " time", (fault(What.POSITION_SLOW, size=1e9),), MoveFailed,
+        "the encoder has shown no motion",
     ),
     Case(
         "brake closed", _STOPS, (fault(What.BRAKE_CLOSED),), DriveFault,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
@@ -10,6 +11,8 @@ import pytest
 import yaml
 from small_run import identified_run
 
+from drivers.drive_bus import SampleFlag
+from hil.runs.recording_file import read_measured, write_measured
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
@@ -126,3 +129,22 @@ def test_a_run_without_a_model_names_the_command_that_makes_it(
     (copy / "model.yaml").unlink()
     status, _, err = hil("accept", copy, "--limits", limits, "-o", tmp_path / "out")
     assert (status, f"hil identify {copy}" in err) == (1, True)
+
+
+def test_samples_are_counted_from_the_recordings(
+    hil: Hil, run: Path, limits: Path, tmp_path: Path
+) -> None:
+    """A session that was killed may have written recordings that its journal does not count."""
+    copy = tmp_path / "killed"
+    shutil.copytree(run, copy)
+    for path in sorted((copy / "recordings").glob("*.h5"))[:3]:
+        measured = read_measured(path)
+        flags = measured.recording.flags.copy()
+        flags[:40] = SampleFlag.LATE
+        recording = replace(measured.recording, flags=flags)
+        write_measured(path, replace(measured, recording=recording), Run.open(copy).robot)
+    assert all(session.sync.samples == 0 for session in Run.open(copy).journal.sessions)
+    change(limits, flagged=1e-4)
+    status, out, _ = hil("accept", copy, "--limits", limits, "-o", tmp_path / "accepted")
+    assert status == 3
+    assert "samples flagged" in out

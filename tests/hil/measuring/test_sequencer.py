@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -338,3 +339,30 @@ def test_a_bus_with_another_period_is_refused(small_plan, manutec, ideal_bus) ->
     ideal_bus.period = 0.01
     with pytest.raises(DriveRefused, match=r"every 0.01 s, the plan wants 0.004 s"):
         run(small_plan, manutec, ideal_bus)
+
+
+def test_a_torque_that_counts_against_the_motion_ends_the_run_at_once_and_is_kept(
+    small_plan, manutec, ideal_bus
+) -> None:
+    """Not after hours of measuring: all torques of the axis are wrong."""
+
+    def reversed_friction(sample: Sample) -> Sample:
+        speed = np.subtract(sample.q, before[0] or sample.q)
+        before[0] = sample.q
+        tau = np.array(sample.tau) - 2000.0 * np.sign(speed)
+        return sample._replace(tau=tuple(tau.tolist()))
+
+    before: list[Any] = [None]
+    ideal_bus.tamper = reversed_friction
+    events: list[Event] = []
+    with pytest.raises(DriveRefused, match=r"counts against its motion.*turn current\.sign"):
+        events.extend(_each(small_plan, manutec, ideal_bus, events))
+    (kept,) = recorded(events).values()
+    assert (kept.attempts, kept.findings[0].check) == (1, "sign")
+
+
+def _each(plan: Plan, robot: Robot, bus: Any, events: list[Event]) -> list[Event]:
+    with bus:
+        for event in measure(plan, robot, bus):
+            events.append(event)  # noqa: PERF402 - what came before the end counts
+    return []

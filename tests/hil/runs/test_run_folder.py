@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import shutil
+import time
 from pathlib import Path
 
 import h5py
@@ -19,7 +20,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity, RecordedMotion
 from hil.planning.plan import Plan
 from hil.planning.trajectory import Trajectory
-from hil.runs.atomic_file import locked
+from hil.runs.atomic_file import locked, whole_folder
 from hil.runs.journal import BusName, Session
 from hil.runs.recording import Finding, Recording
 from hil.runs.recording_file import Measured, read_measured, write_measured
@@ -368,3 +369,46 @@ def test_a_session_notes_whether_its_bus_is_the_virtual_plant_s(
         pass
     (session,) = RunFolder.open(folder.path).journal.sessions
     assert (session.bus, session.simulated) == (f"{interface} a b", interface == "sim_plant")
+
+
+def test_what_a_killed_session_recorded_is_in_its_journal(folder: RunFolder, ideal_bus) -> None:
+    """With the file of a recording the journal on the disk counts it, before the session ends."""
+    path, recorded = folder.path / "recordings" / "g1.h5", 0
+    campaign = run_campaign(folder, ideal_bus)
+    for event in campaign:
+        recorded = recorded or (isinstance(event, Recorded) and event.recording.n_samples)
+        if recorded and path.exists() and not isinstance(event, Recorded):
+            break
+    for _ in range(500):
+        on_disk = RunFolder.open(folder.path).journal.sessions[-1]
+        if on_disk.sync.samples:
+            break
+        time.sleep(0.01)
+    campaign.close()
+    assert on_disk.sync.samples >= recorded > 0
+    assert on_disk.reason == "was killed"
+
+
+def test_a_folder_that_a_killed_process_began_is_removed_by_the_next(tmp_path: Path) -> None:
+    abandoned = tmp_path / ".run.0123abcd.part"
+    (abandoned / "recordings").mkdir(parents=True)
+    others = [tmp_path / ".other.0123abcd.part", tmp_path / ".run.part"]
+    for other in others:
+        other.mkdir()
+    with whole_folder(tmp_path / "run") as part:
+        assert not abandoned.exists()
+        with whole_folder(tmp_path / "run"):
+            assert part.exists()  # a process at work holds a lock on it
+        (tmp_path / "run").rmdir()
+    assert all(other.exists() for other in others)
+    assert (tmp_path / "run").exists()
+
+
+def test_the_folder_above_a_new_run_is_flushed_to_the_disk(
+    tmp_path: Path, small_plan: Plan, manutec: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a power cut takes the whole run: its name is not on the disk."""
+    flushed: list[Path] = []
+    monkeypatch.setattr("hil.runs.atomic_file._flush_folder", flushed.append)
+    RunFolder.create(tmp_path / "new" / "run", small_plan, manutec)
+    assert {tmp_path, tmp_path / "new", tmp_path / "new" / "run"} <= set(flushed)

@@ -1,0 +1,95 @@
+"""Frames of other participants that command our drives: whoever sends them, the axes are stopped.
+
+Our own frames do not come back to us. So an NMT command (000h), a SYNC (080h), an RPDO (200h to
+500h plus node) or an SDO request (600h plus node) that is received is somebody else's: a second
+master, a configuration tool, a second producer of SYNC. What only reads or starts nodes is noted.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drivers.canopen.objects import NMT, SYNC
+from drivers.drive_bus import Tripped
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from drivers.canopen.network import PumpedNetwork
+
+RPDOS = (0x200, 0x300, 0x400, 0x500)
+SDO_REQUEST = 0x600
+_NMT = {
+    1: "to start",
+    2: "to stop",
+    128: "to go pre-operational",
+    129: "to restart",
+    130: "to restart its communication",
+}
+_WRITES = frozenset({1, 6})
+"""Command specifiers of SDO requests that begin to write: download, block download."""
+_READS = frozenset({2, 5})
+_REMEDY = "nobody else may command these drives: end that master or tool first"
+
+
+class ForeignFrames:
+    """Hears what others send to our drives.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        Where they are heard.
+    labels : mapping of int to str
+        Node number to how messages name the drive.
+    command : callable
+        Takes an error for each frame that commands a drive.
+    """
+
+    def __init__(
+        self, network: PumpedNetwork, labels: Mapping[int, str], command: Callable[[Tripped], None]
+    ) -> None:
+        self._network, self._labels, self._command = network, labels, command
+        self.remarks: list[str] = []
+        self._rpdos: dict[int, int] = {}
+        for identifier in (NMT, SYNC, *(SDO_REQUEST + node for node in labels)):
+            network.subscribe(identifier, self._on_frame)
+
+    def wire(self, rpdos: Mapping[int, int], tpdos: Sequence[int]) -> None:
+        """Expect no other RPDOs, by identifier the node, than ours; what `tpdos` use is theirs."""
+        for identifier in self._rpdos:
+            self._network.unsubscribe(identifier, self._on_frame)
+        usual = {base + node: node for node in self._labels for base in RPDOS}
+        self._rpdos = {key: node for key, node in {**usual, **rpdos}.items() if key not in tpdos}
+        for identifier in self._rpdos:
+            self._network.subscribe(identifier, self._on_frame)
+
+    def _on_frame(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        del timestamp
+        if can_id == SYNC:
+            self._take("another producer sends SYNC (080h), so drives answer at other instants")
+        elif can_id == NMT and len(data) > 1 and data[1] in {0, *self._labels}:
+            whom = self._labels.get(data[1], "all nodes")
+            what = _NMT.get(data[0], f"by {data[0]:02X}h")
+            self._take(f"another master commands {whom} {what} (NMT)", harmless=data[0] == 1)
+        elif can_id in self._rpdos:
+            label = self._labels[self._rpdos[can_id]]
+            self._take(f"another master commands {label} by RPDO {can_id:03X}h, {data.hex(' ')}")
+        elif can_id > SDO_REQUEST and len(data) > 3:
+            self._take_request(self._labels[can_id - SDO_REQUEST], data)
+
+    def _take_request(self, label: str, data: bytearray) -> None:
+        command, who = data[0] >> 5, "another master or tool"
+        if command in _READS:
+            self._take(f"{who} reads objects of {label}", harmless=True)
+        elif command in _WRITES:
+            place = f"{data[1] | data[2] << 8:04X}:{data[3]:02X}"
+            expedited = command == 1 and data[0] & 2
+            value = f" = {int.from_bytes(data[4:8], 'little'):X}h" if expedited else ""
+            self._take(f"{who} writes {place} of {label}{value} (SDO)")
+
+    def _take(self, what: str, *, harmless: bool = False) -> None:
+        message = f"{what}; {_REMEDY}"
+        if not harmless:
+            self._command(Tripped(message))
+        elif message not in self.remarks:
+            self.remarks.append(message)

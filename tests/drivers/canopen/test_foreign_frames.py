@@ -1,0 +1,113 @@
+"""Frames of other masters and tools: the axes stop, and the first line says who commanded what."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import can
+import pytest
+from local_bench import all_off, build
+
+from drivers.drive_bus import NodeSilent, Tripped
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+COMMANDS = [
+    (0x000, "80 00", "another master commands all nodes to go pre-operational (NMT)"),
+    (0x000, "02 02", "another master commands joint 2 (node 2) to stop (NMT)"),
+    (0x000, "81 01", "another master commands joint 1 (node 1) to restart (NMT)"),
+    (0x080, "", "another producer sends SYNC (080h)"),
+    (0x202, "40 9c 00 00 1f 00", "another master commands joint 2 (node 2) by RPDO 202h"),
+    (0x503, "00", "another master commands joint 3 (node 3) by RPDO 503h"),
+    (
+        0x602,
+        "23 16 10 01 00 00 00 00",
+        "another master or tool writes 1016:01 of joint 2 (node 2) = 0h (SDO)",
+    ),
+    (
+        0x601,
+        "2b 72 60 00 b8 0b 00 00",
+        "another master or tool writes 6072:00 of joint 1 (node 1) = BB8h (SDO)",
+    ),
+    (0x603, "c6 00 14 01", "another master or tool writes 1400:01 of joint 3 (node 3) (SDO)"),
+]
+HARMLESS = [
+    (0x000, "01 00", "another master commands all nodes to start"),
+    (0x602, "40 64 60 00 00 00 00 00", "another master or tool reads objects of joint 2 (node 2)"),
+]
+NOT_OURS = [(0x000, "80 09"), (0x209, "00"), (0x609, "23 16 10 01 00 00 00 00"), (0x000, "02")]
+
+
+def frame(identifier: int, data: str) -> can.Message:
+    return can.Message(arbitration_id=identifier, data=bytes.fromhex(data), is_extended_id=False)
+
+
+def sampled(drive_bus: Any, event: Callable[[], None]) -> None:
+    """Sample once before an event and some times after it."""
+    drive_bus.sample()
+    event()
+    for _ in range(20):
+        drive_bus.sample()
+
+
+@pytest.mark.parametrize(("identifier", "data", "cause"), COMMANDS)
+def test_a_foreign_command_stops_all_axes_and_is_the_reason(
+    identifier: int, data: str, cause: str
+) -> None:
+    can_bus, drive_bus = build()
+    with can_bus:
+        with pytest.raises(Tripped) as caught, drive_bus:
+            sampled(drive_bus, lambda: can_bus.inbox.append(frame(identifier, data)))
+        assert all_off(can_bus)
+    assert str(caught.value).startswith(cause)
+    assert "end that master or tool first" in str(caught.value)
+
+
+@pytest.mark.parametrize(("identifier", "data", "remark"), HARMLESS)
+def test_what_only_reads_or_starts_is_noted_once(identifier: int, data: str, remark: str) -> None:
+    can_bus, drive_bus = build()
+    with can_bus, drive_bus:
+        for _ in range(3):
+            can_bus.inbox.append(frame(identifier, data))
+            drive_bus.sample()
+    assert [note.startswith(remark) for note in drive_bus.notes].count(True) == 1
+
+
+@pytest.mark.parametrize(("identifier", "data"), NOT_OURS)
+def test_other_nodes_are_not_our_business(identifier: int, data: str) -> None:
+    can_bus, drive_bus = build()
+    with can_bus, drive_bus:
+        for _ in range(3):
+            can_bus.inbox.append(frame(identifier, data))
+            drive_bus.sample()
+    assert not any("another" in note for note in drive_bus.notes)
+
+
+def answers(*, size: int | None = None, twice: bool = False) -> str:
+    """Return what ends a session in which the TPDO of node 2 is cut short or comes twice."""
+    can_bus, drive_bus = build()
+
+    def spoilt(sent: can.Message) -> list[can.Message]:
+        if sent.arbitration_id != 0x182:
+            return [sent]
+        other = can.Message(arbitration_id=0x182, data=sent.data[:size], is_extended_id=False)
+        return [sent, other] if twice else [other]
+
+    with can_bus:
+        with pytest.raises((NodeSilent, Tripped)) as caught, drive_bus:
+            sampled(drive_bus, lambda: setattr(can_bus, "outgoing", spoilt))
+        assert all_off(can_bus)
+    return str(caught.value)
+
+
+def test_a_node_number_that_two_devices_have_is_named() -> None:
+    message = answers(twice=True)
+    assert message.startswith("joint 2 (node 2): two telegrams came for each of 10 SYNCs in a row")
+    assert "give each node a number of its own" in message
+
+
+def test_a_tpdo_of_another_length_is_named() -> None:
+    message = answers(size=2)
+    assert "TPDO 182h has 2 bytes, 8 were mapped" in message
+    assert "somebody else maps it" in message
