@@ -65,7 +65,8 @@ NOTHING = 0.8
 """Share of the variance of all axes' torques that is left where they are not of this motion: public
 recordings of five machines have a twentieth at most, noise in place of torques leaves 0.89."""
 LAGS = (0.05, 0.1)
-"""By which torques may be late [s], beyond the lags that estimates fit by themselves: a filter, a stack of software, another computer's clock."""
+"""By which torques may be late [s], beyond the lags that estimates fit by themselves: a filter, a
+stack of software, another computer's clock."""
 DEGREE = np.pi / 180.0
 """Factor of positions that are in degrees and stated as radians."""
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
