@@ -353,6 +353,6 @@ def law_columns(
     """Columns of the terms of an axis's law, shape (n, n_terms)."""
     v, angle = qd[:, axis], motor_angle(robot, q, axis)
     if law.speeds is not None:
-        v = direction.sign * law.known(np.abs(v))
+        v = np.sign(direction.sign) * law.known(np.abs(v))
     u = v / law.speed
     return friction_columns(u, direction, load[:, axis], angle, terms=tuple(law.terms))

@@ -284,7 +284,7 @@ def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> N
     data, braking = mujoco.MjData(loaded), 15.0
     for axis, unit in enumerate(np.eye(robot.n_joints)):
         # the last step before the reversal is what remains
-        for v in (0.5, 0.05, 1.01 * braking * loaded.opt.timestep, -0.001, -0.5):
+        for v in (0.5, 0.05, 1.01 * braking * loaded.opt.timestep, -0.01, -0.5):
             q, qd, qdd = 0.1 * unit, v * unit, -braking * unit
             data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
             mujoco.mj_inverse(loaded, data)
@@ -299,5 +299,5 @@ def test_dry_friction_stops_a_joint_of_the_simulation_and_holds_it() -> None:
     loaded.opt.gravity[:] = 0.0
     data = mujoco.MjData(loaded)
     data.qvel[:] = 0.3
-    mujoco.mj_step(loaded, data, 3000)
+    mujoco.mj_step(loaded, data, 30000)
     assert np.abs(data.qvel).max() < 1e-6
