@@ -91,7 +91,9 @@ TAKEN = {
     "sgn(v)": f"0 where |v| is below {STILL} of the axis's speed",
     "beyond its speeds": "slope_beyond (|v| - clipped |v|) sgn(v) is added",
     "presliding": "after a reversal sgn(v) turns round over the axis's presliding_distance x as"
-    " dz/dq = (1 - z sgn(v)) / x; 0: at once",
+    " dz/dq = (1 - z sgn(v)) / x; 0: at once. The sum of the directed terms and of slope_beyond is"
+    " then clipped to its size at |v| in a constant direction",
+    "directed": ", ".join(DIRECTED),
 }
 """How the formulas are to be taken."""
 WARMTH = {

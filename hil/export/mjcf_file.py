@@ -5,6 +5,14 @@ matrix is not diagonal; then fixed tendons with armature carry it, one for each 
 Cholesky factor. The file needs none of MuJoCo's repairs: inertias are positive definite and meet
 the triangle inequality.
 
+Dry friction is a constraint of MuJoCo, which asks for the acceleration -B v and gives up to
+`frictionloss` for it: the torque -(a + B v) / R, clipped, with R = (1 - d) / d over the inertia. In
+`mj_inverse` friction therefore has the sign of a + B v, and is reversed where a joint that brakes
+is slower than |a| / B. By default B is 105 1/s. Here B is 1 / timestep, the greatest that a step of
+the simulation follows: friction stops a joint within a step and does not reverse it, and
+`mj_inverse` reverses friction in the last step before a reversal alone. The impedance d is
+0.999, so that the acceleration, and a slow joint's friction, is right but for 0.001 of it.
+
 The format: mujoco.readthedocs.io, XML reference.
 """
 
@@ -28,6 +36,11 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 
+STEP = 0.001
+"""Time step that the file states [s]: of controllers at 1 kHz."""
+IMPEDANCE = 0.999
+"""Share of the wanted acceleration that dry friction reaches before it slips; MuJoCo allows 0.9999,
+and 0.9 by default leaves a tenth: a joint that friction holds would creep."""
 _FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -38,7 +51,7 @@ def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None
     root = ET.Element("mujoco", model=robot.name)
     root.append(ET.Comment(comment((*origin, *remarks))))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ET.SubElement(root, "option", gravity=numbers(robot.gravity))
+    ET.SubElement(root, "option", gravity=numbers(robot.gravity), timestep=number(STEP))
     parent = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=robot.base)
     for joint in robot.joints:
         parent = _body(parent, joint, coupled=robot.coupled)
@@ -71,6 +84,9 @@ def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Ele
     if joint.friction is not None:
         stated["damping"] = number(joint.friction.viscous)
         stated["frictionloss"] = number(joint.friction.coulomb)
+        # stiffness and damping as such: a time constant would be at least two steps
+        stated["solreffriction"] = numbers((0.0, -IMPEDANCE / STEP))
+        stated["solimpfriction"] = numbers((IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0))
     if joint.stiffness:
         stated["stiffness"] = number(joint.stiffness)
     ET.SubElement(body, "joint", stated)
@@ -107,6 +123,12 @@ def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
 
 
 def _left_out(model: Model, robot: SimulatedRobot) -> Iterator[str]:
+    if any(joint.friction is not None for joint in robot.joints):
+        yield (
+            f"mj_inverse reverses the friction of a joint that brakes with a [rad/s2 or m/s2] below"
+            f" {number(STEP)} a [rad/s or m/s]; with another timestep set each solreffriction to"
+            f" {number(-IMPEDANCE)} over it"
+        )
     springs = [name for name in model.robot.added_parameters if name.startswith(("kc", "ks"))]
     if springs:
         yield f"counterbalances {', '.join(springs)} are left out: MJCF has linear springs"

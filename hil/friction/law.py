@@ -271,12 +271,31 @@ def friction_torque(
             beyond = directions[axis].sign * each.slope * (speed - each.known(speed))
             bend = each.bend.value * directions[axis].bend
             level = columns[:, each.directed] @ each.values[each.directed] + bend + beyond
+            if each.presliding:
+                most = np.abs(_sliding_level(robot, each, q_rows, qd_rows, loads, axis))
+                level = np.clip(level, -most, most)
             other = columns[:, ~each.directed] @ each.values[~each.directed]
             found[:, axis] = other + each.factor(_of(warm, axis)) * level
         if law.coupled:
             shared = np.array([part.value for part in law._of_motors])
             found[:, axis] += coupled_friction(robot, qd_rows, axis) @ shared
     return found.reshape(np.shape(q))
+
+
+def _sliding_level(
+    robot: Robot, law: AxisLaw, q: Array, qd: Array, load: Array, axis: int
+) -> Array:
+    """Level of one axis's friction that slides forward at its speeds, shape (n,) [N m or N].
+
+    Friction after a reversal is between this level and its negative (Dahl's direction is within -1
+    and 1). The columns of the fit hold that for Coulomb friction alone: terms of speed follow the
+    velocity at once, and the bend is a linear correction of the distance.
+    """
+    forward = Direction(np.ones(len(q)), np.zeros(len(q)))
+    columns = law_columns(robot, law, q, np.abs(qd), load, axis, forward)
+    speed = np.abs(qd[:, axis])
+    known = columns[:, law.directed] @ law.values[law.directed]
+    return np.asarray(known + law.slope * (speed - law.known(speed)))
 
 
 def friction_variance(
@@ -403,6 +422,6 @@ def law_columns(
     """Columns of the terms of an axis's law, shape (n, n_terms)."""
     v, angle = qd[:, axis], motor_angle(robot, q, axis)
     if law.speeds is not None:
-        v = direction.sign * law.known(np.abs(v))
+        v = np.sign(direction.sign) * law.known(np.abs(v))
     u = v / law.speed
     return friction_columns(u, direction, load[:, axis], angle, terms=tuple(law.terms))

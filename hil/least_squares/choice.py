@@ -1,14 +1,17 @@
 """Which of several models the data call for: by what they predict of groups that were held out.
 
 Alternatives are compared by the error of prediction on groups that were held out, in turn. What is
-usual, the first of them, stands unless something richer is certainly better. Of many alternatives
+usual, the first of them, stands unless something richer is certainly better. An alternative that
+is not certainly better than the usual one is never chosen, however little the best one beats it by:
+with few groups nearly nothing beats anything, and the simplest of those that are left would be one
+that is as bad as the usual one. Of many alternatives
 that are worth nothing, the best looks better, too: so what counts is the greatest t of all
 differences of squared errors, against the greatest t of the same differences with signs of groups
 drawn at random (White, A reality check for data snooping, Econometrica 68 (2000) 1097-1126;
 studentised, since alternatives scatter differently). Alternatives that predict alike cost little in
 this way, and fewer than six groups show nothing. Up to `NEGLIGIBLE` less of the residual of the
-channel concerned is none. Chosen is the simplest that nothing beats; if one that is simpler still
-predicts as well, that is.
+channel concerned is none. Chosen is, of those that are certainly better than the usual one, the
+simplest that none of them beats; if one that is simpler still predicts as well, that is.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from hil.least_squares.solving import solved
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from hil.arrays import Array, Indices
+    from hil.arrays import Array, Indices, Mask
     from hil.least_squares.normal_equations import Normal
 
 FOLDS = 12
@@ -44,15 +47,19 @@ def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
         Channels that the errors are of, weighted alike, where the alternatives are of one of
         them: its own residual is an n-th of theirs.
     """
-    squares = np.array(list(errors.values()))
+    names, squares = np.array(list(errors)), np.array(list(errors.values()))
     sums = squares.sum(axis=1)
     enough = ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * sums.min() / n_channels
+    better = _certainly_positive(squares[0] - squares) & (sums[0] - sums > enough)
+    if not better.any():
+        better[0] = True
+    names, squares, sums = names[better], squares[better], sums[better]
     found = next(
         k
         for k, error in enumerate(squares)
-        if sums[k] - sums.min() <= enough or not _certainly_positive(error - squares)
+        if sums[k] - sums.min() <= enough or not _certainly_positive(error - squares).any()
     )
-    return list(errors)[int(np.flatnonzero(sums <= sums[found])[0])]
+    return str(names[np.flatnonzero(sums <= sums[found])[0]])
 
 
 class HeldOut:
@@ -95,15 +102,16 @@ def folds(n: int) -> list[slice]:
     return successive(0, n, min(FOLDS, n))
 
 
-def _certainly_positive(gains: Array) -> bool:
-    """Whether any row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
+def _certainly_positive(gains: Array) -> Mask:
+    """Whether each row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
     n = gains.shape[1]
     # draws of signs: the probability is known within 0.0025
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(4096, n))
-    t = float(_t(gains, np.ones((1, n))).max())
-    by_chance = _t(gains, signs).max(axis=1) >= t * (1.0 - np.sqrt(np.finfo(float).eps))
+    t = _t(gains, np.ones((1, n)))[0]
+    greatest = _t(gains, signs).max(axis=1, keepdims=True)
+    by_chance = greatest >= t * (1.0 - np.sqrt(np.finfo(float).eps))
     # probability of a difference by chance below which it is none: of 5 %, either side
-    return t > 0.0 and bool(by_chance.mean() <= 0.025)
+    return np.asarray((t > 0.0) & (by_chance.mean(axis=0) <= 0.025))
 
 
 def _t(gains: Array, signs: Array) -> Array:

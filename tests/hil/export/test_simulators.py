@@ -285,3 +285,29 @@ def test_bounds_of_masses_show_in_the_file():
     model = with_consistent_robot(model_of(robot, p, error), bounds=bounds)
     loaded = mujoco.MjModel.from_xml_string(written(model, "mjcf"))
     assert 3.0 <= loaded.body_mass[-1] <= 5.0
+
+
+def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> None:
+    robot = load_robot("manutec-r15")
+    model = with_consistent_robot(model_of(robot, *possible(robot)))
+    loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
+    data, braking = mujoco.MjData(loaded), 15.0
+    for axis, unit in enumerate(np.eye(robot.n_joints)):
+        # the last step before the reversal is what remains
+        for v in (0.5, 0.05, 1.01 * braking * loaded.opt.timestep, -0.01, -0.5):
+            q, qd, qdd = 0.1 * unit, v * unit, -braking * unit
+            data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
+            mujoco.mj_inverse(loaded, data)
+            wanted = model.torque(q, qd, qdd)[axis]
+            assert data.qfrc_inverse[axis] == pytest.approx(wanted, abs=0.01), (axis, v)
+
+
+def test_dry_friction_stops_a_joint_of_the_simulation_and_holds_it() -> None:
+    robot = load_robot("manutec-r15")
+    model = with_consistent_robot(model_of(robot, *possible(robot)))
+    loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
+    loaded.opt.gravity[:] = 0.0
+    data = mujoco.MjData(loaded)
+    data.qvel[:] = 0.3
+    mujoco.mj_step(loaded, data, 30000)
+    assert np.abs(data.qvel).max() < 1e-6

@@ -67,6 +67,14 @@ def test_a_few_blocks_call_for_nothing_richer_than_the_usual() -> None:
     assert simplest({"usual": usual, "rich": rich}) == "usual"
 
 
+def test_an_alternative_that_is_not_certainly_better_itself_is_not_chosen() -> None:
+    usual = np.full(8, 1.0)
+    # gains by chance, which the best one does not certainly beat, and gains of every block
+    poor = usual - np.array([0.9, -0.5, 0.6, -0.7, 0.9, -0.8, 0.8, -0.6])
+    rich = usual - np.array([0.30, 0.35, 0.25, 0.30, 0.40, 0.30, 0.20, 0.35])
+    assert simplest({"usual": usual, "poor": poor, "rich": rich}) == "rich"
+
+
 @pytest.mark.parametrize("n_blocks", range(1, 12))
 def test_fewer_than_six_blocks_show_nothing(n_blocks: int) -> None:
     usual = np.random.default_rng(n_blocks).uniform(0.9, 1.1, n_blocks)
