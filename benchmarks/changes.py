@@ -1,24 +1,28 @@
 """Changes between recordings of one machine: none where nothing changed, and planted ones found.
 
-    python benchmarks/changes.py TRAIN... -- TEST...
+    python benchmarks/changes.py [TRAIN... -- TEST...]
 
-takes run folders of any one machine. First, what `hil validate` says changed from TRAIN to TEST is
-printed. Then changes are planted into the recordings of TEST, one at a time and on every axis, each
-at the size that these recordings are stated to show: torques of an axis times a factor, an offset
-of its position, a delay of its torque, and friction. Printed are those that are found, with the
-right axis and cause. 80 % are to be found.
+takes run folders of any one machine, by default the two recordings of `examples/pan_tilt`. First,
+what `hil validate` says changed from TRAIN to TEST is printed. Then changes are planted into the
+recordings of TEST, one at a time and on every axis, each at the size that these recordings are
+stated to show: torques of an axis times a factor, an offset of its position, a delay of its torque,
+and friction. Printed are those that are found, with the right axis and cause. 80 % are to be found.
 """
 
 from __future__ import annotations
 
 import sys
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from figures import Figure, keep
 from scipy import signal
 
 from hil.estimation.excluded.proof import changed
+from hil.imports.importing import import_recordings
 from hil.model.dynamics import inverse_dynamics
 from hil.results.identification import identified
 from hil.runs.pooling import Pooled
@@ -36,15 +40,15 @@ CUT_OFF = 10.0
 """Of the positions by which friction is planted [Hz]."""
 
 
-def main(train: Sequence[str], test: Sequence[str]) -> None:
-    """Print what changed, and which planted changes are found."""
+def main(train: Sequence[Path | str], test: Sequence[Path | str]) -> tuple[int, int, int]:
+    """Print what changed, and which planted changes are found; count named, found and planted."""
     first, *more = [Run.open(folder) for folder in train]
     before, after = Pooled([first, *more]), Pooled([Run.open(folder) for folder in test])
     robot = first.robot
     unchanged = changed(robot, before, after)
     if unchanged is None:
         print("too little was recorded")
-        return
+        return 0, 0, 0
     print("unchanged:", *map(str, unchanged.found or ["nothing named"]))
     p = identified(first, "free motion", more).model.values
     sizes = {(each.cause, each.axis): each.size for each in unchanged.limits}
@@ -62,6 +66,7 @@ def main(train: Sequence[str], test: Sequence[str]) -> None:
             planted, found = planted + 1, found + right
             print(f"{cause} of axis {axis + 1} by {size:.3g}: {named or 'nothing named'}")
     print(f"{found} of {planted} found")
+    return len(unchanged.found), found, planted
 
 
 def _planted(
@@ -98,9 +103,22 @@ def _friction(robot: Robot, p: np.ndarray, recording: Recording) -> np.ndarray:
     return (forward - back) / 2.0 * np.sign(qd)
 
 
+def of_example() -> None:
+    """Keep the figures of the two recordings of `examples/pan_tilt`."""
+    example = Path(__file__).parents[1] / "examples" / "pan_tilt"
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [Path(folder) / name for name in ("excitation", "other")]
+        for run in runs:
+            import_recordings([example / f"{run.name}.yaml"], run)
+        named, found, planted = main(runs[:1], runs[1:])
+    kept = {"named": Figure(named), "found": Figure(found), "planted": Figure(planted)}
+    depends = ("hil/estimation/excluded",)
+    keep("changes", kept, depends=depends, command="python benchmarks/changes.py")
+
+
 if __name__ == "__main__":
     if "--" in sys.argv:
         end = sys.argv.index("--")
         main(sys.argv[1:end], sys.argv[end + 1 :])
     else:
-        print("skipped: needs run folders of one machine, see docs/explanation/excluded.md")
+        of_example()

@@ -109,7 +109,7 @@ def draft_map(path: Path, name: str) -> str:
 def _left_out_lines(left_out: Mapping[str, str]) -> Iterator[str]:
     if left_out:
         yield "# Left out:"
-        yield from (comment(f"  {name}: {what}") for name, what in left_out.items())
+        yield from (f"#   {one_line(f'{name}: {what}', 400)}" for name, what in left_out.items())
 
 
 def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:

@@ -89,6 +89,11 @@ OTHERWISE = {
     ("trajectory", "cli/planning.py"): "the same",
     ("trajectory", "tasks/plans.py"): "the same",
     ("friction", "imports/map_file.py"): "a check of a recording's plausibility",
+    ("friction", "estimation/excluded/causes.py"): "a cause of a change",
+    ("friction", "estimation/excluded/friction_change.py"): "the same",
+    ("trajectory", "estimation/friction/history.py"): "recordings in which axes move all the time",
+    ("gravity", "cli/try_plans.py"): "the option for its count",
+    ("inertia", "cli/try_plans.py"): "the option for its count",
     **{
         ("gravity", f"estimation/excluded/{name}.py"): "the acceleration of gravity"
         for name in ("alternatives", "causes", "columns", "words")

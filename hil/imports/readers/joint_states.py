@@ -62,7 +62,7 @@ class JointStates:
         if path.is_dir():
             _refuse_links(path)
         for each in (path,) if path.is_file() else path.glob("*.mcap"):
-            with needed_for(path):
+            with needed_for(path), _mendable(each):
                 refuse_inflated_chunks(each)
         self._topic = _topic_of(path, layout.topic)
         self.names = (*_TIMES, *self._joints())
@@ -174,7 +174,7 @@ def _opened(path: Path) -> Iterator[Any]:
     with needed_for(path):
         from rosbags.highlevel import AnyReader  # noqa: PLC0415 - optional
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
-    try:
+    with _mendable(path):
         with file_errors(path, "read"):
             store, reader = get_typestore(Stores.LATEST), None  # type: Any, Any
             if path.is_file() and lacks_end(path):
@@ -186,6 +186,13 @@ def _opened(path: Path) -> Iterator[Any]:
             yield reader
         finally:
             reader.close()
+
+
+@contextmanager
+def _mendable(path: Path) -> Iterator[None]:
+    """Turn whatever goes wrong inside of a bag into a message with the command that mends it."""
+    try:
+        yield
     except (OSError, FileError):
         raise
     except Exception as error:

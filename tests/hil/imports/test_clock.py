@@ -64,8 +64,8 @@ def test_rows_that_were_recorded_twice_are_named_and_count_as_missing(tmp_path, 
             x[twice] = x[np.flatnonzero(twice) - 1]
     found = stated(tmp_path, columns, time=time)
     counts, lines = found.timing.counts, "\n".join(found.lines())
-    assert counts.held == twice.sum()
-    assert f"{counts.held} rows repeat the row before in all columns, from row" in lines
+    assert counts.repeating == twice.sum()
+    assert f"{counts.repeating} rows repeat the row before in all columns, from row" in lines
     assert counts.gaps == 0
     assert found.suspicions == ()
 
@@ -76,7 +76,7 @@ def test_rows_that_hold_values_give_way_to_the_rate_at_which_these_change(tmp_pa
     held["t"] = np.arange(len(held["t"])) / RATE
     found = stated(tmp_path, held)
     assert found.timing.period == pytest.approx(0.02)
-    assert "values change every 4 rows" in "\n".join(found.lines())
+    assert " over 4 rows each" in "\n".join(found.lines())
 
 
 def test_a_robot_that_rests_repeats_no_rows(tmp_path):
@@ -86,7 +86,7 @@ def test_a_robot_that_rests_repeats_no_rows(tmp_path):
     names = ["q1", "q2", "v1", "v2", "m1", "m2"]
     for name, x in zip(names, [*q.T, *np.where(resting[:, None], 0, qd).T, *tau.T], strict=True):
         columns[name] = x
-    assert stated(tmp_path, columns, time={"rate": RATE}).timing.counts.held == 0
+    assert stated(tmp_path, columns, time={"rate": RATE}).timing.counts.repeating == 0
 
 
 @pytest.mark.parametrize(
