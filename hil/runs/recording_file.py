@@ -147,11 +147,8 @@ def _refuse_elsewhere(path: Path, file: h5py.File, names: list[str]) -> None:
     for name in names:
         kind = file.get(name, getlink=True)
         dataset = file[name] if isinstance(kind, h5py.HardLink) else None
-        if dataset is None or dataset.external or dataset.is_virtual:
-            raise FileError(
-                f"{path}: {name} is missing or in another file, which is not read;"
-                f" {replace_or_leave_out(path)}"
-            )
+        if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
+            raise ValueError(f"{name} is missing, no array, or in another file, which is not read")
         largest = max(dataset.size, math.prod(dataset.chunks or ()))
         refuse_beyond(path, largest * dataset.dtype.itemsize, name)
 

@@ -76,7 +76,7 @@ def campaign(
             with bus_of(folder, name) as bus, CanopenDriveBus(bus, drives_for(name)) as drive_bus:
                 robot = limited(manutec, drive_bus.axes)
                 events = [e for e in measure(plan, robot, drive_bus) if isinstance(e, Recorded)]
-            assert not any(event.findings for event in events)
+            assert [f for event in events for f in event.findings] == []
             runs[name] = [(event.measurement, event.recording) for event in events]
         return runs[name]
 

@@ -2,13 +2,12 @@
 
 Some drives renew position or current less often than SYNC comes. A position that rests between two
 steps rests in truth only if the axis could stop and start again between them, so only small steps
-may be beside it. A current repeats by chance where its steps are coarse: with a standard deviation
-sigma of its changes and steps s, at most about s / (sigma sqrt(2 pi)) of its readings do.
+may be beside it. A current that is renewed every second SYNC or less often never changes twice in
+succession; one that repeats by chance, since its steps are coarse, does.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -34,7 +33,8 @@ FEW = 3
 OFTEN = 0.1
 """Share of the changes of a position that follow old ones: a drive that is slow is slow always."""
 BY_CHANCE = 0.05
-"""Share of the readings that may repeat beyond what the steps of a current explain."""
+"""Share of the changes of a current that may follow another at once though it is renewed less often:
+telegrams that came late."""
 
 
 def with_old_values(
@@ -68,7 +68,7 @@ def with_old_values(
                 f" {1e3 * period:.3g} ms, must be with each; set sync_period: {every * period:.3g}"
                 " or more in the drives file and plan anew; hil drives check measures it"
             )
-        old[:, k] |= _old_torques(recording.tau[:, k], axis.torque_resolution)
+        old[:, k] |= _old_torques(recording.tau[:, k])
     if not old.any():
         return recording
     return replace(recording, flags=recording.flags | np.uint8(SampleFlag.OLD) * old)
@@ -92,17 +92,12 @@ def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
     return _repeated(changes[1:][apart], rests[apart], len(q)), every
 
 
-def _old_torques(tau: Array, step: float) -> Mask:
-    """Samples that repeat the one before, where more do than chance explains."""
-    steps = np.diff(tau[np.isfinite(tau)])
-    changes = np.flatnonzero(steps)
+def _old_torques(tau: Array) -> Mask:
+    """Samples that repeat the one before, where hardly any two successive ones both change."""
+    changes = np.flatnonzero(np.diff(tau[np.isfinite(tau)]))
     intervals = np.diff(changes)
-    if len(intervals) < LEAST or intervals.max() == 1:
-        return np.zeros(len(tau), dtype=bool)
-    spread = math.sqrt(2 * math.pi * float(np.mean(steps[changes] ** 2)))
-    repeated = 1.0 - 1.0 / float(intervals.mean())
-    always = float(np.mean(intervals == 1)) < BY_CHANCE
-    if not always and repeated < BY_CHANCE + 2 * step / spread:
+    slow = len(intervals) >= LEAST and intervals.max() > 1
+    if not slow or float(np.mean(intervals == 1)) >= BY_CHANCE:
         return np.zeros(len(tau), dtype=bool)
     changes = np.flatnonzero(np.diff(tau))
     return _repeated(changes[1:], np.diff(changes), len(tau))

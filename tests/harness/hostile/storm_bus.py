@@ -120,10 +120,10 @@ class StormBus(can.BusABC):
 
 
 def ends_session(frame: can.Message) -> bool:
-    """Whether a frame, taken for a drive's, reports that it is in trouble; or is our heartbeat."""
+    """Whether a frame reports a drive in trouble, commands one in our place, or is our heartbeat."""
     if not plain(frame):
         return False
-    if frame.arbitration_id == OUR_HEARTBEAT:
+    if frame.arbitration_id == OUR_HEARTBEAT or _commands(frame):
         return True
     service, node = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F
     if node not in NODES:
@@ -133,3 +133,18 @@ def ends_session(frame: can.Message) -> bool:
     if service == 0x180:
         return len(frame.data) == TPDO_SIZE  # another state, or a position that trips the driver
     return service == 0x700 and len(frame.data) > 0 and frame.data[0] & 0x7F != 5
+
+
+def _commands(frame: can.Message) -> bool:
+    """Whether a frame commands drives, as a second master or a configuration tool does."""
+    service, node = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F
+    if frame.arbitration_id == 0x080:  # SYNC
+        return True
+    if frame.arbitration_id == 0x000:  # NMT
+        data = frame.data
+        return len(data) > 1 and data[1] in {0, *NODES} and data[0] != 1
+    if node not in NODES:
+        return False
+    if service == 0x600:  # SDO: begins to write
+        return len(frame.data) > 3 and frame.data[0] >> 5 in {1, 6}
+    return service in {0x200, 0x300, 0x400, 0x500}  # RPDOs

@@ -157,13 +157,13 @@ def test_an_interrupt_leaves_the_terminal_as_it_was(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_robot_of_forty_joints_is_shown_without_a_table_that_nobody_can_read(
+def test_a_robot_of_thirty_joints_is_shown_without_a_table_that_nobody_can_read(
     hil: Hil, tmp_path: Path, chains: ChainBuilder
 ) -> None:
-    turned = [chains.joint(alpha="pi/2" if k % 2 else 0, d=0.2, r=0.1) for k in range(40)]
+    turned = [chains.joint(alpha="pi/2" if k % 2 else 0, d=0.2, r=0.1) for k in range(30)]
     file = tmp_path / "snake.yaml"
     file.write_text(chains.robot(*turned).text)
     status, printed, complaint = hil("robot", file)
     assert (status, complaint) == (0, "")
     assert "base parameters" in printed
-    assert "a table of 40 columns, which is shown up to 12" in printed
+    assert "a table of 30 columns, which is shown up to 12" in printed

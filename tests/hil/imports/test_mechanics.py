@@ -34,7 +34,11 @@ def seen(manutec):
 
 
 def said(seen, robot, **changes):
-    found = list(mechanical_suspicions([replace(seen, **changes)], robot))
+    found = list(
+        mechanical_suspicions(
+            [replace(seen, **changes)], robot, np.ones(robot.n_joints, dtype=bool)
+        )
+    )
     assert all(each.certain for each in found)
     return [(each.location, each.message.partition(": the model leaves")[0]) for each in found]
 
@@ -151,6 +155,6 @@ def test_torques_that_are_exchanged_and_of_the_wrong_signs_as_well(seen, manutec
 
 def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(seen, manutec):
     late = np.roll(seen.tau, round(0.05 / PERIOD), axis=0)
-    (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec)
+    (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec, np.ones(6, dtype=bool))
     assert found.message.startswith("torques of all joints are late by some 50 ms; record torque")
     assert not found.certain
