@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from hil.errors import FrictionUnknown
+from hil.errors import FrictionUnknown, Mismatch
 from hil.estimation.free_motion.motion import low_passed
 from hil.friction.equation import SLOW
 from hil.least_squares.standstill import extent, moving
@@ -71,7 +71,10 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     for motion, as_recorded in recorded:
         if not shows_parameters(motion):
             continue
-        recording = in_si(model, motion, as_recorded)
+        try:
+            recording = in_si(model, motion, as_recorded)
+        except Mismatch:  # gains of a mixture are no part of the model
+            continue
         # an import is judged as a whole, whatever parts of it are strokes
         whole = isinstance(motion, FreeMotion)
         used = np.ones(recording.n_samples, dtype=bool) if whole else recording.under_way

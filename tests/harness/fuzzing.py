@@ -189,6 +189,7 @@ def _in_child(kind: str, path: Path, writing: int) -> None:
                 if not nameless and not full.startswith((inside, os.devnull)):
                     outside.append(f"{event} {full}")
 
+    sys.dont_write_bytecode = True
     sys.addaudithook(watch)
     before = _resident()
     try:
@@ -199,7 +200,9 @@ def _in_child(kind: str, path: Path, writing: int) -> None:
     except BaseException:
         how, text = "traceback", traceback.format_exc()
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before
-    memory = max(memory, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024)
+    # a child has all of this process until it begins its own program
+    children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+    memory = max(memory, children - before)
     answer = {"how": how, "text": text[-4000:], "memory": memory, "outside": outside}
     with os.fdopen(writing, "wb") as out:
         out.write(json.dumps(answer).encode())

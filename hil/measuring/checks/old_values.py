@@ -33,8 +33,8 @@ FEW = 3
 OFTEN = 0.1
 """Share of the changes of a position that follow old ones: a drive that is slow is slow always."""
 BY_CHANCE = 0.05
-"""Share of the changes of a current that may follow another at once though it is renewed less often:
-telegrams that came late."""
+"""Share of the changes of a current that may follow another at once though it is renewed less
+often: telegrams that came late."""
 
 
 def with_old_values(

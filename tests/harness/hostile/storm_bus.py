@@ -120,7 +120,7 @@ class StormBus(can.BusABC):
 
 
 def ends_session(frame: can.Message) -> bool:
-    """Whether a frame reports a drive in trouble, commands one in our place, or is our heartbeat."""
+    """Whether a frame reports a drive in trouble, commands drives, or is our heartbeat."""
     if not plain(frame):
         return False
     if frame.arbitration_id == OUR_HEARTBEAT or _commands(frame):

@@ -373,12 +373,10 @@ def test_a_session_notes_whether_its_bus_is_the_virtual_plant_s(
 
 def test_what_a_killed_session_recorded_is_in_its_journal(folder: RunFolder, ideal_bus) -> None:
     """With the file of a recording the journal on the disk counts it, before the session ends."""
-    path, recorded = folder.path / "recordings" / "g1.h5", 0
     campaign = run_campaign(folder, ideal_bus)
-    for event in campaign:
-        recorded = recorded or (isinstance(event, Recorded) and event.recording.n_samples)
-        if recorded and path.exists() and not isinstance(event, Recorded):
-            break
+    first = next(event for event in campaign if isinstance(event, Recorded))
+    recorded = first.recording.n_samples
+    next(campaign)  # what comes next has the recording written beside
     for _ in range(500):
         on_disk = RunFolder.open(folder.path).journal.sessions[-1]
         if on_disk.sync.samples:
