@@ -225,9 +225,13 @@ def test_one_cursor_goes_through_curves_and_robot(
         page.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
     until(browser, lambda: "at its end" in label(browser, 0))
     until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 23.9"))
-    look_back(browser, 19.0)
-    shown = browser.execute_script("return window.live.scene.q[0]")
-    assert shown == pytest.approx(0.5 + 0.001 * (19.0 - 4.0) / 0.04, abs=0.002)
+
+    def looked_back() -> bool:
+        look_back(browser, 19.0)  # again, while samples are still on their way
+        shown = browser.execute_script("return window.live.scene.q[0]")
+        return bool(shown == pytest.approx(0.5 + 0.001 * (19.0 - 4.0) / 0.04, abs=0.002))
+
+    until(browser, looked_back)
     until(browser, lambda: cursors(browser) == [True] * 12)
     begin, end = browser.execute_script("return window.live.curves.span")
     assert begin <= 19.0 <= end <= begin + 10.0 + 1e-9
@@ -285,7 +289,10 @@ def test_an_event_is_looked_back_at(browser: Chrome, watched: tuple[Served, Any]
     page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=6.6)
     until(browser, lambda: "from outside" in text(browser, "notices"))
     browser.find_element(By.CSS_SELECTOR, "#notices .then").click()
-    assert browser.execute_script("return window.live.scene.q[0]") == pytest.approx(1.05)
+    until(
+        browser,
+        lambda: browser.execute_script("return window.live.scene.q[0]") == pytest.approx(1.05),
+    )
 
 
 def test_a_link_that_is_dragged_pushes_the_plant_and_is_let_go(
