@@ -267,11 +267,17 @@ def test_recordings_that_have_passed_can_be_looked_back_at(browser: Chrome, page
         page.sample(Sample(4.0 + 0.1 * k, (0.01 * k, *Q[1:]), TAU, (0,) * 6, False))
     until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 13.8"))
     until(browser, lambda: "at its end" in label(browser, 3))
-    assert spans(browser, 1) == pytest.approx([8.0, 9.9])
+    until(browser, lambda: spans(browser, 1) == pytest.approx([8.0, 9.9]))
     look_back(browser, 5.0)
     until(browser, lambda: spans(browser, 1) == pytest.approx([4.0, 5.9]))
-    assert cursors(browser) == [axis in (1, 3) for axis in range(6) for _ in range(2)]
-    assert browser.execute_script("return window.live.scene.q[0]") == pytest.approx(0.1)
+    until(
+        browser,
+        lambda: cursors(browser) == [axis in (1, 3) for axis in range(6) for _ in range(2)],
+    )
+    until(
+        browser,
+        lambda: browser.execute_script("return window.live.scene.q[0]") == pytest.approx(0.1),
+    )
     assert "measuring" in text(browser, "doing")  # the run goes on
 
 
