@@ -65,6 +65,10 @@ def page(
         yield found
 
 
+# a page in a browser, its server and the test go by the wall clock: a busy machine delays either
+pytestmark = pytest.mark.flaky(reruns=2)
+
+
 def until(browser: Chrome, condition: Any) -> None:
     WebDriverWait(browser, 30, 0.05).until(lambda _: condition())
 
