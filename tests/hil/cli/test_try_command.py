@@ -113,7 +113,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert found.alarms[0].peak == pytest.approx(350, rel=0.25)
     assert [each.axis for each in found.alarms] == [each["axis"] + 1 for each in alarms]
     model = Model.load(folder / "measured")
-    assert model.provenance.measurements == first["measurements"] < 60
+    assert model.provenance.measurements == first["measurements"] < 47
     motions = Run.open(folder / "pushed" / "run")
     assert (motions.ids, len(motions.missing)) == (("motion-1",), 1)
 
