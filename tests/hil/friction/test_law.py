@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.friction.direction import Direction
-from hil.friction.law import AxisLaw, FrictionLaw, TermValue, friction_torque
+from hil.friction.law import SLOWEST, AxisLaw, FrictionLaw, TermValue, friction_torque
 from hil.friction.terms import DIRECTED, OF_SPEED
 from hil.model.robot import load_robot
 
@@ -80,15 +80,17 @@ def test_friction_after_a_reversal_stays_within_the_law_of_either_direction(
     q, qd = motion_of(sizes, turns)
     loads = np.full_like(q, load)
     along, t = friction_torque(ONE, law, q, qd, loads), q[:, 0]
-    # every sample sliding forward, and sliding backward, at its speed
+    # every sample sliding forward, and sliding backward, as fast as the law knows at least
+    slowest = speeds[0] if speeds else SLOWEST * law.axes[0].speed
     either = [
-        friction_torque(ONE, law, q, side * np.abs(qd), loads, [Direction(side + 0.0 * t, 0.0 * t)])
+        friction_torque(ONE, law, q, side * sliding, loads, [Direction(side + 0.0 * t, 0.0 * t)])
         for side in (-1.0, 1.0)
+        for sliding in (np.abs(qd), np.maximum(np.abs(qd), slowest))
     ]
     rounding = 1e-9 * (1.0 + np.abs(either).max())
     # before the motion friction has no direction
-    assert (along >= np.minimum(*either) - rounding)[1:].all()
-    assert (along <= np.maximum(*either) + rounding)[1:].all()
+    assert (along >= np.min(either, axis=0) - rounding)[1:].all()
+    assert (along <= np.max(either, axis=0) + rounding)[1:].all()
 
 
 def test_sliding_in_one_direction_is_the_law_of_one_state() -> None:
