@@ -3,13 +3,12 @@
 Between two measurements a held value repeats exactly, and its stamps go on. A coarse encoder
 repeats itself as well, but then moves by a count or two: values that stand still on either side of
 a step of more counts are held. Where positions are, the rows in which they change are samples, and
-all others repeat one. Torques or velocities alone that are held stay: they are late by half of the
-rows over which they are held, in the mean.
+all others repeat one. Other columns that are held are the subject of `hil.imports.held_columns`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 
 EXCERPT = 20_000
 """Rows that are looked at: shares are known to 1 %."""
-KINDS = ("positions", "torques", "velocities")
-"""Kinds of columns, in the order of `Samples.values`."""
 _STEPS = 20
 """Steps of a column from which on their shares say something: 0.9 of so many is 3 standard
 deviations above a half."""
@@ -35,33 +32,12 @@ _HELD = 0.9
 """Share of the steps that stand alone where values are held; a recorder is late now and then."""
 
 
-class Held(NamedTuple):
-    """Number of rows with equal values per measurement, by `KINDS`; 1 where nothing is held."""
-
-    positions: int
-    torques: int
-    velocities: int
-
-    def __str__(self) -> str:
-        by_rows: dict[int, list[str]] = {}
-        for kind, rows in zip(KINDS, self, strict=True):
-            by_rows.setdefault(rows, []).append(kind)
-        each = (
-            f"{' and '.join(kinds)} over {rows} rows each"
-            for rows, kinds in by_rows.items()
-            if rows > 1
-        )
-        return f"held samples, the same values again: {', '.join(each)}"
-
-
-def held_of(samples: Samples, parts: Sequence[Integers]) -> Held | None:
-    """Find over how many rows measurements are held; None if they are not."""
+def held_of(samples: Samples, parts: Sequence[Integers]) -> int:
+    """Return over how many rows positions are held; 1 where they are not."""
     longest = max(parts, key=len)
     middle = longest[max(0, len(longest) // 2 - EXCERPT // 2) :][:EXCERPT]
-    values, n = np.asarray(samples.values[middle]), samples.n_joints
-    columns = (values[:, kind * n : (kind + 1) * n].T for kind in range(len(KINDS)))
-    held = Held(*(max(map(rows_held, each)) for each in columns))
-    return held if max(held) > 1 else None
+    positions = np.asarray(samples.values[middle])[:, : samples.n_joints]
+    return max(map(rows_held, positions.T))
 
 
 def rows_held(x: Array) -> int:

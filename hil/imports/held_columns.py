@@ -1,7 +1,8 @@
 """Columns whose values are held for several rows, while others are sampled at each row.
 
 A coarse column repeats its value by chance: about once in as many rows as a usual step has
-increments. A held one repeats more often than that, while its joint moves.
+increments. A held one repeats more often than that, while its joint moves. Positions that are all
+held alike are thinned out before (`hil.imports.held`).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.imports.held import Held, held_of, measured
+from hil.imports.held import held_of, measured
 from hil.imports.instants import (
     EVEN,
     SAME_STAMP,
@@ -56,10 +56,12 @@ class Counts:
         Samples that were interpolated over less.
     short : int
         Stretches left out for being too short, of `short_time` [s] altogether.
-    held : Held, optional
-        Over how many rows measurements are held.
+    repeating, first_repeating : int
+        Rows that repeat all values of the row before, and the first of them, from 1.
+    held : int
+        Over how many rows positions are held.
     repeated : int
-        Rows left out that repeat a measurement.
+        Rows left out that repeat positions.
     jitter : float
         Standard deviation of the time between samples [s].
     """
@@ -70,13 +72,12 @@ class Counts:
     disordered: int = 0
     repeating: int = 0
     first_repeating: int = 0
-    every: int = 1
     gaps: int = 0
     lost: float = 0.0
     bridged: int = 0
     short: int = 0
     short_time: float = 0.0
-    held: Held | None = None
+    held: int = 1
     repeated: int = 0
     jitter: float = 0.0
 
@@ -121,13 +122,12 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     ordered = [_ordered(samples, rows, period, counts) for rows in usable]
     ordered = [_without_repeats(samples, rows, counts) for rows in ordered]
     counts.held = held_of(samples, ordered)
-    if counts.held is not None and counts.held.positions > 1:
+    if counts.held > 1:
         published = sum(map(len, ordered))
-        ordered = [measured(samples, rows, counts.held.positions) for rows in ordered]
+        ordered = [measured(samples, rows, counts.held) for rows in ordered]
         counts.repeated = published - sum(map(len, ordered))
         period = _period([samples.time[rows] for rows in ordered])
-    ordered = [_without_held(samples, rows, period, counts) for rows in ordered]
-    period *= counts.every
+    ordered = [_without_repeating(samples, rows, period, counts) for rows in ordered]
     parts = [
         part
         for rows in ordered
@@ -207,7 +207,7 @@ def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Intege
     return np.delete(rows, found)
 
 
-def _without_held(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
+def _without_repeating(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
     """Rows without those that repeat all values of the row before: held, not sampled anew.
 
     What is held for as long as a gap is bridged, or 2.5 times as long as usually, is left out, and
@@ -228,7 +228,6 @@ def _without_held(samples: Samples, rows: Integers, period: float, counts: Count
     if len(found) < 0.01 * len(rows):
         return rows
     counts.first_repeating = counts.first_repeating or int(rows[found[0]]) + 1
-    counts.every = max(counts.every, round(usual))
     counts.repeating += len(found)
     return np.delete(rows, found)
 

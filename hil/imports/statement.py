@@ -90,14 +90,16 @@ class Statement:
 
     def _left_out(self) -> Iterator[str]:
         counts = self.timing.counts
-        if (held := counts.held) is not None:
-            left = f"{counts.repeated} rows that repeat positions are left out"
-            yield f"{held}" + (f"; {left}" if counts.repeated else "")
+        if counts.held > 1:
+            yield (
+                f"held samples, the same values again: positions over {counts.held} rows each;"
+                f" {counts.repeated} rows that repeat positions are left out"
+            )
         gaps, short = f"{counts.lost:.3g} s in all", f"{counts.short_time:.3g} s in all"
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),
             (counts.doubled, "row has the stamp of another", "rows have the stamp of another"),
-            (counts.repeating, *self._held()),
+            (counts.repeating, *self._repeating()),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
             (self.wraps, "step of a whole turn is undone", "steps of whole turns are undone"),
             (counts.bridged, "missing sample is interpolated", "missing samples are interpolated"),
@@ -107,12 +109,11 @@ class Statement:
             if number:
                 yield f"{number} {one if number == 1 else many}"
 
-    def _held(self) -> tuple[str, str]:
+    def _repeating(self) -> tuple[str, str]:
         """What rows are that hold all values of the row before, one and many."""
         counts = self.timing.counts
-        usually = f": values change every {counts.every} rows" if counts.every > 1 else ""
         first = f"the row before in all columns, from row {counts.first_repeating} on"
-        rest = f"{first}, and count as missing{usually}"
+        rest = f"{first}, and count as missing"
         return f"row repeats {rest}", f"rows repeat {rest}"
 
     def _velocities(self) -> Iterator[str]:

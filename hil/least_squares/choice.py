@@ -4,14 +4,14 @@ Alternatives are compared by the error of prediction on groups that were held ou
 usual, the first of them, stands unless something richer is certainly better. An alternative that
 is not certainly better than the usual one is never chosen, however little the best one beats it by:
 with few groups nearly nothing beats anything, and the simplest of those that are left would be one
-that is as bad as the usual one. Of many alternatives
-that are worth nothing, the best looks better, too: so what counts is the greatest t of all
-differences of squared errors, against the greatest t of the same differences with signs of groups
-drawn at random (White, A reality check for data snooping, Econometrica 68 (2000) 1097-1126;
-studentised, since alternatives scatter differently). Alternatives that predict alike cost little in
-this way, and fewer than six groups show nothing. Up to `NEGLIGIBLE` less of the residual of the
-channel concerned is none. Chosen is, of those that are certainly better than the usual one, the
-simplest that none of them beats; if one that is simpler still predicts as well, that is.
+that is as bad as the usual one. Of many alternatives that are worth nothing, the best looks better,
+too: so what counts is the greatest t of all differences of squared errors, against the greatest t
+of the same differences with signs of groups drawn at random (White, A reality check for data
+snooping, Econometrica 68 (2000) 1097-1126; studentised, since alternatives scatter differently).
+Alternatives that predict alike cost little in this way, and fewer than six groups show nothing. Up
+to `NEGLIGIBLE` less of the residual of the channel concerned is none. Of those that are certainly
+better than the usual one, the simplest that none of them beats shows what can be predicted; chosen
+is the simplest of all that predicts as well, up to `NEGLIGIBLE`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ where friction is Coulomb's and viscous exactly (two axes, white noise)."""
 
 
 def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
-    """Name of the first alternative that no other certainly beats.
+    """Return the first alternative that predicts as well as any that the data certainly call for.
 
     Parameters
     ----------
@@ -47,19 +47,19 @@ def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
         Channels that the errors are of, weighted alike, where the alternatives are of one of
         them: its own residual is an n-th of theirs.
     """
-    names, squares = np.array(list(errors)), np.array(list(errors.values()))
-    sums = squares.sum(axis=1)
+    names, squares = list(errors), np.array(list(errors.values()))
+    total = sums = squares.sum(axis=1)
     enough = ((1.0 + NEGLIGIBLE) ** 2 - 1.0) * sums.min() / n_channels
     better = _certainly_positive(squares[0] - squares) & (sums[0] - sums > enough)
     if not better.any():
         better[0] = True
-    names, squares, sums = names[better], squares[better], sums[better]
+    squares, sums = squares[better], sums[better]
     found = next(
         k
         for k, error in enumerate(squares)
         if sums[k] - sums.min() <= enough or not _certainly_positive(error - squares).any()
     )
-    return str(names[np.flatnonzero(sums <= sums[found])[0]])
+    return names[int(np.flatnonzero(total <= sums[found] + enough)[0])]
 
 
 class HeldOut:
