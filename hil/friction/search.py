@@ -135,11 +135,11 @@ def unseen(
     fast = np.linspace(high, max(high, BEYOND * speed), 4)
     v, nearest = np.append(slow, fast), np.repeat([low, high], [len(slow), len(fast)])
     slope = _fit(measured, CLASSICAL).x[CLASSICAL.index("viscous")] / speed
-    squares, total = np.zeros(len(v)), 0.0
+    squares, total, worse = np.zeros(len(v)), 0.0, relative_errors(errors, chosen)
     for name, terms in tried.items():
         x = _fit(measured, terms).x
         change = _level(v / speed, terms, x) - _level(nearest / speed, terms, x)
-        weight = np.sqrt(errors[chosen].sum() / max(errors[name].sum(), np.finfo(float).tiny))
+        weight = 1.0 / worse[name]
         squares += weight * (change - slope * (v - nearest)) ** 2
         total += weight
     return tuple(zip(v.tolist(), np.sqrt(squares / total).tolist(), strict=True))
@@ -155,9 +155,14 @@ def _level(u: Array, terms: tuple[str, ...], x: Array) -> Array:
 
 
 def relative_errors(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:
-    """Root mean square errors on held-out groups, over that of the alternative chosen."""
-    least = max(float(errors[chosen].sum()), np.finfo(float).tiny)
-    return {name: float(np.sqrt(error.sum() / least)) for name, error in errors.items()}
+    """Root mean square errors on held-out groups, over that of the alternative chosen.
+
+    Errors below rounding of the largest count as rounding: data without noise leave nothing else.
+    """
+    sums = {name: float(error.sum()) for name, error in errors.items()}
+    rounding = np.finfo(float).eps ** 2 * max(sums.values()) or np.finfo(float).tiny
+    own = max(sums[chosen], rounding)
+    return {name: float(np.sqrt(max(each, rounding) / own)) for name, each in sums.items()}
 
 
 def _fit(measured: Blocks, terms: tuple[str, ...]) -> Fit:
