@@ -88,6 +88,9 @@ class Estimate:
         Regression of all samples behind the improved method, for what else is asked of them.
     edges : tuple of Edge
         Lags and compliances that end at the edge of their search range.
+    shifts : tuple of ndarray, shape (n_base,)
+        Change of `p` by the correction of each cause that was found. The errors contain each shift
+        as one standard deviation, because `p` is not corrected.
     """
 
     method: str
@@ -113,6 +116,7 @@ class Estimate:
     prior_share: Array | None = None
     joint: Joint | None = None
     edges: tuple[Edge, ...] = ()
+    shifts: tuple[Array, ...] = ()
 
     @property
     def drive_effect(self) -> Array:
@@ -122,7 +126,7 @@ class Estimate:
     @property
     def drive_covariance(self) -> Array:
         """Covariance of `p` from errors that do not show, shape (n_base, n_base)."""
-        carried = self.drive_effect
+        carried = np.column_stack([self.drive_effect, *self.shifts])
         return carried @ carried.T
 
     @property

@@ -188,6 +188,8 @@ def identified(
         stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
         found = replace(found, friction_law=campaign_friction(robot, found.p, stacks, past))
     proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
+    if proof is not None:
+        found = replace(found, shifts=proof.shifts)
     model = model_of(run, found, others, proof, options, campaign)
     return ModelFit(replace(found, joint=None), model)  # all samples: nothing else is asked
 

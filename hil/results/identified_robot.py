@@ -46,8 +46,8 @@ class IdentifiedRobot:
     values : ndarray, shape (n_base,)
         Base parameters [kg m^2, kg m or kg, as in `units`].
     scatter_covariance, drive_covariance : ndarray, shape (n_base, n_base)
-        Of errors that show in the data, and of those of torque constants and rotor inertias as the
-        robot file states their uncertainty.
+        Of errors that show in the data, and of the others: torque constants and rotor inertias as
+        uncertain as the robot file states, and causes that were found but are not corrected.
     degrees_of_freedom : ndarray, shape (n_base,)
         Effective ones of the errors that show in the data.
     residual : ndarray, shape (n_joints,)

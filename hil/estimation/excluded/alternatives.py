@@ -163,6 +163,8 @@ class Explained:
             rows, joint = evidence.axis == channel, reading.torques.index(int(channel))
             if evidence.later is not None:
                 rows &= evidence.later
+            if not rows.any():
+                continue  # an axis that rested later on shows nothing
             turned = reading.sign_q[joint] * reading.sign_tau[joint]
             direction = np.sign(evidence.motion[1, 1, rows, reading.order[joint]])
             rest = self.residual[rows] - self.residual[rows].mean()

@@ -79,6 +79,9 @@ if TYPE_CHECKING:
 
 LEVEL = 0.05
 """Probability that anything is found where nothing is wrong."""
+FAMILIES = 3
+"""Families of tests for a change, which share `LEVEL` (Bonferroni): columns, finite readings, and
+friction."""
 SPAN = 1e-4
 """Share of a column's square beside what is estimated below which it is within its span: columns
 are of the smoothed motion, those of the base parameters are smoothed themselves, and the two differ
@@ -178,6 +181,11 @@ class Battery:
         other.given = (*self.given, *more)
         other._fit()
         return other
+
+    @property
+    def level(self) -> float:
+        """Probability that any column is found where nothing is wrong."""
+        return LEVEL if self.evidence.later is None else LEVEL / FAMILIES
 
     def _fit(self) -> None:
         """Weigh channels, and project out what is estimated."""
@@ -325,7 +333,7 @@ class Battery:
         noise = Common(max(float(phi), white), degrees)
         parts = self.unchanged.get(self.columns.names[at[0]][:2], noise)
         # the greatest, with the quantile that its degrees of freedom ask for
-        level = 1.0 - LEVEL / len(self.columns.tests)
+        level = 1.0 - self.level / len(self.columns.tests)
         phi, degrees = max(
             (noise, others, parts),
             key=lambda scale: scale.dispersion * special.fdtri(rank, scale.degrees, level),

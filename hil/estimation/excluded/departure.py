@@ -22,7 +22,7 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.excluded.alternatives import Reading, explained
-from hil.estimation.excluded.battery import LEVEL
+from hil.estimation.excluded.battery import FAMILIES, LEVEL
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Indices
@@ -78,7 +78,8 @@ class Departure(NamedTuple):
         logs = _log_mean_squares(evidence.without_friction(residual), axis, len(self.level))
         t = (logs - self.level) / self.scatter if self.degrees else np.zeros_like(logs)
         t = t[np.isfinite(t)]
-        return bool(t.size and special.stdtr(self.degrees, -t.max()) < LEVEL / t.size)
+        level = LEVEL / FAMILIES / max(t.size, 1)
+        return bool(t.size and special.stdtr(self.degrees, -t.max()) < level)
 
 
 def parts_of(time: Array, n_parts: int = PARTS) -> Indices:

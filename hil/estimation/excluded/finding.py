@@ -60,8 +60,8 @@ is uncertain. It is 1.0 to 1.5 where nothing is wrong, with strong drift of fric
 beside a cause that a column explains, and 13 to 18 where one axis counts the other way, two are
 exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the runs of `LARGE`."""
 FIRST_ORDER = 0.5
-"""Size, as a share or in rad, up to which a column of the first order is taken at its word: of a
-gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""
+"""Largest size of a first-order column, as a share (of the travel of a prismatic joint) or in rad:
+of a gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain as much. Let the right one explain z^2;
 another that is correlated by r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However alike
@@ -98,7 +98,7 @@ def excluded(
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[_Step] = []
     while len(found) < MOST:
-        level = LEVEL / max(len(tests) - len(found), 1)
+        level = battery.level / max(len(tests) - len(found), 1)
         likely = likeliest(battery, tests, level, partial(possible, robot, evidence))
         if likely is None:
             break
@@ -182,17 +182,23 @@ class _Step:
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
-        beside = self.beside if key == self.key else self.battery.beside(test.columns.tolist())
+        change, *other_changes = (self._change(key, test) for key, test, _ in named)
         return Found(
             cause=name_of(key),
             axes=axes_of(self.robot, key),
             detail=detail,
             left=self.left,
             others=tuple(located(axes_of(self.robot, key), words) for key, _, words in others),
-            change=tuple((beside.solution - self.battery.solution).tolist()),
+            change=change,
+            other_changes=tuple(other_changes),
             size=float(test.size[largest]),
             error=float(test.error[largest]),
         )
+
+    def _change(self, key: Key, test: Test) -> tuple[float, ...]:
+        """Compute the change of the base parameters beside a cause."""
+        beside = self.beside if key == self.key else self.battery.beside(test.columns.tolist())
+        return tuple((beside.solution - self.battery.solution).tolist())
 
 
 def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> dict[Key, Common]:
@@ -213,6 +219,8 @@ def possible(robot: Robot, evidence: Evidence, key: Key, test: Test) -> bool:
     if unit == "%/h":
         unit, size = "%", size * float(np.ptp(evidence.time)) / 3600.0
     of_one = {"%": 0.01, "degrees": np.pi / 180.0}
+    if unit == "mm":  # a share of the travel of a prismatic joint
+        of_one["mm"] = 1e-3 / float(robot.q_max[key[1]] - robot.q_min[key[1]])
     return size * of_one.get(unit, 0.0) <= FIRST_ORDER
 
 
@@ -357,13 +365,17 @@ class _Instead:
                 if load.possible and alike(self._gain(load, len(at)), best):
                     return cause.model_copy(update={"others": tuple(named)})
         first = same[0]
+        change, *other_changes = (
+            tuple((each.explained.p - self._stated.p).tolist()) for each in same
+        )
         return Found(
             cause=first.cause,
             axes=tuple(axis + 1 for axis in first.axes),
             detail=words[0],
             left=float((first.explained.left / self._stated.left).min()),
             others=tuple(named[1:]),
-            change=tuple((first.explained.p - self._stated.p).tolist()),
+            change=change,
+            other_changes=tuple(other_changes),
             size=None if np.isnan(first.size) else first.size,
             error=None if np.isnan(first.error) else first.error,
         )

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.estimation.excluded.battery import LEVEL, moderated
+from hil.estimation.excluded.battery import FAMILIES, LEVEL, moderated
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.departure import PARTS, parts_of
 from hil.estimation.excluded.limits import noncentrality
@@ -68,7 +68,7 @@ def friction_changes(
     # the earlier level is 1: recordings that do not show even that show no change of it
     known = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
-    level = LEVEL / len(axes)
+    level = LEVEL / FAMILIES / len(axes)
     need = np.array([noncentrality(1, max(round(each), 1), level) for each in degrees])
     found = tuple(
         Found(

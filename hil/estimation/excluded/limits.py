@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import optimize, special
 
-from hil.estimation.excluded.battery import LEVEL
 from hil.estimation.excluded.result import Limit
 from hil.estimation.excluded.words import name_of, rank_of, unit_of
 from hil.friction.equation import LOAD
@@ -89,7 +88,7 @@ def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 
     """
     test, found = battery.test(at), np.full(len(at), np.inf)
     if test is not None:
-        need = noncentrality(test.rank, round(test.degrees), LEVEL / n_tests)
+        need = noncentrality(test.rank, round(test.degrees), battery.level / n_tests)
         columns = test.columns
         each = np.sqrt(need * test.dispersion / battery.information[columns])
         if leaves < 1.0:

@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.causes import CAUSES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from hil.arrays import Array
 
 
 class Found(FileModel):
@@ -31,6 +35,8 @@ class Found(FileModel):
         Causes that explain the recordings as well, with axes and sizes.
     change : tuple of float, optional
         Of the base parameters once it is corrected; None where that takes other parameters.
+    other_changes : tuple of tuple of float
+        The same of each of `others`.
     size, error : float
         In the cause's unit; of several columns the largest; None where it has none.
     """
@@ -41,6 +47,7 @@ class Found(FileModel):
     left: float = 1.0
     others: tuple[str, ...] = ()
     change: tuple[float, ...] | None = None
+    other_changes: tuple[tuple[float, ...], ...] = ()
     size: float | None = None
     error: float | None = None
 
@@ -117,6 +124,19 @@ class Excluded(FileModel):
     found: tuple[Found, ...]
     limits: tuple[Limit, ...]
     tests: int
+
+    @property
+    def shifts(self) -> tuple[Array, ...]:
+        """Change of the base parameters by the correction of each cause found, shape (n_base,).
+
+        Of causes that data do not distinguish, by the correction of each.
+        """
+        return tuple(
+            np.array(change)
+            for each in self.found
+            if each.change is not None and not CAUSES[each.cause].accounted
+            for change in (each.change, *each.other_changes)
+        )
 
     @property
     def invisible(self) -> tuple[Limit, ...]:

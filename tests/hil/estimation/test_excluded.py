@@ -359,3 +359,13 @@ def test_recordings_of_the_later_run_alone_are_read_otherwise(
     later = changed(heavier(robot, 0.0), torque_sign)
     first, *_ = changed_between(robot, good, later).found
     assert (first.cause, first.axes) == ("wrong sign of a torque", (1,))
+
+
+def test_an_axis_that_rests_in_the_later_run_is_no_obstacle(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    def resting(q: Array, tau: Array, _time: Array) -> None:
+        q[:, 1], tau[:, 1] = q[0, 1], tau[0, 1]
+
+    proof = changed_between(robot, good, changed(good, resting))
+    assert proof is not None

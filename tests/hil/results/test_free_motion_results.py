@@ -46,6 +46,21 @@ def test_a_model_comes_back_from_its_file_with_its_friction(model: Model, tmp_pa
     assert theirs == pytest.approx(ours, rel=1e-12)
 
 
+def test_intervals_hold_the_truth_where_a_cause_was_found(tmp_path: Path) -> None:
+    robot = arm()
+    misscaled = [
+        (motion, replace(each, tau=each.tau * [1.0, 1.05]))
+        for motion, each in recorded(robot, TRUTH)
+    ]
+    found = hil.identify(write_free_run(tmp_path / "run", robot, misscaled))
+    assert found.excluded is not None
+    assert found.excluded.found
+    error = np.abs(found.values - TRUTH)
+    assert (error / np.sqrt(np.diag(found.scatter_covariance))).max() > 5.0
+    low, high = found.interval().T
+    assert ((low <= TRUTH) & (high >= TRUTH)).all()
+
+
 def test_the_torque_is_what_the_drives_gave(model: Model) -> None:
     (_, recording), *_ = recorded(arm(), TRUTH, noise=0.0, seed=50)
     found = predict_recording(model, recording)
