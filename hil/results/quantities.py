@@ -123,7 +123,8 @@ def reading(
         return None
     degrees = _degrees(model, law)
     if quantity.speed is None:
-        offset = law.terms.get("offset")
+        # the offset of a law with |u| is that at rest, of one without it the mean over all speeds
+        offset = law.plain.get("offset")
         return None if offset is None else Reading(offset.value, offset.standard_error, degrees)
     level, error = level_at(law, quantity.speed)
     wander = max(law.wander or unknown_wander, least_wander)

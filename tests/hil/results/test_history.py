@@ -113,16 +113,39 @@ def test_friction_is_marked_beyond_what_it_wandered_within_a_campaign(
     assert all(name.startswith("friction of axis 2 at") for name in names)
 
 
+def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
+    before = with_coulomb(machine(), 2, 1.0)
+    assert before.friction_law is not None
+    own = before.friction_law.axes[1]
+    assert own is not None
+    # as much friction forward and back at half the speed, of another law
+    offset = own.terms["offset"]
+    terms = own.terms | {
+        "offset": offset.model_copy(update={"value": offset.value - 1.0}),
+        "asymmetric": TermValue(value=2.0, standard_error=offset.standard_error),
+    }
+    laws = (before.friction_law.axes[0], own.model_copy(update={"terms": terms}))
+    other = before.friction_law.model_copy(update={"axes": laws})
+    after = replace(before, friction_law=other)
+    found = history_of([("old", measured(before, 1, seed=1)), ("new", measured(after, 2, seed=2))])
+    assert not found.marked
+
+
 def with_friction(model: Model, factors: Sequence[float], measurements: int = 30) -> Model:
     """The model with each axis's friction times a factor."""
     assert model.friction_law is not None
+
+    def scaled(terms: dict[str, TermValue], factor: float) -> dict[str, TermValue]:
+        return {
+            name: term.model_copy(update={"value": factor * term.value})
+            for name, term in terms.items()
+        }
+
     laws = [
         own and own.model_copy(
             update={
-                "terms": {
-                    name: TermValue(value=factor * term.value, standard_error=term.standard_error)
-                    for name, term in own.terms.items()
-                },
+                "terms": scaled(own.terms, factor),
+                "plain": scaled(own.plain, factor),
                 "measurements": measurements,
             }
         )
