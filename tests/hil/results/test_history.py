@@ -131,13 +131,17 @@ def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
     assert not found.marked
 
 
-def with_friction(model: Model, factors: Sequence[float], measurements: int = 30) -> Model:
-    """The model with each axis's friction times a factor."""
+def with_friction(
+    model: Model, factors: Sequence[float], measurements: int = 30, *, offsets: bool = False
+) -> Model:
+    """The model with each axis's friction times a factor, its offset too if asked for."""
     assert model.friction_law is not None
 
     def scaled(terms: dict[str, TermValue], factor: float) -> dict[str, TermValue]:
         return {
             name: term.model_copy(update={"value": factor * term.value})
+            if offsets or name != "offset"
+            else term
             for name, term in terms.items()
         }
 
@@ -192,7 +196,7 @@ def other_torque_constant(model: Model, axis: int, share: float) -> Model:
     """The model as it is found where all torques of an axis are read otherwise by a share."""
     assert model.torque_effect is not None
     factors = [1.0 + share * (k + 1 == axis) for k in range(model.robot.n_joints)]
-    scaled = with_friction(model, factors)
+    scaled = with_friction(model, factors, offsets=True)
     return replace(scaled, values=model.values + share * model.torque_effect[:, axis - 1])
 
 
