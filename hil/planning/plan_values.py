@@ -6,11 +6,13 @@ read back equals what was written.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypeVar
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 from checked_files.names import PlainName
+
+Values = TypeVar("Values", bound=BaseModel)
 
 
 def to_millionths(value: float) -> float:
@@ -25,3 +27,8 @@ LONGEST_NAME = 64
 """Characters of the longest `Name`."""
 Name = Annotated[PlainName, Field(max_length=LONGEST_NAME)]
 """Identifies a measurement and names its file."""
+
+
+def with_values(given: Values, **values: object) -> Values:
+    """Return a copy with other values, rounded and checked like those of a file."""
+    return type(given).model_validate(given.model_dump() | values)

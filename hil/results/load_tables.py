@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.estimation.loads.figures import LOOSE
+from hil.model.load import FIRST_MOMENTS
 from hil.results.rounding import rounded, signed, uncertain, unit
 from hil.results.tables.parameters import NAMED
 from hil.results.tables.table import Column, Table, figures, table
@@ -112,13 +115,28 @@ def _of_rigidity(found: Load) -> list[str]:
         ]
     if not found.is_loose:
         axes = ", ".join(str(each.axis) for each in found.misfit)
-        return [f"rigid and fixed, as far as axes {axes} show (p = {chance:.2g})"]
+        seen = f"rigid and fixed, as far as axes {axes} show (p = {chance:.2g})"
+        if (sag := _hidden_sag(found)) is not None:
+            seen += f"; a centre that sags by up to {1e3 * sag:.2g} mm is not excluded"
+        return [seen]
     worst = min(found.misfit, key=lambda each: each.p_value)
     return [
         f"{doubt}measurements of axis {worst.axis} contradict one another"
         f" {math.sqrt(worst.ratio):.2g} times as much as without the load (p = {chance:.2g})"
         f"{remedy}"
     ]
+
+
+def _hidden_sag(found: Load) -> float | None:
+    """Return the largest sag of the centre along gravity that the recordings hide [m].
+
+    A centre that moves along the line of gravity's force leaves the moment of gravity unchanged.
+    The sag d shows in the moments of inertia alone, which it changes by up to 2 |s| d from one pose
+    to another, with the first moments s. None where no moment of inertia was identified.
+    """
+    halves = [q.half_width for q in found.quantities() if q.name in {"Ixx", "Iyy", "Izz"}]
+    first = float(np.linalg.norm(found.phi[list(FIRST_MOMENTS)]))
+    return min(halves) / (2.0 * first) if halves and first else None
 
 
 def _in_words(q: Figure) -> str:

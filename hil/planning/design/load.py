@@ -14,6 +14,7 @@ loads that are possible; strokes of acceleration that call for too much are made
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Protocol
@@ -32,6 +33,7 @@ from hil.planning.design.candidates import judged, keeps_clear, pool
 from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.plan import as_plan
+from hil.planning.plan_values import with_values
 from hil.planning.prediction.information import forecast
 from hil.planning.strokes import Strokes
 from hil.planning.timetable import SETTLING, timetable, travel_times
@@ -289,7 +291,7 @@ def at_position(
         return measurement
     q = list(measurement.q)
     q[axis] = position
-    return measurement.model_copy(update={"q": tuple(q)})
+    return with_values(measurement, q=tuple(q))
 
 
 @lru_cache(maxsize=4)
@@ -371,13 +373,10 @@ def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasure
     if share == 1.0 or measurement.streamed:
         return measurement
     moved = measurement.partners[0] if measurement.partners else measurement
-    slow = {
-        "velocity": np.sqrt(share) * moved.velocity,
-        "acceleration": share * moved.acceleration,
-    }
-    if moved is not measurement:
-        slow = {"partner": moved.model_copy(update=slow)}
-    return measurement.model_copy(update=slow)
+    slow = with_values(
+        moved, velocity=math.sqrt(share) * moved.velocity, acceleration=share * moved.acceleration
+    )
+    return slow if moved is measurement else with_values(measurement, partner=slow.model_dump())
 
 
 def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:

@@ -16,7 +16,7 @@ from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.design.load import HOLD, SLOW_SHARE, allowed, fast_plan, holds, slow_plan
 from hil.planning.design.load_pose import helpful_poses
-from hil.planning.plan import PlannedRobot
+from hil.planning.plan import PlannedRobot, dump_plan, load_plan
 from hil.planning.timetable import timetable
 from hil.results.load import (
     BareRun,
@@ -231,7 +231,19 @@ def test_a_pose_is_held_in_all_measurements(bare, slow, found):
         slow_plan(bare.known, MINUTES, poses=stated),
         fast_plan(bare.known, MINUTES, slow, found, stated),
     ):
-        assert all(m.q[4] == np.pi / 2 and 4 not in m.moved for m in plan.measurements)
+        assert all(m.q[4] == pytest.approx(np.pi / 2, abs=1e-6) for m in plan.measurements)
+        assert all(4 not in m.moved for m in plan.measurements)
+
+
+def test_plans_with_a_load_are_read_back_as_they_were_written(bare, slow, found, tmp_path):
+    heavy = replace(found, phi=2.0 * found.phi)
+    for number, plan in enumerate((
+        slow_plan(bare.known, MINUTES, 15.0, poses=((4, np.pi / 2),)),
+        fast_plan(bare.known, MINUTES, slow, heavy),
+    )):  # fmt: skip
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(dump_plan(plan))
+        assert load_plan(file).digest == plan.digest
 
 
 def test_a_pose_out_of_range_is_refused(bare):
