@@ -77,7 +77,7 @@ def _planted(
     for motion, recording in recorded:
         q, tau = recording.q.copy(), recording.tau.copy()
         if cause == "torque constant":
-            tau[:, axis] *= 1.0 + size / 100.0
+            tau[:, axis] /= 1.0 + size / 100.0  # as the size is stated: true over recorded
         elif cause == "zero":
             q[:, axis] -= size * (np.pi / 180.0 if robot.revolute[axis] else 1e-3)
         elif cause == "late torque":

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import special
 
 from hil.estimation.loads.figures import LOOSE
 from hil.model.load import FIRST_MOMENTS
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from hil.results.load_file import GainRecord, LoadFile, ParameterChange
     from hil.results.tables.table import Row
 
+SHOWN = float((special.ndtri(1.0 - LOOSE / 2.0) + special.ndtri(0.8)) / special.ndtri(0.975))
+"""Change, in half-widths of the interval of 95 %, that is found with a probability of 80 %."""
 WHOLE_RUNS = "take two whole runs"
 """What helps where no pose does."""
 
@@ -131,12 +134,18 @@ def _hidden_sag(found: Load) -> float | None:
     """Return the largest sag of the centre along gravity that the recordings hide [m].
 
     A centre that moves along the line of gravity's force leaves the moment of gravity unchanged.
-    The sag d shows in the moments of inertia alone, which it changes by up to 2 |s| d from one pose
-    to another, with the first moments s. None where no moment of inertia was identified.
+    The sag d shows in the moments of inertia alone, of which it changes Ixx by up to
+    2 d sqrt(sy^2 + sz^2) from one pose to another. A load counts as loose at the chance `LOOSE`; of
+    four in five the least change is `SHOWN` half-widths. None where no such moment was identified.
     """
-    halves = [q.half_width for q in found.quantities() if q.name in {"Ixx", "Iyy", "Izz"}]
-    first = float(np.linalg.norm(found.phi[list(FIRST_MOMENTS)]))
-    return min(halves) / (2.0 * first) if halves and first else None
+    s, halves = found.phi[list(FIRST_MOMENTS)], {q.name: q.half_width for q in found.quantities()}
+    across = np.sqrt(np.maximum(s @ s - s**2, 0.0))
+    each = [
+        SHOWN * halves[name] / (2.0 * float(arm))
+        for name, arm in zip(("Ixx", "Iyy", "Izz"), across, strict=True)
+        if name in halves and arm > 0.0
+    ]
+    return min(each, default=None)
 
 
 def _in_words(q: Figure) -> str:
