@@ -6,8 +6,9 @@ the estimate says, and e_k the axis k, the column of axis i is, per unit of
     zero of k              d tau_i / d q_k: the link stands further on than is read
     position scale of k    (q_k d/dq_k + qd_k d/dqd_k + qdd_k d/dqdd_k) tau_i
     gear ratio of k        minus that of the rigid bodies, and minus their torque where i = k
-    torque constant of k   -tau_i where i = k; its drift as much times the time
-    torques of all axes    -tau_i
+    torque constant of k   -tau_i where i = k, with the channel's own columns as fitted, since an
+                           uncertain part of A p may cancel them; its drift as much times the time
+    torques of all axes    -tau_i, likewise
     rotor inertia of k     H qdd_i where i = k
     late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
@@ -126,6 +127,16 @@ class _Rows:
         return (bodies - self.rigid) / STEP, (motor - self.motor) / STEP
 
     @cached_property
+    def of_own(self) -> Array:
+        """Torque of the channels' own columns, fitted to what A p leaves, shape (n,)."""
+        e, found = self.evidence, np.zeros(len(self.q))
+        left, own = e.without_friction(e.torque - e.X @ self.p), e.without_friction(e.own)
+        for channel in np.unique(e.axis):
+            at = e.axis == channel
+            found[at] = e.own[at] @ np.linalg.lstsq(own[at], left[at], rcond=None)[0]
+        return found
+
+    @cached_property
     def by_time(self) -> Array:
         """Change by time of the torque, where all motion is later."""
         later, earlier = self.whole(*self.after), self.whole(*self.before)
@@ -201,7 +212,7 @@ def across_gravity(robot: Robot) -> Array:
 
 def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
     robot, evidence = rows.robot, rows.evidence
-    total, time = rows.rigid + rows.motor, evidence.time / 3600.0
+    total, time = rows.rigid + rows.motor + rows.of_own, evidence.time / 3600.0
     hours = time - time.mean()
     for axis in range(robot.n_joints):
         mine = evidence.axis == axis
