@@ -1,12 +1,13 @@
-"""Files of Parquet: columns of numbers, of instants, and of lists of numbers.
+"""Files of Parquet, and lines of JSON: columns of numbers, of instants, and of lists of numbers.
 
-Instants become nanoseconds. A list column, as data sets of LeRobot have them, is one column for
+Instants become nanoseconds. An object of JSON is a row, and what is nested in it a structure. A list column, as data sets of LeRobot have them, is one column for
 each of its elements, ``observation.state/1``; of a structure it is ``name.field``. A row whose list
 ends earlier lacks the number.
 """
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -122,6 +123,37 @@ def open_parquet(path: Path, _: Format) -> ParquetTable:
             return ParquetTable(path, ParquetFile(path, memory_map=True))
     except ArrowException as error:
         raise FileError(f"{path}: is no file of Parquet, or is damaged: {error}") from error
+
+
+class _Lines:
+    """Rows of JSON, with the interface of a file of Parquet."""
+
+    def __init__(self, table: Any) -> None:
+        self._table, self.schema_arrow = table, table.schema
+
+    def iter_batches(self, rows: int, columns: Sequence[str]) -> Iterator[Any]:
+        """Yield the rows of some columns, some rows at a time."""
+        yield from self._table.select(columns).to_batches(rows)
+
+
+def open_json(path: Path, _: Format) -> ParquetTable:
+    """Open objects of JSON, one a line or all in one list."""
+    with needed_for(path):
+        from pyarrow import ArrowException, Table  # noqa: PLC0415 - optional
+        from pyarrow.json import read_json  # noqa: PLC0415
+    with file_errors(path, "read"), path.open("rb") as file:
+        listed = file.read(256).lstrip().startswith(b"[")
+    try:
+        with file_errors(path, "read"):
+            if listed:
+                table = Table.from_pylist(json.loads(path.read_text(encoding="utf-8")))
+            else:
+                table = read_json(path)
+    except (ArrowException, ValueError, AttributeError, RecursionError) as error:
+        raise FileError(
+            f"{path}: is no list or lines of objects of JSON, one a sample: {error}"
+        ) from error
+    return ParquetTable(path, _Lines(table))
 
 
 def _is_list(kind: Any) -> bool:
