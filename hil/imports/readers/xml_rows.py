@@ -1,7 +1,8 @@
 """Logs in XML: an element a sample, as KUKA's RSI sends them or SINUMERIK stores a trace.
 
-Columns are called by the elements within a row and their attributes: ``AIPos.A1``, ``IPOC``. Rows
-are the elements that repeat, the outermost ones; those of a log of messages need no common root.
+Columns are called by the elements within a row and their attributes: ``AIPos.A1``, ``IPOC``; by a
+name where an element elsewhere gives them one: ``<signal id="f1" name="torque"/>``. Rows are the
+elements that repeat, the outermost ones; those of a log of messages need no common root.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
     found = _Rows(path, _repeated(counts))
     if error := _walk(text, found.begin, found.end):
         found.notes = (f"from line {error} on it is no XML: what stands before is read",)
-    columns = {name: np.array(values) for name, values in found.columns.items()}
+    columns = {found.names.get(n, n): np.array(values) for n, values in found.columns.items()}
     if not columns:
         where = f"; it is no XML in line {error}" if error else ""
         raise FileError(f"{path}: has no elements that repeat, with numbers in them{where}")
@@ -111,6 +112,7 @@ class _Rows:
         self._n = 0
         self.columns: dict[str, array[float]] = {}
         self.words: dict[str, None] = {}
+        self.names: dict[str, str] = {}
         self.notes: tuple[str, ...] = ()
 
     def begin(self, place: Place, attributes: dict[str, str]) -> None:
@@ -119,6 +121,8 @@ class _Rows:
             within = place[len(self._place) :]
             for name, value in attributes.items():
                 self._take((*within, name), value)
+        elif "id" in attributes and "name" in attributes:
+            self.names[attributes["id"]] = attributes["name"]
 
     def end(self, place: Place, text: str) -> None:
         """Take the text of an element, and the row where the element is one."""
@@ -139,7 +143,7 @@ class _Rows:
             self.words[name] = None
 
     def _add(self) -> None:
-        for name in self._row.keys() - self.columns.keys():
+        for name in [each for each in self._row if each not in self.columns]:
             self.columns[name] = array("d", [np.nan]) * self._n
             size = 8 * len(self.columns) * (self._n + 1)
             refuse_beyond(self._path, size, f"{len(self.columns)} columns")
