@@ -134,9 +134,15 @@ def of(joint: int, part: str, **changes: Any) -> tuple[tuple[int, str, dict[str,
     return tuple((k, part, changes) for k in (range(1, 9) if joint == 0 else (joint,)))
 
 
-def gravity(vector: list[float]) -> Callable[[str], str]:
-    """A robot file of another gravity."""
-    return lambda text: re.sub(r"^gravity: .*$", f"gravity: {vector}", text, flags=re.MULTILINE)
+def gravity(turns: int, sign: float = 1.0) -> Callable[[str], str]:
+    """A robot file of another gravity: its components exchanged in turn, or the other way."""
+
+    def changed(text: str) -> str:
+        stated = yaml.safe_load(text)["gravity"]
+        vector = [sign * stated[(k - turns) % 3] for k in range(3)]
+        return re.sub(r"^gravity: .*$", f"gravity: {vector}", text, flags=re.MULTILINE)
+
+    return changed
 
 
 RATED, P, V, M = "time", "position", "velocity", "torque"
@@ -191,9 +197,10 @@ MISTAKES = (
     Mistake("all torques held for 8 rows", r"torque.*held", hold("m", 8)),
     Mistake("position of axis 3 held for 3 rows", r"joints\.2\.position.*held", hold("q3", 3)),
     *(Mistake(f"torques by a clock {100 * s:g} % fast", "clock", drifting("m", s)) for s in (0.02, 0.005)),
-    Mistake("gravity sideways", "gravity", robot=gravity([0, -9.81, 0])),
-    Mistake("from another link: tilted by 90 degrees", "gravity", robot=gravity([-9.81, 0, 0])),
-    Mistake("gravity points up", "gravity|sign", robot=gravity([0, 0, 9.81])),
+    # turned about axis 1, gravity is as wrong as the axis's zero
+    Mistake("gravity sideways", "gravity|axis 1: its zero", robot=gravity(2)),
+    Mistake("from another link: tilted by 90 degrees", "gravity|axis 1: its zero", robot=gravity(1)),
+    Mistake("gravity points up", "gravity|sign|axis 1: its zero", robot=gravity(0, -1.0)),
     Mistake("zero of axis 3 off by 90 degrees", r"joints\.2\.position.*zero",
             joints=of(3, P, offset=np.pi / 2)),
     Mistake("constant torque of axis 3", "throughout", column("m3", lambda x: 0 * x + 7.3)),

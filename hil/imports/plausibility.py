@@ -50,7 +50,10 @@ def suspicions(
     """
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
     if not any(suspicion.certain for suspicion in found):
-        found += misread_torques(excerpts, evidence, robot, unknown_gains)
+        found += misread_torques(excerpts, evidence, robot)
+        most = np.abs(evidence.tau).max(axis=0)
+        low = [] if unknown_gains else [*small(evidence, robot, "torque", most, robot.torque_limit)]
+        found += low
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         clock = list(clock_suspicions(excerpts, evidence, robot))
         # what all velocities have in common is said once; it makes speeds and positions look wrong
@@ -63,11 +66,9 @@ def suspicions(
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
-        found += (
-            ()
-            if unknown_gains
-            else mechanical_suspicions(excerpts, robot, evidence.moves & ~coarse(evidence))
-        )
+        # rotor inertias that are stated contradict torques of another unit or side
+        shown = evidence.moves & ~coarse(evidence)
+        found += () if unknown_gains or low else mechanical_suspicions(excerpts, robot, shown)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
