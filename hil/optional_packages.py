@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-_PACKAGES = {"foxglove": "foxglove-sdk"}
+_PACKAGES = {"foxglove": "foxglove-sdk", "matio": "mat-io"}
 """Packages by the name of their module, where the two differ."""
 
 

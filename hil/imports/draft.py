@@ -31,9 +31,12 @@ if TYPE_CHECKING:
 _UNIT_IN_NAME = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I)
 _WORDS = {
     "position": {"position", "positions", "pos", "q", "theta", "angle", "x"},
-    "velocity": {"velocity", "velocities", "vel", "qd", "dq", "qdot", "speed", "omega", "v"},
+    "velocity": {
+        *("velocity", "velocities", "vel", "velo", "qd", "dq", "qdot", "dtheta", "speed", "omega"),
+        "v",
+    },
     "torque": {
-        *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr"),
+        *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr", "cur"),
         *("force", "i", "u", "f", "tq", "voltage"),
     },
 }
@@ -45,11 +48,11 @@ _OF_UNIT = {
 }
 """What a column holds by its unit, where no word says more."""
 _JOINTS = {"joint", "axis", "motor", "j"}
-_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds"}
+_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
 _SECONDS = {"sec", "secs", "second", "seconds", "s"}
 _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
-_SET_POINTS |= {"action", "actions"}
+_SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
 _FILLERS = {"actual", "measured", "meas", "act"}
 _UNITS = {
     "position": "rad, deg, m, mm, turns or counts",
@@ -178,17 +181,41 @@ def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
 
 
 def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
-    """Columns of each joint, as far as their names say; one joint without any otherwise."""
-    found: dict[tuple[str, ...], dict[str, SeenColumn]] = {}
+    """Columns of each joint, as far as their names say; one joint without any otherwise.
+
+    Velocities and torques go to the position whose name has the same numbers, and the most of their
+    words. Where torques are found, positions without one are joints if they are named alike but for
+    a number that no other has.
+    """
+    kinds: dict[str, list[tuple[SeenColumn, set[str], list[str]]]] = {}
     for column in columns:
         words = words_of(_UNIT_IN_NAME.sub("", column.name))
-        if _SET_POINTS.intersection(words):
-            continue
-        key, name = _kind(column, words)
-        if key:
-            joint = tuple(word for word in words if word not in {name, *_FILLERS})
-            found.setdefault(joint, {}).setdefault(key, column)
-    return [joint for joint in found.values() if "position" in joint] or [{}]
+        kind, word = _kind(column, words)
+        if kind and not (_SET_POINTS | _TIMES).intersection(words):
+            rest = [each for each in words if each not in {word, *_FILLERS}]
+            numbers = [each for each in rest if each.isdigit()]
+            kinds.setdefault(kind, []).append((column, set(rest), numbers))
+    joints = [{"position": column} for column, *_ in kinds.get("position", ())]
+    for kind in ("velocity", "torque"):
+        pairs = [
+            (len(words & own) - 0.1 * len(own ^ words), -column.number, -joint, column)
+            for column, own, numbers in kinds.get(kind, ())
+            for joint, (_, words, others) in enumerate(kinds.get("position", ()))
+            if numbers == others
+        ]
+        taken: set[int] = set()
+        for _, _, joint, column in sorted(pairs, reverse=True, key=lambda pair: pair[:3]):
+            if kind not in joints[-joint] and column.number not in taken:
+                joints[-joint][kind] = column
+                taken.add(column.number)
+    named = [(numbers, words.difference(numbers)) for _, words, numbers in kinds.get("position", ())]
+    whole = [names for names, joint in zip(named, joints, strict=True) if "torque" in joint]
+    numbered, alike = ([names[k] for names in whole] for k in (0, 1))
+    return [
+        joint
+        for (numbers, words), joint in zip(named, joints, strict=True)
+        if not whole or "torque" in joint or (words in alike and numbers not in numbered)
+    ] or [{}]
 
 
 def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
@@ -326,5 +353,5 @@ def described(column: SeenColumn) -> str:
 
 
 def words_of(name: str) -> list[str]:
-    """Words and numbers of a name, in small letters."""
-    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", name)]
+    """Words and numbers of a name, in small letters; a capital begins another word."""
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]

@@ -1,9 +1,10 @@
-"""Held samples: measurements published several times each.
+"""Held samples: values published several times each.
 
-Between two measurements a held value repeats exactly, and its stamps go on. A coarse encoder
-repeats itself as well, but then moves by a count or two: values that stand still on either side of
-a step of more counts are held. Where positions are, the rows in which they change are samples, and
-all others repeat one. Other columns that are held are the subject of `hil.imports.held_columns`.
+Between two measurements a held value repeats exactly, and its stamps go on. A coarse column repeats
+its value by chance as well: about once in as many rows as a usual step has increments. A held one
+repeats oftener than that while it is under way. Where all positions are held alike, the rows in
+which they change are samples, and all others repeat one; a column that is held beside others is the
+subject of `hil.imports.plausibility`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.tables import ROWS
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,14 +24,16 @@ if TYPE_CHECKING:
 
 EXCERPT = 20_000
 """Rows that are looked at: shares are known to 1 %."""
-_STEPS = 20
-"""Steps of a column from which on their shares say something: 0.9 of so many is 3 standard
-deviations above a half."""
-_COUNTS = 3
-"""Counts that no coarse encoder moves by between samples that repeat: of a steady speed below one
-count a sample it moves by one, of rounding by two."""
+OFTENER = 5.0
+"""Times that a column repeats oftener than by chance where it is held: three rows more than the one
+in which noise may bring the same value again, and one to spare."""
+SHARE = 0.2
+"""Share of rows from which on values count as held: fewer delay a column by a tenth of a sample on
+average."""
 _HELD = 0.9
 """Share of the steps that stand alone where values are held; a recorder is late now and then."""
+_ABOUT = np.ones(9)
+"""Rows over which a held position has changed."""
 
 
 def held_of(samples: Samples, parts: Sequence[Integers]) -> int:
@@ -37,27 +41,45 @@ def held_of(samples: Samples, parts: Sequence[Integers]) -> int:
     longest = max(parts, key=len)
     middle = longest[max(0, len(longest) // 2 - EXCERPT // 2) :][:EXCERPT]
     positions = np.asarray(samples.values[middle])[:, : samples.n_joints]
-    return max(map(rows_held, positions.T))
+    found = max(map(rows_held, positions.T))
+    # a joint that is held beside others leaves nothing out
+    return found if found > 1 and len(measured(samples, middle, found)) < 0.7 * len(middle) else 1
 
 
 def rows_held(x: Array) -> int:
-    """Count the rows over which a column holds its values; 1 where nothing is held.
+    """Count the rows over which a position holds its values; 1 where nothing is held.
 
     Parameters
     ----------
     x : array (n,)
     """
-    steps = np.abs(np.diff(x))
-    steps = steps[np.isfinite(steps)]
-    changed = np.flatnonzero(steps)
-    if len(changed) < _STEPS:
+    x = x[np.isfinite(x)]
+    steps = np.diff(x) != 0
+    alone = steps[1:-1] & ~steps[:-2] & ~steps[2:]
+    few = len(x) <= len(_ABOUT) or not alone.any()
+    if few or np.count_nonzero(alone) < _HELD * np.count_nonzero(steps[1:-1]):
         return 1
-    wide = changed[steps[changed] >= _COUNTS * steps[changed].min()]
-    wide = wide[(wide > 0) & (wide < len(steps) - 1)]
-    if len(wide) < _STEPS:
-        return 1
-    alone = (steps[wide - 1] == 0) & (steps[wide + 1] == 0)
-    return round(float(np.median(np.diff(changed)))) if alone.mean() >= _HELD else 1
+    return round(float(np.median(np.diff(np.flatnonzero(steps))))) if repeats([x], [x]) else 1
+
+
+def repeats(columns: Sequence[Array], positions: Sequence[Array]) -> float:
+    """Return the share of rows that repeat a value while the joint is under way; 0 for chance.
+
+    Parameters
+    ----------
+    columns, positions : sequences of array (n,)
+        Of excerpts: a column of a joint, and the joint's position.
+    """
+    steps = np.abs(np.concatenate([np.diff(x) for x in columns]))
+    ways = np.abs(np.concatenate([np.convolve(np.diff(q), _ABOUT, "same") for q in positions]))
+    # under way: faster than half of the rows in which it moves
+    steps = steps[ways >= np.median(ways[ways > 0])] if np.any(ways > 0) else steps[:0]
+    changes = steps[steps > 0]
+    share = 1.0 - len(changes) / max(len(steps), 1)
+    if not SHARE < share < 1 or not len(changes):
+        return 0.0
+    finest = increment(np.concatenate(columns))
+    return share if share > OFTENER * min(finest / float(np.median(changes)), 1.0) else 0.0
 
 
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:

@@ -155,7 +155,7 @@ def _why_scaled(scale: float, robot: Robot, joint: int) -> str:
 
 
 def misread_torques(
-    excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]
+    excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot
 ) -> Iterator[Suspicion]:
     """Torques without sign, torques that are velocities, columns that hold the same."""
     yield from _twice(excerpts, evidence)
@@ -172,9 +172,6 @@ def misread_torques(
                     ("joints", joint, "torque"),
                     f"is the velocity of joint {joint + 1} {unit}; name the torque's column",
                 )
-    if not unknown_gains:
-        most = np.abs(evidence.tau).max(axis=0)
-        yield from small(evidence, robot, "torque", most, robot.torque_limit)
 
 
 def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:

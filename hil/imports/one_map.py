@@ -129,6 +129,11 @@ def understood(
     evidence = Evidence.of(excerpts)
     moving = None if alone is None else alone - 1
     found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains)
+    if (held := timing.counts.held) > 1:  # what shows in the rate then is of the rows that are left
+        repeat = f"values repeat over {held} rows each; without those that repeat, "
+        found = [
+            replace(s, message=repeat + s.message) if s.location == ("time",) else s for s in found
+        ]
     _refuse(the_map, found)
     explained = explanation(the_map, robot, excerpts, evidence)
     return timing, numbered, (*mixed, *spikes, *found), explained
@@ -238,6 +243,14 @@ def _nothing_left(the_map: MapFile, timing: Timing) -> Exception:
             " kind: free, or choose other rows",
         )
     at = ("rows",) if the_map.content.rows else ("time",) if the_map.content.time else ()
+    if len(timing.stretches) == 1 and not timing.counts.gaps:
+        rows = "the chosen rows last" if the_map.content.rows else "the recording lasts"
+        return the_map.wrong(
+            at,
+            f"{rows} {longest:.3g} s, {timing.counts.rows} rows at {1 / timing.period:.5g} Hz, and"
+            f" a motion takes {SHORTEST:g} s at least: record longer, or correct the unit of time"
+            " or the rate if it did last longer",
+        )
     return the_map.wrong(
         at,
         f"no stretch without a gap is as long as {SHORTEST:g} s: the longest of"

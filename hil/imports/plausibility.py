@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Suspicion
-from hil.imports.held_columns import held_suspicions
+from hil.imports.held import repeats
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import misread_torques, misread_velocities, range_suspicions, small
 from hil.model.frames import ROUNDED_OFF
@@ -50,24 +50,25 @@ def suspicions(
     """
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
     if not any(suspicion.certain for suspicion in found):
-        found += misread_torques(excerpts, evidence, robot, unknown_gains)
+        found += misread_torques(excerpts, evidence, robot)
+        most = np.abs(evidence.tau).max(axis=0)
+        low = [] if unknown_gains else [*small(evidence, robot, "torque", most, robot.torque_limit)]
+        found += low
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         clock = list(clock_suspicions(excerpts, evidence, robot))
         # what all velocities have in common is said once; it makes speeds and positions look wrong
         found = clock + found
         found += () if clock else misread_velocities(evidence, robot)
         wrong = any(suspicion.certain for suspicion in found)
-        held = [] if wrong else list(held_suspicions(excerpts, evidence))
+        held = [] if wrong else list(_held(excerpts, evidence))
         found += held
         found += () if clock or held else _coarse(evidence, robot)
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
-        found += (
-            ()
-            if unknown_gains
-            else mechanical_suspicions(excerpts, robot, evidence.moves & ~coarse(evidence))
-        )
+        # rotor inertias that are stated contradict torques of another unit or side
+        shown = evidence.moves & ~coarse(evidence)
+        found += () if unknown_gains or low else mechanical_suspicions(excerpts, robot, shown)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
@@ -98,6 +99,25 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
                 f"joint {alone + 1} is to move alone, but joint {joint + 1} moves by {way:.3g}"
                 f" {robot.position_unit(joint)}; write kind: free, or choose other rows",
             )
+
+
+def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
+    """Columns that repeat the value of the row before, where their joint moves."""
+    for joint in np.flatnonzero(evidence.moves).tolist():
+        for key, name in (("position", "q"), ("velocity", "qd"), ("torque", "tau")):
+            columns, positions = (
+                [getattr(each, of)[:, joint] for each in excerpts] for of in (name, "q")
+            )
+            if share := repeats(columns, positions):
+                yield Suspicion(
+                    "still",
+                    ("joints", joint, key),
+                    f"repeats the value of the row before in {100 * share:.0f} % of the rows in"
+                    f" which joint {joint + 1} moves: its values are held, and come every"
+                    f" {1.0 / (1.0 - share):.2g} rows on average, late by half of that; record it"
+                    " as often as the others, or keep the rows in which it changes",
+                    certain=False,
+                )
 
 
 def coarse(evidence: Evidence) -> Mask:

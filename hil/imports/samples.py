@@ -13,6 +13,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.readers import open_table
+from hil.imports.signs import could_lack_signs, signed
 from hil.imports.tables import NoColumn, column_of
 from hil.imports.to_si import EPOCH, Conversion
 
@@ -100,11 +101,14 @@ def read_samples(
     times, complete, begins, n, wraps = [], [], [], 0, 0
     numbers: list[Integers] = []
     notes: dict[str, None] = {}
+    unsigned = np.ones(robot.n_joints, dtype=bool)
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
             for block in _file_blocks(the_map, number, name, notes):
                 numbers.append(np.isfinite(block).sum(axis=0))
+                torques = conversion.torques(block)
+                unsigned[unsigned] = [could_lack_signs(x) for x in torques[:, unsigned].T]
                 time, values = conversion.of(block, n - begins[-1])
                 file.write(values.tobytes())
                 times.append(time)
@@ -117,13 +121,25 @@ def read_samples(
             if n == begins[-1]:
                 raise FileError(f"{the_map.beside(name)}: has no rows; name a file with some")
     time = np.concatenate(times)
-    values = np.memmap(scratch, np.float64, "r", shape=(n, 3 * robot.n_joints))
+    values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
+    notes |= dict.fromkeys(_with_signs(values, conversion.efforts, unsigned))
     from_date = bool(np.nanmax(np.abs(conversion.origin + time), initial=0.0) > EPOCH)
     if from_date:
         time -= np.nanmin(time)
     present = tuple(np.sum(numbers, axis=0).tolist())
     whole = np.concatenate(complete)
     return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
+
+
+def _with_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
+    """Give torques their signs that were recorded without, and yield what was done."""
+    torques = values[:, (n := len(unsigned)) : 2 * n]
+    for joint in np.flatnonzero(unsigned).tolist():
+        recorded = torques @ np.linalg.inv(efforts)[:, joint]
+        if (found := signed(recorded.round())) is not None:
+            with_signs, words = found
+            torques += np.outer(with_signs - recorded, efforts[joint])
+            yield f"torques of joint {joint + 1} are read as {words}, since they are smooth so alone"
 
 
 def _file_blocks(

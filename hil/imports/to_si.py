@@ -37,6 +37,11 @@ class Conversion:
     the_map : MapFile
     robot : Robot
 
+    Attributes
+    ----------
+    efforts : array (n_joints, n_joints)
+        Takes torques as they were recorded to those of the joints, from the right.
+
     Raises
     ------
     FileError
@@ -68,7 +73,7 @@ class Conversion:
                 speeds = speeds @ inverse[np.ix_(self._moving, self._moving)].T
             if content.torque_side == "motor":
                 efforts = efforts @ matrix
-        self._matrices = (to_joints, efforts, speeds)
+        self._matrices, self.efforts = (to_joints, speeds), efforts
         self._offset = np.array([position.offset for position in positions])
 
     def of(self, block: Array, row: int) -> tuple[Array, Array]:
@@ -84,12 +89,16 @@ class Conversion:
         n = self._n
         time, rest = self._times.of(block[:, : self._times.n], row), block[:, self._times.n :]
         rest = np.where(np.isfinite(rest), rest, np.nan)
-        to_joints, efforts, speeds = self._matrices
+        to_joints, speeds = self._matrices
         values = np.full((len(block), 3 * n), np.nan)
         values[:, :n] = rest[:, :n] @ to_joints + self._offset
-        values[:, n : 2 * n] = rest[:, n : 2 * n] @ efforts
+        values[:, n : 2 * n] = rest[:, n : 2 * n] @ self.efforts
         values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ speeds
         return time, values
+
+    def torques(self, block: Array) -> Array:
+        """Torques of a block as they were recorded, shape (n, n_joints)."""
+        return block[:, self._times.n + self._n :][:, : self._n]
 
     @property
     def origin(self) -> float:

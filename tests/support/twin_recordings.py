@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import hil
 from checked_files.yaml_file import load_yaml
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot, load_robot
@@ -64,11 +65,17 @@ def brick(mass: float, centre: tuple[float, float, float], size: float) -> Load:
     return Load(named)
 
 
+def robot_path(name: str) -> Path:
+    """Path of a robot file of `tests/robots`, or of a robot that comes along."""
+    path = ROBOTS / f"{name}.yaml"
+    return path if path.exists() else Path(hil.__file__).parent / "robots" / path.name
+
+
 class TwinRecorder:
     """Records the twin of a robot file of `tests/robots`, or of a robot that comes along."""
 
     def __init__(self, name: str) -> None:
-        path = ROBOTS / f"{name}.yaml"
+        path = robot_path(name)
         self.robot: Robot = load_robot(str(path))
         self._arm = build.arm(draft_twin(load_yaml(path, RobotDescription)).file)
         self.n = self.robot.n_joints

@@ -28,13 +28,16 @@ BAGS = (".mcap", ".db3", ".bag")
 ARRAYS = (".npy", ".npz")
 HDF5 = (".h5", ".hdf5", ".hdf")
 PARQUET = (".parquet", ".pq")
-KNOWN = (*TEXT, ".csv.gz", *ARRAYS, ".mat", *HDF5, *PARQUET, *BAGS)
+JSON = (".jsonl", ".ndjson", ".json")
+KNOWN = (*TEXT, ".csv.gz", ".xml", *JSON, *ARRAYS, ".mat", *HDF5, *PARQUET, *BAGS)
 _READERS = (
     (BAGS, "joint_states", "JointStates"),
     (ARRAYS, "arrays", "open_arrays"),
     ((".mat",), "matlab", "open_matlab"),
     (HDF5, "arrays", "open_hdf5"),
     (PARQUET, "parquet", "open_parquet"),
+    (JSON, "parquet", "open_json"),
+    ((".xml",), "xml_rows", "open_xml"),
     (TEXT, "text", "open_text"),
 )
 """Endings, and the module and what in it makes a table of such files."""

@@ -19,29 +19,13 @@ MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _COMMENTS = ("%", "#", "//")
 _LOOKED_AT = 30
-_UNITS = {
-    *("", "-", "1", "%", "s", "ms", "us", "µs", "ns", "min", "rad", "deg", "°", "m", "mm"),
-    *(
-        "rad/s",
-        "deg/s",
-        "°/s",
-        "rpm",
-        "1/min",
-        "turns",
-        "rev",
-        "turns/s",
-        "rev/s",
-        "m/s",
-        "mm/s",
-        "nm",
-        "n*m",
-        "n.m",
-        "n",
-        "a",
-        "ma",
-    ),
-    *("v", "mv", "counts", "inc", "counts/s", "inc/s", "rad/s^2", "rad/s2", "m/s^2", "m/s2"),
-}
+_ABOVE = 5
+"""Rows above the numbers in which the names may be: comments, types and units follow these."""
+_UNITS = set(
+    "- 1 % s ms us µs ns min rad deg ° m mm rad/s deg/s °/s rpm 1/min turns rev turns/s rev/s m/s"
+    " mm/s nm n*m n.m n a ma aeff arms v mv counts inc counts/s inc/s rad/s^2 rad/s2 m/s^2"
+    " m/s2".split()
+) | {""}
 _IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 
@@ -63,6 +47,8 @@ class Layout:
         Lines before the first row.
     width : int
         Cells of the first row.
+    clocks : tuple of int
+        Of each column that of its time stamps, where a scope states these; else empty.
     """
 
     delimiter: str
@@ -71,6 +57,7 @@ class Layout:
     names: tuple[str, ...]
     skipped: int
     width: int
+    clocks: tuple[int, ...] = ()
 
 
 def layout_of(text: str, stated: Format) -> Layout:
@@ -89,21 +76,21 @@ def layout_of(text: str, stated: Format) -> Layout:
     ]
     if not used:
         raise NoNumbers("has no rows")
-    delimiter = stated.delimiter or _delimiter([line for _, line in used[:_LOOKED_AT]])
-    decimal = stated.decimal or _decimal([line for _, line in used[:_LOOKED_AT]], delimiter)
+    last = [line for _, line in used[-_LOOKED_AT:]]  # rows, whatever is stated before these
+    delimiter = stated.delimiter or _delimiter(last)
+    decimal = stated.decimal or _decimal(last, delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
-    scope = any(_states_channels(row) for _, row in rows)
-    first = _first_row(rows, decimal, stated, whole=scope)
-    width = len(rows[first][1])
-    units_below = first > 1 and _are_units(rows[first - 1][1], rows[first - 2][1])
-    header = rows[first - 1 - units_below][1]
-    named = tuple(header[1:] if header[0] in _COMMENTS else header)
-    named = _of_scope([cells for _, cells in rows[:first]], width) or named
-    names = named if first else _in_comment(lines, rows[0][0], stated)
+    scope = _of_scope([row for _, row in rows])
+    first = _first_row(rows, decimal, stated, whole=bool(scope))
+    skipped, width = rows[first][0], len(rows[first][1])
+    if scope:
+        # EOF is what a scope may write at the end
+        return Layout(delimiter, decimal, "EOF", *_channels(scope, width, skipped))
+    above = [row for _, row in rows[max(0, first - _ABOVE) : first]]
+    names = _names(above) if first else _in_comment(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
-    comment = "EOF" if scope else stated.comment  # what a scope may write at the end
-    return Layout(delimiter, decimal, comment, names or ("",) * width, rows[first][0], width)
+    return Layout(delimiter, decimal, stated.comment, names or ("",) * width, skipped, width)
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -120,11 +107,12 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The character that stands equally often in most lines; blanks where there is none."""
+    """The character that most lines have, a comma equally often; blanks where there is none."""
     for candidate in _CANDIDATES:
         counts = Counter(len(_split(line, candidate)) - 1 for line in lines)
-        number, agreeing = counts.most_common(1)[0]
-        if number and agreeing > 0.6 * len(lines):
+        equal = max((n for number, n in counts.items() if number), default=0)
+        agreeing = equal if candidate == "," else len(lines) - counts[0]
+        if agreeing > 0.6 * len(lines):
             return candidate
     return " "
 
@@ -148,8 +136,11 @@ def _first_row(
         numbers = sum(_is_number(cell, decimal) for cell in row)
         if numbers and all(_is_number(c, decimal) or c.lower() in MISSING for c in row):
             return index
-        if index and numbers >= 2 and not whole:
-            return index  # text in one of its cells, which matters only where that is wanted
+        # text in one of its cells, which matters only where that is wanted; settings of a recorder
+        # have fewer cells than rows
+        as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
+        if index and numbers >= 2 and as_wide and not whole:
+            return index
     raise NoNumbers("has no row of numbers in its first lines")
 
 
@@ -159,28 +150,50 @@ def _is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER.fullmatch(cell)) and ("." if decimal == "," else ",") not in cell
 
 
-def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:
-    """Whether a row below a header has nothing but units."""
-    return len(row) == len(above) and all(
+def _names(above: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Names among the rows above the numbers: the last row of other things than units or types."""
+    chosen = above[-1]
+    for lower, row in zip(above[::-1], above[-2::-1], strict=False):
+        if len(row) != len(lower) or not _follow_names(lower, row):
+            break
+        chosen = row
+    return tuple(chosen[1:] if chosen[0] in _COMMENTS else chosen)
+
+
+def _follow_names(row: Sequence[str], above: Sequence[str]) -> bool:
+    """Return True if a row has units alone, or the same words twice, below distinct names."""
+    units = all(
         cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell) for cell in row
     )
+    distinct = len(set(above)) == len(above) and all(above)
+    return units or (distinct and len(set(row)) < len(row))
 
 
-def _of_scope(above: Sequence[Sequence[str]], width: int) -> tuple[str, ...]:
-    """Names where a scope states each channel's in pairs, as those of TwinCAT: Name, X, Name, Y.
+def _of_scope(rows: Sequence[Sequence[str]]) -> Sequence[str]:
+    """Row that names the channels of a scope, as TwinCAT writes it; empty where there is none.
 
-    Each channel has a column of time before that of its values.
+    In the place of the stamps of each group of channels it has the word Name, as the scope's own
+    name before has.
     """
-    for row in above:
-        if len(row) >= width > 1 and _states_channels(row):
-            channels = row[1:width:2]
-            return tuple(name for channel in channels for name in (f"{channel}/time", channel))
+    named = [row for row in rows if row[0] == "Name"]
+    if named and (len(named) > 1 or (len(named[0]) > 2 and named[0].count("Name") > 1)):
+        return named[-1]
     return ()
 
 
-def _states_channels(row: Sequence[str]) -> bool:
-    """Whether a row names channels as a scope does; its first line names the scope alone."""
-    return len(row) >= 4 and all(word == "Name" for word in row[0:4:2])
+def _channels(
+    row: Sequence[str], width: int, skipped: int
+) -> tuple[tuple[str, ...], int, int, tuple[int, ...]]:
+    """Names, lines before the first row, width, and columns of stamps of a scope's channels."""
+    row = (*row, *[""] * width)[:width]
+    clocks: list[int] = []
+    for column, cell in enumerate(row):
+        clocks.append(column if cell == "Name" else clocks[-1])
+    names = tuple(
+        f"{row[column + 1]}/time" if clock == column and column + 1 < width else cell
+        for column, (cell, clock) in enumerate(zip(row, clocks, strict=True))
+    )
+    return names, skipped, width, tuple(clocks)
 
 
 def _in_comment(lines: Sequence[str], begin: int, stated: Format) -> tuple[str, ...]:

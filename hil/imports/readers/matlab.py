@@ -5,8 +5,10 @@ a structure array, ``q{2}`` an element of a cell array, ``data.q/1`` the first c
 Structure arrays and cells with more elements than each of these has numbers are one element a
 sample, as loops that append write them: ``log.q/1`` is a column over all of them.
 
-Tables, timetables, timeseries and other objects are left out: their layout is not public. So are
-text, functions, and variables without values, in whose place version 7.3 writes their size.
+Variables that are tables or timetables are read with mat-io: ``log.q1``, ``log.Time`` in s, or in ns
+where it is a date. Other objects are left out, and tables within structures: their layout is not
+public. So are text, functions, and variables without values, in whose place version 7.3 writes
+their size.
 """
 
 from __future__ import annotations
@@ -23,10 +25,12 @@ from typing import TYPE_CHECKING, Any, cast
 import h5py
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrays import hdf5_of, table_of
 from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_variables
+from hil.optional_packages import remedy
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -38,6 +42,9 @@ if TYPE_CHECKING:
 SEPARATE = 100
 """Elements of a cell or structure array that are offered one by one: scopes have some inputs each,
 and a draft with more columns is not read."""
+FEWEST = 20
+"""Rows of a table that can be a recording: a second of the slowest that shows motion of a robot."""
+_TABLES = ("table", "timetable")
 _SAVED = {
     "table": "writetable({0}, 'FILE.csv')",
     "timetable": "writetimetable({0}, 'FILE.csv')",
@@ -54,30 +61,56 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
     if not since_7_3:
         return table_of(path, *_read_apart(path))
     contents = _Contents()
-    for name, item in _items(hdf5_of(path)):
+    file = hdf5_of(path)
+    for name, item in _items(file):
         if not name.startswith("#"):
             contents.add_hdf5(name, item)
     for name, array in contents.arrays.items():
         if isinstance(array, h5py.Dataset):
             refuse_elsewhere(path, name, array)
+    if contents.tables and (size := _size(path, file)) is not None:
+        refuse_beyond(path, size, "its tables")
+        tables, left_out = _read_apart(path, contents.tables)
+        contents.arrays |= tables
+        read = {name.partition(".")[0] for name in tables}
+        contents.left_out = {k: v for k, v in contents.left_out.items() if k not in read} | left_out
     return table_of(path, contents.arrays, contents.left_out)
 
 
-def _read_apart(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return arrays of a file before 7.3 and what it holds besides, read by another process.
+def _size(path: Path, group: h5py.Group) -> int | None:
+    """Size of all values in a group [B]; None where a link leads elsewhere."""
+    size = 0
+    for name in group:
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            return None
+        item = group[name]
+        if isinstance(item, h5py.Dataset):
+            refuse_elsewhere(path, name, item)
+            size += item.nbytes
+        elif (within := _size(path, item)) is not None:
+            size += within
+        else:
+            return None
+    return size
 
-    SciPy's reader in C may end on a damaged file, and with it the process that it is in.
+
+def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return arrays of a file and what it holds besides, read by another process.
+
+    Readers in C may end on a damaged file, and with them the process that they are in. Of a file of
+    version 7.3 they read tables alone.
     """
     with file_errors(path, "read"):
         with path.open("rb") as file:
             named = any(file.read(20))
         # zeros are variables without a name, which older readers skip one by one for ever
-        if not named:
+        if not named and not tables:
             raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
         refuse_inflated_variables(path)
         with tempfile.TemporaryFile() as found:
+            arguments = [str(path.absolute()), str(found.fileno()), *tables]
             done = subprocess.run(  # noqa: S603 - our own program
-                [sys.executable, "-P", "-m", __name__, str(path.absolute()), str(found.fileno())],
+                [sys.executable, "-P", "-m", __name__, *arguments],
                 pass_fds=[found.fileno()],
                 capture_output=True,
                 text=True,
@@ -93,11 +126,13 @@ def _read_apart(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
                 return {name: arrays[f"arr_{k}"] for k, name in enumerate(names)}, left_out
 
 
-def _write_apart(path: Path, descriptor: int) -> None:
-    """Write what a file before 7.3 holds as a .npz: what the other process does."""
+def _write_apart(path: Path, descriptor: int, tables: Sequence[str]) -> None:
+    """Write what a file holds as a .npz: what the other process does."""
     contents = _Contents()
-    for name, value in _variables(path):
+    contents.tables.extend(tables)
+    for name, value in _variables(path) if not tables else ():
         contents.add(name, value)
+    contents.add_tables(path)
     objects = [name for name, array in contents.arrays.items() if np.asarray(array).dtype.hasobject]
     for name in objects:
         contents.left_out[name] = f"an array of {type(contents.arrays.pop(name)).__name__}"
@@ -118,13 +153,56 @@ class _Contents:
     def __init__(self) -> None:
         self.arrays: dict[str, Any] = {}
         self.left_out: dict[str, str] = {}
+        self.tables: list[str] = []
+
+    def add_tables(self, path: Path) -> None:
+        """Add the columns of tables, if what reads these is installed."""
+        found: dict[str, Any] = {}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if self.tables:
+                    from matio import load_from_mat  # noqa: PLC0415 - optional
+
+                    found = load_from_mat(str(path), variable_names=self.tables)
+        except ModuleNotFoundError:
+            for name in self.tables:
+                words = self.left_out.get(name, _object(name, _TABLES[0]))
+                self.left_out[name] = f"{words}; or {remedy('recordings', 'mat-io')}"
+        except Exception:  # noqa: BLE001, S110 - what is not understood stays left out, by its class
+            pass
+        for name, frame in found.items():
+            if not hasattr(frame, "columns"):
+                continue
+            columns = dict(frame.items())
+            if frame.index.dtype.kind in "mM":
+                columns = {frame.index.name or "Time": frame.index, **columns}
+            if len(frame) < FEWEST:
+                self.left_out[name] = (
+                    f"a table of MATLAB with {len(frame)} rows, fewer than the {FEWEST} that a"
+                    " recording has"
+                )
+                continue
+            self.left_out.pop(name, None)
+            for key, column in columns.items():
+                self._add_column(f"{name}.{key}", column.to_numpy())
+
+    def _add_column(self, name: str, values: Any) -> None:
+        if values.dtype.kind == "m":
+            self.arrays[name] = values / np.timedelta64(1, "s")
+        elif values.dtype.kind == "M":
+            self.arrays[name] = values.astype("datetime64[ns]").astype(np.int64)
+        elif values.dtype.kind in "fiub":
+            self.arrays[name] = values
+        else:
+            self.left_out[name] = "a column of a table without numbers"
 
     def add(self, name: str, value: Any) -> None:
         """Add a variable, field or element as scipy reads those before 7.3."""
         from scipy.io.matlab import MatlabFunction, MatlabOpaque  # noqa: PLC0415 - slow to load
 
         if isinstance(value, MatlabOpaque):
-            self.left_out[name] = _object(name, _class_of(value))
+            self._add_object(name, _class_of(value))
         elif isinstance(value, MatlabFunction):
             self.left_out[name] = "a function"
         elif not isinstance(value, np.ndarray):
@@ -149,7 +227,7 @@ class _Contents:
         if item.attrs.get("MATLAB_empty", 0):
             self.left_out[name] = f"empty, a {kind or 'variable'} without values"
         elif "MATLAB_object_decode" in item.attrs:
-            self.left_out[name] = _object(name, kind)
+            self._add_object(name, kind)
         elif isinstance(item, h5py.Group):
             for field, value in _items(item):
                 if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:
@@ -167,6 +245,11 @@ class _Contents:
             self.left_out[name] = "text"
         else:
             self._add_numbers(name, item)
+
+    def _add_object(self, name: str, kind: str) -> None:
+        self.left_out[name] = _object(name, kind)
+        if kind in _TABLES and name.isidentifier():  # a variable, no part of one
+            self.tables.append(name)
 
     def _add_numbers(self, name: str, array: Any) -> None:
         if array.size == 1:
@@ -259,4 +342,4 @@ def _decoded(text: object) -> str:
 
 
 if __name__ == "__main__":
-    _write_apart(Path(sys.argv[1]), int(sys.argv[2]))
+    _write_apart(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])

@@ -1,12 +1,13 @@
-"""Files of Parquet: columns of numbers, of instants, and of lists of numbers.
+"""Files of Parquet, and lines of JSON: columns of numbers, of instants, and of lists of numbers.
 
-Instants become nanoseconds. A list column, as data sets of LeRobot have them, is one column for
+Instants become nanoseconds. An object of JSON is a row, and what is nested in it a structure. A list column, as data sets of LeRobot have them, is one column for
 each of its elements, ``observation.state/1``; of a structure it is ``name.field``. A row whose list
 ends earlier lacks the number.
 """
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -29,17 +30,20 @@ LONGEST = 10 * MOST_JOINTS
 
 
 class _Place(NamedTuple):
-    """A column's name, fields of structures within, and element of a list, from 0."""
+    """A column's name, and fields of structures and elements of lists, from 0, within."""
 
     column: str
-    fields: tuple[str, ...] = ()
-    element: int | None = None
+    steps: tuple[str | int, ...] = ()
 
     @property
     def name(self) -> str:
         """Name as a map states it."""
-        within = ".".join((self.column, *self.fields))
-        return within if self.element is None else f"{within}/{self.element + 1}"
+        within = (f".{each}" if isinstance(each, str) else f"/{each + 1}" for each in self.steps)
+        return self.column + "".join(within)
+
+    def within(self, *steps: str | int) -> _Place:
+        """Place further within."""
+        return self._replace(steps=(*self.steps, *steps))
 
 
 class ParquetTable:
@@ -82,22 +86,24 @@ class ParquetTable:
         remedy = f"name one of {parts[0]} to {parts[-1]}" if parts else "choose another column"
         raise FileError(f"{self.path}: column {place.name} holds {kind}, not numbers; {remedy}")
 
-    def _found(self, place: _Place, kind: Any, left_out: dict[str, str]) -> Iterator[_Place]:
-        """Yield the columns of numbers that a column is, or consists of."""
+    def _found(
+        self, place: _Place, kind: Any, left_out: dict[str, str], most: int = LONGEST
+    ) -> Iterator[_Place]:
+        """Yield the columns of numbers that a column is, or consists of; `most` in each list."""
         from pyarrow import types  # noqa: PLC0415 - optional
 
         if types.is_struct(kind):
             for field in kind:
-                inner = place._replace(fields=(*place.fields, field.name))
-                yield from self._found(inner, field.type, left_out)
-        elif _is_list(kind) and _is_number(kind.value_type):
+                yield from self._found(place.within(field.name), field.type, left_out, most)
+        elif _is_list(kind) and (_is_number(kind.value_type) or types.is_nested(kind.value_type)):
             n = kind.list_size if types.is_fixed_size_list(kind) else self._length(place)
-            if not 0 < n <= LONGEST:
-                left_out[place.name] = f"lists of {n} numbers, of 1 to {LONGEST} that are read"
-            elif n == 1:
+            if not 0 < n <= most:
+                left_out[place.name] = f"lists of {n} numbers, of 1 to {most} that are read"
+            elif n == 1 and _is_number(kind.value_type):
                 yield place
             else:
-                yield from (place._replace(element=k) for k in range(n))
+                for k in range(n):
+                    yield from self._found(place.within(k), kind.value_type, left_out, most // n)
         elif _is_number(kind):
             yield place
         else:
@@ -124,6 +130,37 @@ def open_parquet(path: Path, _: Format) -> ParquetTable:
         raise FileError(f"{path}: is no file of Parquet, or is damaged: {error}") from error
 
 
+class _Lines:
+    """Rows of JSON, with the interface of a file of Parquet."""
+
+    def __init__(self, table: Any) -> None:
+        self._table, self.schema_arrow = table, table.schema
+
+    def iter_batches(self, rows: int, columns: Sequence[str]) -> Iterator[Any]:
+        """Yield the rows of some columns, some rows at a time."""
+        yield from self._table.select(columns).to_batches(rows)
+
+
+def open_json(path: Path, _: Format) -> ParquetTable:
+    """Open objects of JSON, one a line or all in one list."""
+    with needed_for(path):
+        from pyarrow import ArrowException, Table  # noqa: PLC0415 - optional
+        from pyarrow.json import read_json  # noqa: PLC0415
+    with file_errors(path, "read"), path.open("rb") as file:
+        listed = file.read(256).lstrip().startswith(b"[")
+    try:
+        with file_errors(path, "read"):
+            if listed:
+                table = Table.from_pylist(json.loads(path.read_text(encoding="utf-8")))
+            else:
+                table = read_json(path)
+    except (ArrowException, ValueError, AttributeError, RecursionError) as error:
+        raise FileError(
+            f"{path}: is no list or lines of objects of JSON, one a sample: {error}"
+        ) from error
+    return ParquetTable(path, _Lines(table))
+
+
 def _is_list(kind: Any) -> bool:
     from pyarrow import types  # noqa: PLC0415 - optional
 
@@ -140,10 +177,14 @@ def _is_number(kind: Any) -> bool:
 
 
 def _within(column: Any, place: _Place) -> Any:
-    """Return the values of a column, or of a field within structures."""
+    """Return the values of a column, or of a field or an element within."""
     import pyarrow.compute as pc  # noqa: PLC0415 - optional
 
-    return pc.struct_field(column, list(place.fields)) if place.fields else column
+    for step in place.steps:
+        column = (
+            _elements(column, step) if isinstance(step, int) else pc.struct_field(column, step)
+        )
+    return column
 
 
 def _numbers(column: Any, place: _Place) -> Array:
@@ -151,7 +192,7 @@ def _numbers(column: Any, place: _Place) -> Array:
 
     column = _within(column, place)
     if _is_list(column.type):
-        column = _elements(column, place.element or 0)
+        column = _elements(column, 0)
     if pa.types.is_timestamp(column.type):
         column = column.cast(pa.timestamp("ns")).cast(pa.int64())
     return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))

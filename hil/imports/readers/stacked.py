@@ -1,8 +1,8 @@
-"""Traces of a scope below one another, as CODESYS exports them: keys and values, then the rows.
+"""Traces of a scope, each with stamps of its own: below one another, or in groups of columns.
 
-Each trace has a line ``N.Variable; NAME``, others of its own, and then rows of a time stamp and a
-value. The columns are `time` and the names where all traces have the same stamps, else
-``NAME/time`` beside each ``NAME``.
+As CODESYS exports them below one another, each trace has a line ``N.Variable; NAME``, others of its
+own, and then rows of a time stamp and a value. The columns are `time` and the names where all
+traces have the same stamps, else ``NAME/time`` beside each ``NAME``.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from checked_files.yaml_file import FileError
 from hil.imports.tables import ArrayTable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from hil.arrays import Array
+    from hil.imports.tables import Table
 
     Trace = tuple[Array, Array]
 
@@ -33,7 +34,45 @@ def is_stacked(head: str) -> bool:
     return bool(lines) and lines[0].startswith("[key]") and any(map(_VARIABLE.match, lines))
 
 
-def open_stacked(path: Path, text: str) -> ArrayTable:
+class Channels:
+    """Table of channels with stamps of their own; rows are of one time (`hil.imports.tables`).
+
+    Parameters
+    ----------
+    table : Table
+    clocks : sequence of int
+        Of each column that of its time stamps.
+    """
+
+    def __init__(self, table: Table, clocks: Sequence[int]) -> None:
+        self._table, self._clocks = table, clocks
+        self.path, self.names, self.time = table.path, table.names, table.time
+        self.left_out, self.notes = table.left_out, table.notes
+
+    def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
+        """Read columns block by block.
+
+        Raises
+        ------
+        FileError
+            Channels that were sampled at different times stand in one row.
+        """
+        clocks, row, n = sorted({self._clocks[each] for each in columns}), 0, len(columns)
+        for block in self._table.blocks([*columns, *clocks]):
+            apart = np.abs(block[:, n:] - block[:, n : n + 1]) > 0  # none where a stamp is missing
+            if apart.any():
+                at, other = np.argwhere(apart)[0]
+                stamps = (f"{self.names[clocks[k]]} {block[at, n + k]:g}" for k in (0, other))
+                raise FileError(
+                    f"{self.path}: row {row + at + 1} has {' and '.join(stamps)}: these channels"
+                    " were sampled at different times; export them with one sample time, or"
+                    " interpolated, or name columns of one of them"
+                )
+            yield block[:, :n]
+            row += len(block)
+
+
+def open_stacked(path: Path, text: str) -> Table:
     """Make a table of traces below one another.
 
     Raises
@@ -53,7 +92,10 @@ def open_stacked(path: Path, text: str) -> ArrayTable:
     traces = {name: np.array(each).reshape(-1, 2) for name, each in rows.items() if each}
     if not traces:
         raise FileError(f"{path}: holds {len(rows)} traces without rows; record them, then export")
-    return ArrayTable(path, {key: _read(column) for key, column in _columns(traces).items()})
+    table = ArrayTable(path, {key: _read(column) for key, column in _columns(traces).items()})
+    if "time" in table.names:
+        return table
+    return Channels(table, [column - column % 2 for column in range(len(table.names))])
 
 
 def _row(path: Path, number: int, line: str, name: str) -> tuple[float, float]:

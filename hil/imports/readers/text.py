@@ -20,7 +20,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, layout_of
-from hil.imports.readers.stacked import is_stacked, open_stacked
+from hil.imports.readers.stacked import Channels, is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class TextTable:
         if not text.strip():
             return np.empty((0, len(columns)))
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*input contained no data")
+            warnings.filterwarnings("ignore", "(?i).*contained no data")
             return np.loadtxt(
                 io.BytesIO(text),
                 dtype=kind,
@@ -184,11 +184,13 @@ def open_text(path: Path, stated: Format) -> Table:
     if is_stacked(text):
         return open_stacked(path, _whole(path))
     try:
-        return TextTable(path, layout_of(text, stated))
+        layout = layout_of(text, stated)
     except NoNumbers as error:
         raise FileError(
             f"{path}: {error}; state header, delimiter, decimal, comment or skip in format"
         ) from error
+    table = TextTable(path, layout)
+    return Channels(table, layout.clocks) if layout.clocks else table
 
 
 def _whole(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 import gzip
 import struct
+import warnings
 
 import h5py
 import numpy as np
@@ -257,6 +258,30 @@ def test_lists_of_parquet_that_end_early_or_are_missing_lack_numbers(tmp_path):
     )
     found = open_table(tmp_path / "a.parquet", Format())
     assert found.left_out == {"image": "lists of 1000 numbers, of 1 to 300 that are read"}
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+@pytest.mark.parametrize("dated", [False, True])
+def test_tables_and_timetables_of_matlab_are_columns(tmp_path, version, dated):
+    matio, pandas = pytest.importorskip("matio"), pytest.importorskip("pandas")
+    instants = pandas.to_timedelta(COLUMNS["t"] * 1e3, unit="ms")
+    begin = pandas.Timestamp("2026-01-31 12:00")
+    index = pandas.Index(begin + instants if dated else instants, name="Time")
+    log = pandas.DataFrame({"q1": Q[:, 0], "q2": Q[:, 1], "note": ["so"] * N})
+    timed = pandas.DataFrame({"m1": COLUMNS["m1"]}, index=index)
+    few = pandas.DataFrame({"gear": [50.0, 20.0]})
+    content = {"log": log, "timed": timed, "few": few, "t": COLUMNS["t"]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        matio.save_to_mat(str(tmp_path / "a.mat"), content, version=version)
+    np.testing.assert_array_equal(read(tmp_path / "a.mat", "log.q2", "log.q1"), Q[:, ::-1])
+    found = read(tmp_path / "a.mat", "timed.Time", "timed.m1", "t")
+    time = (found[:, 0] - found[0, 0]) / (1e9 if dated else 1.0)
+    np.testing.assert_allclose(time, COLUMNS["t"], atol=1e-6)
+    np.testing.assert_array_equal(found[:, 1:], np.stack([COLUMNS["m1"], COLUMNS["t"]], axis=1))
+    left_out = open_table(tmp_path / "a.mat", Format()).left_out
+    assert left_out["log.note"] == "a column of a table without numbers"
+    assert left_out["few"].startswith("a table of MATLAB with 2 rows, fewer than the 20")
 
 
 def structures():

@@ -31,10 +31,14 @@ def test_traces_below_one_another_share_their_time(tmp_path):
     np.testing.assert_array_equal(values, [[2, 25, 1], [22, 26, 0]])
 
 
-def test_traces_of_different_times_have_one_each(tmp_path):
-    names, values = table_of(tmp_path, stacked({"a": [(2, 25), (22, 26)], "b": [(3, 1), (23, 2)]}))
-    assert names == ("a/time", "a", "b/time", "b")
-    np.testing.assert_array_equal(values, [[2, 25, 3, 1], [22, 26, 23, 2]])
+def test_traces_of_different_times_have_one_each_and_are_never_put_into_one_row(tmp_path):
+    path = tmp_path / "trace.csv"
+    path.write_text(stacked({"a": [(2, 25), (22, 26)], "b": [(3, 1), (23, 2)]}))
+    found = open_table(path, Format())
+    assert found.names == ("a/time", "a", "b/time", "b")
+    np.testing.assert_array_equal(next(found.blocks([2, 3])), [[3, 1], [23, 2]])
+    with pytest.raises(FileError, match=r"row 1 has a/time 2 and b/time 3: these channels were sam"):
+        list(found.blocks([0, 1, 3]))
 
 
 def test_traces_are_drafted_with_their_time(tmp_path):
@@ -79,3 +83,38 @@ def test_channels_in_pairs_have_the_names_that_the_scope_gives(tmp_path, delimit
     names, values = table_of(tmp_path, PAIRS.replace(", 1", " 1").replace("\t", delimiter))
     assert names == ("Axis1.Pos/time", "Axis1.Pos", "Axis1.Torque/time", "Axis1.Torque")
     np.testing.assert_array_equal(values, [[0, 1.5, 0, 12], [1, 1.6, 1, 14], [2, 1.7, 2, 17]])
+
+
+GROUPS = """\
+Name;Scope of a cell
+Port;851
+
+
+Name;q1;q2;Name;tau1;Name;slow
+Data-Type;REAL64;REAL64;Data-Type;REAL64;Data-Type;REAL64
+Unit;deg (Angle);deg (Angle);Unit;(None);Unit;(None)
+
+0;1,5;2,5;0;12;0;1
+1;1,6;2,6;1;14;5;2
+2;1,7;2,7;2;17
+ ; ; ;3;18
+"""
+
+
+def test_channels_that_share_their_time_are_a_group(tmp_path):
+    (tmp_path / "a.csv").write_text(GROUPS)
+    found = open_table(tmp_path / "a.csv", Format())
+    assert found.names == ("q1/time", "q1", "q2", "tau1/time", "tau1", "slow/time", "slow")
+    values = np.concatenate(list(found.blocks([0, 2, 4])))
+    np.testing.assert_array_equal(
+        values, [[0, 2.5, 12], [1, 2.6, 14], [2, 2.7, 17], [np.nan, np.nan, 18]]
+    )
+    with pytest.raises(FileError, match="row 2 has q1/time 1 and slow/time 5: these channels"):
+        list(found.blocks([0, 1, 6]))
+
+
+def test_one_channel_alone_is_named_by_its_scope(tmp_path):
+    text = "Name;Scope\n\nName;q1\nUnit;deg\nOffset;0\n\n0;1,5\n1;1,6\n"
+    names, values = table_of(tmp_path, text)
+    assert names == ("q1/time", "q1")
+    np.testing.assert_array_equal(values, [[0, 1.5], [1, 1.6]])

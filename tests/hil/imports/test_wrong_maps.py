@@ -82,7 +82,8 @@ MAPS = {
     "rows that fall": (a_map(rows=[500, 20]), "[500, 20] must rise: first, then last"),
     "rows that overlap": (
         a_map(rows=[[1, 400], [300, 700]]), "300 follows 400: segments must rise"),
-    "too few rows": (a_map(rows=[10, 50]), "no stretch without a gap is as long as 1 s"),
+    "too few rows": (
+        a_map(rows=[10, 50]), "the chosen rows last 0.2 s, 41 rows at 200 Hz, and a motion takes"),
     "times beyond the end": (
         a_map(time_range=[10, 20]), "has no samples; the recording has times from 0 to 4 s"),
     "rows and times": (
@@ -92,7 +93,7 @@ MAPS = {
         a_map(time={"column": "t", "rate": 200}), "needs a column, or a rate in Hz: one of"),
     "a rate that is none": (a_map(time={"rate": 0}), "time.rate: 0: "),
     "milliseconds for seconds": (
-        a_map(time={"column": "t", "unit": "ms"}), "map.yaml:4: time: no stretch without a gap"),
+        a_map(time={"column": "t", "unit": "ms"}), "map.yaml:4: time: the recording lasts 0.004 s"),
     "positions for time": (a_map(time={"column": "v1"}), "time: time runs backwards"),
     "an axis that is not there": (
         a_map(kind={"back_and_forth": 3}), "must be one of the 2 joints"),

@@ -1,0 +1,153 @@
+"""Logs in XML: an element a sample, as KUKA's RSI sends them or SINUMERIK stores a trace.
+
+Columns are called by the elements within a row and their attributes: ``AIPos.A1``, ``IPOC``; by a
+name where an element elsewhere gives them one: ``<signal id="f1" name="torque"/>``. Rows are the
+elements that repeat, the outermost ones; those of a log of messages need no common root.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections import Counter
+from typing import TYPE_CHECKING
+from xml.parsers import expat
+
+import numpy as np
+
+from checked_files.budget import refuse_beyond
+from checked_files.yaml_file import FileError
+from hil.imports.tables import ArrayTable
+from hil.runs.atomic_file import file_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from hil.imports.map_file import Format
+
+    Place = tuple[str, ...]
+
+_DECLARATION = re.compile(r"<\?xml[^>]*\?>")
+ROWS = 20
+"""Elements of one name in one place from which on they are rows: more than a file lists signals."""
+
+
+def open_xml(path: Path, _: Format) -> ArrayTable:
+    """Make a table of the elements that repeat.
+
+    Raises
+    ------
+    FileError
+        It is no XML, or has no such elements with numbers.
+    """
+    with file_errors(path, "read"):
+        raw = path.read_bytes()
+    wide = raw[:2] in {b"\xff\xfe", b"\xfe\xff"}
+    try:
+        text = raw.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")
+    # messages of a log have no common root; each may be declared anew, which XML has but once
+    text = f"<log>{_DECLARATION.sub(lambda found: ' ' * len(found[0]), text)}</log>"
+    counts: Counter[Place] = Counter()
+    _walk(text, lambda place, _: counts.update([place]), lambda *_: None)
+    found = _Rows(path, _repeated(counts))
+    if error := _walk(text, found.begin, found.end):
+        found.notes = (f"from line {error} on it is no XML: what stands before is read",)
+    columns = {found.names.get(n, n): np.array(values) for n, values in found.columns.items()}
+    if not columns:
+        where = f"; it is no XML in line {error}" if error else ""
+        raise FileError(f"{path}: has no elements that repeat, with numbers in them{where}")
+    table = ArrayTable(
+        path,
+        {name: (len(x), lambda part, x=x: x[part]) for name, x in columns.items()},
+        dict.fromkeys(found.words, "text"),
+    )
+    table.notes = found.notes
+    return table
+
+
+def _walk(
+    text: str,
+    begin: Callable[[Place, dict[str, str]], object],
+    end: Callable[[Place, str], object],
+) -> int:
+    """Call a function for each element's begin and end; return the line of an error, or 0."""
+    place: list[str] = []
+    words: list[str] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        place.append(tag)
+        words.clear()
+        begin(tuple(place), attributes)
+
+    def stop(_: str) -> None:
+        end(tuple(place), "".join(words))
+        words.clear()
+        place.pop()
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, stop
+    parser.CharacterDataHandler = words.append
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        return error.lineno
+    return 0
+
+
+def _repeated(counts: Counter[Place]) -> Place:
+    """Return the place of the outermost elements that repeat often."""
+    often = [place for place, count in counts.items() if count >= ROWS]
+    return min(often or counts, key=lambda place: (len(place), -counts[place]), default=())
+
+
+class _Rows:
+    """Numbers of the elements at a place, as columns."""
+
+    def __init__(self, path: Path, place: Place) -> None:
+        self._path, self._place = path, place
+        self._row: dict[str, float] = {}
+        self._n = 0
+        self.columns: dict[str, array[float]] = {}
+        self.words: dict[str, None] = {}
+        self.names: dict[str, str] = {}
+        self.notes: tuple[str, ...] = ()
+
+    def begin(self, place: Place, attributes: dict[str, str]) -> None:
+        """Take the attributes of an element."""
+        if place[: len(self._place)] == self._place:
+            within = place[len(self._place) :]
+            for name, value in attributes.items():
+                self._take((*within, name), value)
+        elif "id" in attributes and "name" in attributes:
+            self.names[attributes["id"]] = attributes["name"]
+
+    def end(self, place: Place, text: str) -> None:
+        """Take the text of an element, and the row where the element is one."""
+        if place == self._place:
+            self._add()
+        elif text.strip() and place[: len(self._place)] == self._place:
+            self._take(place[len(self._place) :], text)
+
+    def _take(self, place: Place, text: str) -> None:
+        plain = ".".join(place)
+        name, number = plain, 1
+        while name in self._row:  # an element for each joint
+            number += 1
+            name = f"{plain}/{number}"
+        try:
+            self._row[name] = float(text)
+        except ValueError:
+            self.words[name] = None
+
+    def _add(self) -> None:
+        for name in [each for each in self._row if each not in self.columns]:
+            self.columns[name] = array("d", [np.nan]) * self._n
+            size = 8 * len(self.columns) * (self._n + 1)
+            refuse_beyond(self._path, size, f"{len(self.columns)} columns")
+        for name, column in self.columns.items():
+            column.append(self._row.get(name, np.nan))
+        self._n += 1
+        self._row.clear()
