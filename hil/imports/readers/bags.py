@@ -181,7 +181,7 @@ def _reader(file: Path, chunks: dict[int, Chunk]) -> Any:
     reader = AnyReader([file], default_typestore=store)
     reader.open()
     try:
-        (inner,) = reader.readers
+        inner: Any = reader.readers[0]
         if reader.is2:
             _refuse_other_chunks(getattr(inner.storage, "chunks", ()), chunks)
         else:

@@ -104,8 +104,8 @@ def refuse_overlapping_chunks(path: Path) -> None:
             _fields(file)
             file.seek(_size(file), 1)
             for _ in range(n):
-                head = file.read(_INDEX_HEAD)
-                size = int.from_bytes(head[-4:], "little")
+                entry = file.read(_INDEX_HEAD)
+                size = int.from_bytes(entry[-4:], "little")
                 entries += size // _ENTRY
                 file.seek(size, 1)
             end = file.tell()
@@ -241,7 +241,8 @@ def unpackers() -> dict[str, Callable[[], Any]]:
 
 def _fields(file: BinaryIO) -> dict[bytes, bytes]:
     """Return the fields of a record of ROS 1: a length, then lengths, names and values."""
-    content, found = file.read(_size(file)), {}
+    content = file.read(_size(file))
+    found: dict[bytes, bytes] = {}
     while content:
         end = 4 + int.from_bytes(content[:4], "little")
         name, _, value = content[4:end].partition(b"=")
