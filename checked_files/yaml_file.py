@@ -303,7 +303,7 @@ def _line(node: yaml.Node | None, location: tuple[str | int, ...]) -> int:
 def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Node, yaml.Node] | None:
     if isinstance(node, yaml.MappingNode):
         for key, value in node.value:
-            if str(key.value) == str(part):
+            if whole_line(str(key.value)) == str(part):
                 return key, value
     if isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
         return node.value[part], node.value[part]

@@ -328,8 +328,7 @@ class MapFile:
         raise self.wrong(
             at,
             f"{path} is outside of the map's folder, and its content would become part of the run;"
-            f" if you trust the map, allow it with --files {found.parent} (hil import), or files= in"
-            " Python",
+            f" if you trust the map, allow it with --files {found.parent}, in Python with files=",
         )
 
     @property

@@ -18,7 +18,7 @@ from checked_files.yaml_file import FileError
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from hil.arrays import Array
     from hil.imports.map_file import Format
@@ -122,7 +122,9 @@ class SoundTable:
         self._table = table
         self.path, self.time = table.path, table.time
         self.names = tuple(map(whole_line, table.names))
-        self.left_out = {whole_line(k): whole_line(v) for k, v in table.left_out.items()}
+        self.left_out: Mapping[str, str] = {
+            whole_line(name): whole_line(what) for name, what in table.left_out.items()
+        }
         self.notes = tuple(map(whole_line, table.notes))
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:

@@ -6,7 +6,6 @@ Harmless input: the budget is lowered, so that bags of some kilobytes exceed it.
 from __future__ import annotations
 
 import sqlite3
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from hil.imports.readers import bags  # noqa: E402
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
 TYPE = "sensor_msgs/msg/JointState"
 ROS2, ROS1 = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
@@ -171,7 +171,7 @@ def test_an_index_of_ros_1_beyond_the_budget_is_refused(
 ) -> None:
     path = _ros1(tmp_path, None, 10)
     monkeypatch.setattr(budget, "BASE", 5000)
-    with pytest.raises(FileError, match="its index would take 0.008 MB"):
+    with pytest.raises(FileError, match=r"its index would take 0\.008 MB"):
         positions(path)
 
 
