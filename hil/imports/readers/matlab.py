@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, cast
 import h5py
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrays import hdf5_of, table_of
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 SEPARATE = 100
 """Elements of a cell or structure array that are offered one by one: scopes have some inputs each,
 and a draft with more columns is not read."""
+_ELEMENT = 1000
+"""Bytes that an open element of a cell takes, about."""
 _SAVED = {
     "table": "writetable({0}, 'FILE.csv')",
     "timetable": "writetimetable({0}, 'FILE.csv')",
@@ -53,13 +56,10 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
         since_7_3 = h5py.is_hdf5(path)
     if not since_7_3:
         return table_of(path, *_read_apart(path))
-    contents = _Contents()
+    contents = _Contents(path)
     for name, item in _items(hdf5_of(path)):
         if not name.startswith("#"):
             contents.add_hdf5(name, item)
-    for name, array in contents.arrays.items():
-        if isinstance(array, h5py.Dataset):
-            refuse_elsewhere(path, name, array)
     return table_of(path, contents.arrays, contents.left_out)
 
 
@@ -95,7 +95,7 @@ def _read_apart(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
 
 def _write_apart(path: Path, descriptor: int) -> None:
     """Write what a file before 7.3 holds as a .npz: what the other process does."""
-    contents = _Contents()
+    contents = _Contents(path)
     for name, value in _variables(path):
         contents.add(name, value)
     objects = [name for name, array in contents.arrays.items() if np.asarray(array).dtype.hasobject]
@@ -115,7 +115,8 @@ def _object(name: str, kind: str) -> str:
 class _Contents:
     """Arrays of numbers in a file, by name, and what else it holds."""
 
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
+        self._path = path
         self.arrays: dict[str, Any] = {}
         self.left_out: dict[str, str] = {}
 
@@ -153,7 +154,7 @@ class _Contents:
         elif isinstance(item, h5py.Group):
             for field, value in _items(item):
                 if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:
-                    elements = _elements(value)
+                    elements = self._elements(f"{name}.{field}", value)
                     if "MATLAB_class" not in value.attrs:  # of a structure array; a cell has one
                         one_by_one = _structures(name, field, len(elements))
                     else:
@@ -162,13 +163,15 @@ class _Contents:
                 else:
                     self.add_hdf5(f"{name}.{field}", value)
         elif item.dtype == h5py.ref_dtype:
-            self._add_several(_elements(item), name, _cells(name), self.add_hdf5)
+            self._add_several(self._elements(name, item), name, _cells(name), self.add_hdf5)
         elif kind == "char":
             self.left_out[name] = "text"
         else:
             self._add_numbers(name, item)
 
     def _add_numbers(self, name: str, array: Any) -> None:
+        if isinstance(array, h5py.Dataset):
+            refuse_elsewhere(self._path, name, array)
         if array.size == 1:
             self.left_out[name] = "a single number"
         else:
@@ -183,12 +186,24 @@ class _Contents:
     ) -> None:
         """Add elements as rows of one array, or one by one where elements are no samples."""
         if _are_samples(elements):
+            refuse_beyond(self._path, len(elements) * elements[0].nbytes, together)
             self.arrays[together] = np.array([np.ravel(element) for element in elements])
         elif len(elements) > SEPARATE:
             self.left_out[together] = f"{len(elements)} elements that are no arrays of one size"
         else:
             for number, element in enumerate(elements, start=1):
                 add(one_by_one(number), element)
+
+    def _elements(self, name: str, references: h5py.Dataset) -> list[Any]:
+        """Return the targets of a cell's or structure array's references, in MATLAB's order."""
+        refuse_beyond(self._path, references.size * _ELEMENT, name)
+        refuse_elsewhere(self._path, name, references)
+        # a matrix lies turned in HDF5, so that rows there follow each other as columns in MATLAB
+        found = [references.file[each] for each in references[()].ravel()]
+        for element in found:
+            if isinstance(element, h5py.Dataset):
+                refuse_elsewhere(self._path, name, element)
+        return found
 
 
 def _items(group: h5py.Group) -> Iterator[tuple[str, Any]]:
@@ -218,12 +233,6 @@ def _structures(name: str, field: str, n: int) -> Callable[[int], str]:
 
 def _cells(name: str) -> Callable[[int], str]:
     return lambda number: f"{name}{{{number}}}"
-
-
-def _elements(references: h5py.Dataset) -> list[Any]:
-    """Return the targets of the references of a cell or structure array, in MATLAB's order."""
-    # a matrix lies turned in HDF5, so that rows there follow each other as columns in MATLAB
-    return [references.file[reference] for reference in references[()].ravel()]
 
 
 def _variables(path: Path) -> Iterator[tuple[str, Any]]:

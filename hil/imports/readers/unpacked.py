@@ -32,6 +32,10 @@ _CHUNK_HEAD = struct.Struct("<QQQIL")
 _INDEX_HEAD, _ENTRY, _ENTRY_READ = 55, 12, 200
 """Bytes before the entries of an index of ROS 1, of an entry, and of one as rosbags keeps it."""
 _SQLITE_MAGIC = b"SQLite format 3\0"
+_DEFLATE, _LZF, _PLAIN_FILTERS = 1, 32000, (2, 3)
+"""Filters of HDF5: those that unpack, and those that keep the size (shuffle, checksum)."""
+_RATIOS = {_DEFLATE: 1032, _LZF: 88}
+"""Most bytes that a byte unpacks to: 258 from two bits, 264 from three bytes."""
 _MATLAB_HEAD, _MATLAB_COMPRESSED = 128, 15
 """Bytes before the first element, and the type of a compressed one (MAT-File Format, level 5)."""
 
@@ -184,6 +188,34 @@ def refuse_elsewhere(path: Path, name: str, dataset: Any) -> None:
         )
     if dataset.chunks:
         size = math.prod(dataset.chunks) * dataset.dtype.itemsize
+        refuse_beyond(path, size, f"a chunk of {name}")
+        _refuse_inflated_filters(path, name, dataset)
+
+
+def _refuse_inflated_filters(path: Path, name: str, dataset: Any) -> None:
+    """Refuse chunks that unpack to more than they declare: HDF5's filters do it to the end."""
+    pipeline = dataset.id.get_create_plist()
+    filters = [pipeline.get_filter(k)[0] for k in range(pipeline.get_nfilters())]
+    unpacking = [each for each in filters if each not in _PLAIN_FILTERS]
+    if len(unpacking) > 1 or not set(unpacking) <= _RATIOS.keys():
+        raise FileError(
+            f"{path}: {name} is compressed by filter {' and '.join(map(str, unpacking))}, whose"
+            " result cannot be bounded before; write it anew: h5repack -f GZIP=4 FILE MENDED"
+        )
+    most = allowed(path)
+    large = []
+
+    def look(chunk: Any) -> None:
+        if chunk.size * _RATIOS[unpacking[0]] > most:
+            large.append(chunk)
+
+    if unpacking and hasattr(dataset.id, "chunk_iter"):  # HDF5 1.12.3
+        dataset.id.chunk_iter(look)
+    for chunk in large:
+        size = chunk.size * _RATIOS[unpacking[0]]
+        if unpacking[0] == _DEFLATE:
+            _, packed = dataset.id.read_direct_chunk(chunk.chunk_offset)
+            size = len(zlib.decompressobj().decompress(packed, most + 1))
         refuse_beyond(path, size, f"a chunk of {name}")
 
 
