@@ -47,6 +47,15 @@ def one_line(text: str, longest: int = LONGEST) -> str:
     return f"{line[:longest]}... ({len(text)} characters)"
 
 
+def whole_line(text: str) -> str:
+    """Return a foreign text as one line, whole unless it exceeds a line of a message.
+
+    Readers apply this to the names and sentences that they take from a file or a device, so that
+    whoever prints them forges no line.
+    """
+    return text if text.isprintable() else one_line(text, LINE)
+
+
 def shown(message: str) -> str:
     """Return a message as a terminal shows it: printable, and cut where a foreign text fills it."""
     lines = [_cut(line) for line in printable(message).split("\n")]

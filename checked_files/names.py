@@ -7,6 +7,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
+from checked_files.foreign_text import printable, whole_line
+
 _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
@@ -20,7 +22,7 @@ def _plain(name: str) -> str:
 
 
 def _obeyed_by_no_terminal(name: str) -> str:
-    if not name or any(ord(c) < 0x20 or 0x7F <= ord(c) < 0xA0 for c in name):
+    if not name or printable(name, kept="") != name:
         raise ValueError(f"{name!r} must have at least one character, and no control characters")
     return name
 
@@ -29,3 +31,5 @@ PlainName = Annotated[str, AfterValidator(_plain)]
 """Letters, digits, dots, underscores and hyphens."""
 ShownName = Annotated[str, AfterValidator(_obeyed_by_no_terminal)]
 """Characters that a terminal shows and does not obey."""
+Line = Annotated[str, AfterValidator(whole_line)]
+"""Text in one line."""

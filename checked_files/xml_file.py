@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, read_text
 
 if TYPE_CHECKING:
@@ -79,7 +80,8 @@ class XmlFile:
         builder, parser = TreeBuilder(), expat.ParserCreate()
 
         def start(tag: str, attributes: dict[str, str]) -> None:
-            self._lines[id(builder.start(tag, attributes))] = parser.CurrentLineNumber
+            lines = {name: whole_line(value) for name, value in attributes.items()}
+            self._lines[id(builder.start(tag, lines))] = parser.CurrentLineNumber
 
         def refused(*_: object) -> None:
             raise FileError(

@@ -24,6 +24,7 @@ from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
 
 from checked_files.errors import HilError
+from checked_files.foreign_text import whole_line
 from checked_files.known_keys import known_keys
 from checked_files.near import did_you_mean
 from checked_files.yaml_events import Dumper, Events
@@ -95,7 +96,9 @@ class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
                 node.start_mark,
             )  # fmt: skip
         try:
-            return super().construct_object(node, deep)
+            value = super().construct_object(node, deep)
+            # a delimiter may be a tab
+            return whole_line(value) if isinstance(value, str) and value != "\t" else value
         except _NOT_CONVERTIBLE as error:
             raise yaml.constructor.ConstructorError(
                 None, None, f"{_shown(node.value)} is no {kind}", node.start_mark
@@ -300,7 +303,7 @@ def _line(node: yaml.Node | None, location: tuple[str | int, ...]) -> int:
 def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Node, yaml.Node] | None:
     if isinstance(node, yaml.MappingNode):
         for key, value in node.value:
-            if str(key.value) == str(part):
+            if whole_line(str(key.value)) == str(part):
                 return key, value
     if isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
         return node.value[part], node.value[part]
@@ -334,7 +337,9 @@ def _refuse_duplicate_keys(node: yaml.MappingNode, source: str) -> None:
         name = str(key.value)
         if name in seen:
             line = key.start_mark.line + 1
-            raise FileError(f"{source}:{line}: {name}: stands twice; remove one of them")
+            raise FileError(
+                f"{source}:{line}: {whole_line(name)}: stands twice; remove one of them"
+            )
         seen.add(name)
 
 
@@ -343,8 +348,9 @@ def _refuse_unstated(root: yaml.Node, source: str) -> None:
     if unstated:
         raise FileError(
             "\n".join(
-                f"{source}:{node.start_mark.line + 1}: {'.'.join(place)}: must be stated: "
-                f"{node.value if isinstance(node, yaml.ScalarNode) else 'a value'}; "
+                f"{source}:{node.start_mark.line + 1}: {whole_line('.'.join(place))}: must be"
+                " stated:"
+                f" {whole_line(node.value) if isinstance(node, yaml.ScalarNode) else 'a value'}; "
                 f"put it in the place of {UNSTATED} and its text"
                 for place, node in unstated
             )

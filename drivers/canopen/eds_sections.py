@@ -11,6 +11,7 @@ import codecs
 import re
 from dataclasses import dataclass, field
 
+from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError
 
 _HEADER = re.compile(r"\[\s*([^\]]+?)\s*\]")
@@ -65,7 +66,7 @@ def sections_of(raw: bytes, source: str) -> tuple[dict[str, Section], list[str]]
     section = None
     doubled = set()
     for line, content in enumerate(text.splitlines(), start=1):
-        content = content.strip()  # noqa: PLW2901
+        content = whole_line(content.strip())  # noqa: PLW2901
         header = _HEADER.match(content)
         if header:
             name = header[1].lower()

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from checked_files.foreign_text import one_line
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.held_values import mapping_slot
@@ -119,8 +120,7 @@ class _Reading:
             data = self.access.read(index, 0)
         except (AccessRefused, NoAnswer):
             return ""
-        text = data[:TEXT_LIMIT].decode("latin-1").strip("\0 ")
-        return "".join(letter if letter.isprintable() else "?" for letter in text)
+        return one_line(data[:TEXT_LIMIT].decode("latin-1").strip("\0 "))
 
 
 def _declared(entry: Entry, data: bytes) -> Declared:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from checked_files.foreign_text import one_line
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from drivers.dictionary.dictionary import Declared, Dictionary, with_proof
@@ -188,5 +189,4 @@ def _number(text: str | None) -> int | None:
 
 
 def _text(element: Element, path: str) -> str:
-    found = " ".join((element.findtext(path) or "").split())
-    return "".join(letter if letter.isprintable() else "?" for letter in found)
+    return one_line(element.findtext(path) or "")

@@ -39,6 +39,13 @@ def import_(
         Path | None,
         typer.Option("--draft", help="Recording of which a first map is drafted."),
     ] = None,
+    allowed: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--files",
+            help="File or folder outside of a map's folder that the maps may name; repeatable.",
+        ),
+    ] = None,
     explain: Annotated[
         bool,
         typer.Option(
@@ -84,7 +91,7 @@ def import_(
         status.update(f"{done} of {len(paths)} maps imported, reading {path.name}: {rows} rows")
 
     with _executor(scheduler, workers, len(paths)) as execute, out.status("reading") as status:
-        run = import_recordings(paths, output, state, progress, execute)
+        run = import_recordings(paths, output, state, progress, execute, allowed or ())
     say(f"{output}: a run of {run.robot.name}; go on with: hil identify {output}")
 
 
@@ -112,6 +119,11 @@ def _draft(recording: Path, output: Path) -> None:
     write_file(output, text.encode())
     marks = text.count(f": {UNSTATED} ")
     say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
+    if name.startswith(".."):
+        say(
+            f"{output}: names {recording}, outside of its own folder; import with: hil import"
+            f" {output} --files {recording.resolve().parent} -o RUN"
+        )
 
 
 @commands.command()

@@ -43,6 +43,7 @@ def import_recordings(
     state: Callable[[Statement], None] = lambda _: None,
     progress: Callable[[Path, int], None] = lambda _, __: None,
     execute: Execute[OneMap, Statement] | None = None,
+    files: Sequence[Path | str] = (),
 ) -> Run:
     """Make a run folder of recordings, the same whether maps are imported at once or in turn.
 
@@ -59,6 +60,9 @@ def import_recordings(
     execute : callable, optional
         Imports several maps at once, on this machine or elsewhere (`hil.execution`). By default
         one is imported after the other, here.
+    files : sequence of paths
+        Files, and folders of files, that maps may name beside those in their own folders: what
+        they name becomes part of the run, and a map may be somebody else's.
 
     Raises
     ------
@@ -69,7 +73,7 @@ def import_recordings(
     output = Path(output)
     if output.exists() or output.is_symlink():
         raise FileError(f"{output}: is there already; choose another folder with -o")
-    loaded = [_loaded(path) for path in maps]
+    loaded = [_loaded(path, files) for path in maps]
     robots = [robot_of(the_map) for the_map in loaded]
     _refuse_differing(loaded, robots)
     stems = _stems(loaded)
@@ -89,13 +93,13 @@ def import_recordings(
     return Run.open(output)
 
 
-def _loaded(path: Path | str) -> MapFile:
+def _loaded(path: Path | str, files: Sequence[Path | str]) -> MapFile:
     if str(path).lower().endswith(KNOWN):
         raise FileError(
             f"{path}: is a recording, and a map states what its columns hold; draft one with:"
             f" hil import --draft {path} -o map.yaml"
         )
-    return load_map(path)
+    return load_map(path, files)
 
 
 def _in_turn(
@@ -211,21 +215,19 @@ def robot_of(the_map: MapFile) -> Robot:
     FileError
         There is none, or it cannot be used.
     """
+    stated = the_map.content.robot
+    name = str(stated.name)
+    is_file = Path(name).suffix or len(Path(name).parts) > 1
+    known = stated.urdf is None and (name in available_robots() or not is_file)
+    path = None if known else the_map.beside(stated.urdf or name, ("robot",))
     try:
-        robot = _stated(the_map)
+        if path is None or stated.urdf is None:
+            robot = load_robot(path or name)
+        else:
+            robot = robot_from_urdf(path, stated.base, stated.tip, stated.gravity)
     except (FileError, UnknownName) as error:
         raise the_map.wrong(("robot",), str(error)) from error
     return _with_uncertainties(the_map, robot)
-
-
-def _stated(the_map: MapFile) -> Robot:
-    stated = the_map.content.robot
-    if stated.urdf is not None:
-        urdf = the_map.beside(stated.urdf)
-        return robot_from_urdf(urdf, stated.base, stated.tip, stated.gravity)
-    name = str(stated.name)
-    known = name in available_robots() or not Path(name).suffix
-    return load_robot(name if known else the_map.beside(name))
 
 
 def _with_uncertainties(the_map: MapFile, robot: Robot) -> Robot:

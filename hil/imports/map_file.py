@@ -8,13 +8,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
 from hil.imports.tables import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 from hil.model.drive_train_file import UNKNOWN, Unknown
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
 """Checks of plausibility whose refusal a map may overrule; nothing is checked as `friction` any
@@ -286,20 +289,47 @@ class RecordingMap(FileModel):
 
 @dataclass(frozen=True)
 class MapFile:
-    """A map, and the text that it was read from."""
+    """A map, and the text that it was read from.
+
+    Attributes
+    ----------
+    path : Path
+    text : str
+    content : RecordingMap
+    allowed : tuple of Path
+        Files, and folders of files, that the map may name beside those in its own folder.
+    """
 
     path: Path
     text: str
     content: RecordingMap
+    allowed: tuple[Path, ...] = ()
 
     def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
         """Return the error that something in the map, at this place, is wrong."""
         line = line_of(self.text, location)
         return FileError(f"{self.path}:{line}: {place(location)}: {message}")
 
-    def beside(self, name: str) -> Path:
-        """Path of a file that the map names."""
-        return self.path.parent / name
+    def beside(self, name: str, at: tuple[str | int, ...]) -> Path:
+        """Return the path of a file that the map names at a place.
+
+        Raises
+        ------
+        FileError
+            The file is outside of the map's folder and of what is allowed besides.
+        """
+        path = self.path.parent / name
+        try:
+            found = path.resolve()
+        except (OSError, ValueError, RuntimeError):
+            return path  # which cannot be opened either
+        if any(found.is_relative_to(each.resolve()) for each in (self.path.parent, *self.allowed)):
+            return path
+        raise self.wrong(
+            at,
+            f"{path} is outside of the map's folder, and its content would become part of the run;"
+            f" if you trust the map, allow it with --files {found.parent}, in Python with files=",
+        )
 
     @property
     def unknown_gains(self) -> tuple[int, ...]:
@@ -308,8 +338,8 @@ class MapFile:
         return tuple(number for number, joint in joints if joint.torque.unknown)
 
 
-def load_map(path: Path | str) -> MapFile:
-    """Read a map.
+def load_map(path: Path | str, allowed: Sequence[Path | str] = ()) -> MapFile:
+    """Read a map; `allowed` are files and folders outside of its own that it may name.
 
     Raises
     ------
@@ -317,4 +347,5 @@ def load_map(path: Path | str) -> MapFile:
         It cannot be read or used: one line for each problem, with its place.
     """
     text = read_text(path)
-    return MapFile(Path(path), text, parse_yaml(text, RecordingMap, str(path)))
+    content = parse_yaml(text, RecordingMap, str(path))
+    return MapFile(Path(path), text, content, tuple(map(Path, allowed)))

@@ -71,7 +71,9 @@ class OneMap:
 
     def anywhere(self) -> OneMap:
         """The same, with paths that hold in whatever folder a process works."""
-        the_map = replace(self.the_map, path=self.the_map.path.absolute())
+        the_map = self.the_map
+        allowed = tuple(path.absolute() for path in the_map.allowed)
+        the_map = replace(the_map, path=the_map.path.absolute(), allowed=allowed)
         return replace(self, the_map=the_map, folder=self.folder.absolute())
 
 

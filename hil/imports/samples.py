@@ -105,6 +105,7 @@ def read_samples(
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
+            path = the_map.beside(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
                 numbers.append(np.isfinite(block).sum(axis=0))
                 torques = conversion.torques(block)
@@ -117,9 +118,9 @@ def read_samples(
                 # no robot makes more than half a turn within a sample; nor half of 6 m
                 steps = np.abs(np.diff(values[:, : robot.n_joints], axis=0))
                 wraps += int(np.count_nonzero(steps > np.pi))
-                progress(the_map.beside(name), n - begins[-1])
+                progress(path, n - begins[-1])
             if n == begins[-1]:
-                raise FileError(f"{the_map.beside(name)}: has no rows; name a file with some")
+                raise FileError(f"{path}: has no rows; name a file with some")
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
     notes |= dict.fromkeys(_with_signs(values, conversion.efforts, unsigned))
@@ -161,7 +162,7 @@ def _file_blocks(
     streams = [table.blocks(columns) for table, columns, _ in tables.values()]
     every = [p for _, _, positions in tables.values() for p in positions]
     order = np.argsort(every, kind="stable")
-    for parts in _side_by_side(streams, [the_map.beside(source) for source in tables]):
+    for parts in _side_by_side(streams, [table.path for table, _, _ in tables.values()]):
         yield np.concatenate(parts, axis=1)[:, order]
 
 
@@ -199,8 +200,9 @@ def _opened(
             location, "a column of another file needs files to be one alone: rows must fit"
         )
     at = location if beside else ("files", number)
+    path = the_map.beside(source, at)
     try:
-        return open_table(the_map.beside(source), the_map.content.format)
+        return open_table(path, the_map.content.format)
     except FileError as error:
         raise the_map.wrong(at, str(error)) from error
 

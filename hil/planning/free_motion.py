@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from checked_files.names import Line
 from checked_files.yaml_file import FileModel
 from hil.planning import CYCLES_MAX
 from hil.planning.plan_values import Name, Positive, Real
@@ -48,7 +49,7 @@ class FreeMotion(FileModel):
     alone: int | None = Field(default=None, ge=1)
     cut_off: Positive | None = None
     unknown_gains: tuple[int, ...] | None = None
-    source: str = ""
+    source: Line = ""
 
     @model_validator(mode="after")
     def _axis_exists(self) -> FreeMotion:

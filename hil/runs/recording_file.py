@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from checked_files.budget import refuse_beyond
+from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, refuse_endless
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import RecordedMotion
@@ -114,7 +115,10 @@ def read_measured(path: Path) -> Measured:
             names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in there]
             _refuse_elsewhere(path, file, names)
             arrays = {name: _array(file, name) for name in names}
-            attributes = dict(file.attrs)
+            # an array of texts may name one text again and again
+            attributes = {
+                key: file.attrs[key] for key in file.attrs if not file.attrs.get_id(key).shape
+            }
         return _decode(path, arrays, attributes)
     except FileNotFoundError as error:
         raise FileError(f"{path}: cannot be read: no such file") from error
@@ -180,10 +184,14 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
         measurement=measurement,
         recording=_with_groups(measurement, recording) if meta["format"] == 1 else recording,
         attempts=int(meta["attempts"]),
-        findings=tuple(Finding(**item) for item in json.loads(str(meta["findings"]))),
+        findings=tuple(_finding(**item) for item in json.loads(str(meta["findings"]))),
         session=int(meta["session"]),
         run=str(meta[_RUN]) if _RUN in meta else None,
     )
+
+
+def _finding(check: str, message: str, value: float, bound: float) -> Finding:
+    return Finding(whole_line(check), whole_line(message), value, bound)
 
 
 def _with_groups(measurement: RecordedMotion, recording: Recording) -> Recording:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, cast
 
 from checked_files.budget import allowed, refuse_beyond
 from checked_files.errors import HilError
+from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from hil.arrays import Array
     from hil.imports.map_file import Format
@@ -107,8 +108,8 @@ def sound(path: Path) -> Iterator[None]:
     """Raise any error of a reader, or of what it uses, as a `FileError` that names the file."""
     try:
         yield
-    except HilError:
-        raise
+    except HilError as error:
+        raise type(error)(whole_line(str(error))) from error
     except Exception as error:
         # 120 characters are shown of what a library says
         reason = " ".join(str(error).split())[:120] or type(error).__name__
@@ -122,8 +123,12 @@ class SoundTable:
 
     def __init__(self, table: Table) -> None:
         self._table = table
-        self.path, self.names, self.time = table.path, table.names, table.time
-        self.left_out, self.notes = table.left_out, table.notes
+        self.path, self.time = table.path, table.time
+        self.names = tuple(map(whole_line, table.names))
+        self.left_out: Mapping[str, str] = {
+            whole_line(name): whole_line(what) for name, what in table.left_out.items()
+        }
+        self.notes = tuple(map(whole_line, table.notes))
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""

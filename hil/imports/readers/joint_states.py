@@ -12,19 +12,15 @@ Messages of one layout are read at once (`joint_state_layout`), others one by on
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.readers.cut_mcap import CutMcap, lacks_end
+from hil.imports.readers.bags import Bag
 from hil.imports.readers.joint_state_layout import PARTS, OtherLayout, layout_of
-from hil.imports.readers.unpacked import refuse_inflated_chunks
 from hil.imports.tables import ROWS
-from hil.optional_packages import needed_for
-from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,6 +30,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import Format
+    from hil.imports.readers.bags import OpenBag
     from hil.imports.readers.joint_state_layout import MessageLayout
 
     Places = dict[str, tuple[Integers, Integers]]
@@ -41,12 +38,6 @@ if TYPE_CHECKING:
 TYPE = "sensor_msgs/msg/JointState"
 LAYOUTS = 32
 """Layouts of messages that are looked for in one recording; more are read one by one."""
-_MENDED = {
-    ".mcap": "mcap recover FILE.mcap -o MENDED.mcap",
-    ".bag": "rosbag reindex FILE.bag",
-    ".db3": "sqlite3 FILE.db3 .recover | sqlite3 MENDED.db3",
-}
-"""Commands that mend a damaged file, by its ending."""
 LARGEST = 1 << 26
 """Bytes of messages that are read at once: as many as a block of text becomes."""
 _TIMES = ("time", "received", "sec", "nanosec")
@@ -59,12 +50,8 @@ class JointStates:
 
     def __init__(self, path: Path, layout: Format) -> None:
         self.path = path
-        if path.is_dir():
-            _refuse_links(path)
-        for each in (path,) if path.is_file() else path.glob("*.mcap"):
-            with needed_for(path), _mendable(each):
-                refuse_inflated_chunks(each)
-        self._topic = _topic_of(path, layout.topic)
+        self._bag = Bag(path)
+        self._topic = _topic_of(path, self._bag, layout.topic)
         self.names = (*_TIMES, *self._joints())
         present = {name.partition("/")[0] for name in self.names}
         self.left_out: Mapping[str, str] = {
@@ -77,9 +64,9 @@ class JointStates:
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block; messages with none of the joints asked for are no rows."""
         wanted = [self.names[index].partition("/")[::2] for index in columns]
-        with _opened(self.path) as reader:
-            rows = Rows(wanted, lambda data: reader.deserialize(data, TYPE), cdr=reader.is2)
-            messages = self._raw(reader)
+        with self._bag.opened() as bag:
+            rows = Rows(wanted, lambda data: bag.deserialize(data, TYPE), cdr=bag.is_cdr)
+            messages = bag.messages(self._topic, TYPE)
             while block := list(_some(messages)):
                 found = rows.of([data for _, data in block], np.array([r for r, _ in block], float))
                 if len(found):
@@ -88,9 +75,9 @@ class JointStates:
     def _joints(self) -> list[str]:
         """Columns of the joints, which the first 201 messages name."""
         names: dict[str, None] = {}
-        with _opened(self.path) as reader:
-            for _, data in islice(self._raw(reader), 201):
-                message = reader.deserialize(data, TYPE)
+        with self._bag.opened() as bag:
+            for _, data in islice(bag.messages(self._topic, TYPE), 201):
+                message = bag.deserialize(data, TYPE)
                 for part in PARTS:
                     joints = message.name or _numbers(len(getattr(message, part)))
                     if len(getattr(message, part)) == len(joints):
@@ -101,13 +88,8 @@ class JointStates:
         columns = self.names[len(_TIMES) :]
         if columns and all(column.partition("/")[2].isdigit() for column in columns):
             yield f"its messages name no joints: columns are {columns[0]} and so on, in their order"
-        if self.path.is_file() and lacks_end(self.path):
+        if self._bag.lacks_end:
             yield "it has no end, as after a recorder was killed: all whole messages are read"
-
-    def _raw(self, reader: Any) -> Iterator[tuple[int, bytes]]:
-        here = [c for c in reader.connections if c.topic == self._topic and c.msgtype == TYPE]
-        for _, received, data in reader.messages(here):
-            yield received, data
 
 
 def _numbers(n: int) -> tuple[str, ...]:
@@ -124,15 +106,15 @@ def _some(messages: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
             return
 
 
-def _topic_of(path: Path, stated: str | None) -> str:
-    with _opened(path) as reader:
-        topics = sorted({c.topic for c in reader.connections if c.msgtype == TYPE})
-        others = sorted({c.topic for c in reader.connections})
+def _topic_of(path: Path, bag: Bag, stated: str | None) -> str:
+    with bag.opened() as opened:
+        topics = sorted(topic for topic, kind in opened.topics.items() if kind == TYPE)
         if stated is None and len(topics) > 1:
-            topics = [t for t in topics if _has_efforts(reader, t)] or topics
+            topics = [t for t in topics if _has_efforts(opened, t)] or topics
     if not topics:
-        has = f"its topics are {', '.join(others)}" if others else "it has no topics"
-        if isinstance(reader, CutMcap):
+        others = ", ".join(sorted(opened.topics))
+        has = f"its topics are {others}" if others else "it has no topics"
+        if bag.lacks_end:
             has = f"it has no end, as after a recorder was killed, and in what is whole {has}"
         raise FileError(f"{path}: has no topic of {TYPE}; {has}")
     if stated is None and len(topics) > 1:
@@ -144,63 +126,11 @@ def _topic_of(path: Path, stated: str | None) -> str:
     return stated or topics[0]
 
 
-def _has_efforts(reader: Any, topic: str) -> bool:
+def _has_efforts(bag: OpenBag, topic: str) -> bool:
     """Whether the first joint state of a topic has efforts; set-points have none."""
-    here = [c for c in reader.connections if c.topic == topic and c.msgtype == TYPE]
-    for _, _, data in reader.messages(here):
-        return len(reader.deserialize(data, TYPE).effort) > 0
+    for _, data in bag.messages(topic, TYPE):
+        return len(bag.deserialize(data, TYPE).effort) > 0
     return False
-
-
-def _refuse_links(folder: Path) -> None:
-    """Refuse a rosbag2 with files that are links to outside of its folder.
-
-    Raises
-    ------
-    FileError
-    """
-    inside = folder.resolve()
-    for each in folder.iterdir():
-        if not each.resolve().is_relative_to(inside):
-            raise FileError(
-                f"{each}: leads to {each.resolve()}, outside of the bag's folder; copy the file"
-                " into the folder, or name it in the map in place of the folder"
-            )
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """A bag that is open; what goes wrong inside, of whatever kind, means that it is damaged."""
-    with needed_for(path):
-        from rosbags.highlevel import AnyReader  # noqa: PLC0415 - optional
-        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
-    with _mendable(path):
-        with file_errors(path, "read"):
-            store, reader = get_typestore(Stores.LATEST), None  # type: Any, Any
-            if path.is_file() and lacks_end(path):
-                reader = CutMcap(path, store)
-            else:
-                reader = AnyReader([path], default_typestore=store)
-                reader.open()
-        try:
-            yield reader
-        finally:
-            reader.close()
-
-
-@contextmanager
-def _mendable(path: Path) -> Iterator[None]:
-    """Turn whatever goes wrong inside of a bag into a message with the command that mends it."""
-    try:
-        yield
-    except (OSError, FileError):
-        raise
-    except Exception as error:
-        mended = _MENDED.get(path.suffix, _MENDED[".db3"])
-        raise FileError(
-            f"{path}: cannot be read as a bag: {error or type(error).__name__}; what a recorder"
-            f" that was killed left of it may be mended: {mended}"
-        ) from error
 
 
 class Rows:

@@ -45,6 +45,8 @@ and a draft with more columns is not read."""
 FEWEST = 20
 """Rows of a table that can be a recording: a second of the slowest that shows motion of a robot."""
 _TABLES = ("table", "timetable")
+_ELEMENT = 1000
+"""Bytes that an open element of a cell takes, about."""
 _SAVED = {
     "table": "writetable({0}, 'FILE.csv')",
     "timetable": "writetimetable({0}, 'FILE.csv')",
@@ -60,14 +62,11 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
         since_7_3 = h5py.is_hdf5(path)
     if not since_7_3:
         return table_of(path, *_read_apart(path))
-    contents = _Contents()
+    contents = _Contents(path)
     file = hdf5_of(path)
     for name, item in _items(file):
         if not name.startswith("#"):
             contents.add_hdf5(name, item)
-    for name, array in contents.arrays.items():
-        if isinstance(array, h5py.Dataset):
-            refuse_elsewhere(path, name, array)
     if contents.tables and (size := _size(path, file)) is not None:
         refuse_beyond(path, size, "its tables")
         tables, left_out = _read_apart(path, contents.tables)
@@ -128,11 +127,11 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
 
 def _write_apart(path: Path, descriptor: int, tables: Sequence[str]) -> None:
     """Write what a file holds as a .npz: what the other process does."""
-    contents = _Contents()
+    contents = _Contents(path)
     contents.tables.extend(tables)
     for name, value in _variables(path) if not tables else ():
         contents.add(name, value)
-    contents.add_tables(path)
+    contents.add_tables()
     objects = [name for name, array in contents.arrays.items() if np.asarray(array).dtype.hasobject]
     for name in objects:
         contents.left_out[name] = f"an array of {type(contents.arrays.pop(name)).__name__}"
@@ -150,12 +149,13 @@ def _object(name: str, kind: str) -> str:
 class _Contents:
     """Arrays of numbers in a file, by name, and what else it holds."""
 
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
+        self._path = path
         self.arrays: dict[str, Any] = {}
         self.left_out: dict[str, str] = {}
         self.tables: list[str] = []
 
-    def add_tables(self, path: Path) -> None:
+    def add_tables(self) -> None:
         """Add the columns of tables, if what reads these is installed."""
         found: dict[str, Any] = {}
         try:
@@ -164,7 +164,7 @@ class _Contents:
                 if self.tables:
                     from matio import load_from_mat  # noqa: PLC0415 - optional
 
-                    found = load_from_mat(str(path), variable_names=self.tables)
+                    found = load_from_mat(str(self._path), variable_names=self.tables)
         except ModuleNotFoundError:
             for name in self.tables:
                 words = self.left_out.get(name, _object(name, _TABLES[0]))
@@ -231,7 +231,7 @@ class _Contents:
         elif isinstance(item, h5py.Group):
             for field, value in _items(item):
                 if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:
-                    elements = _elements(value)
+                    elements = self._elements(f"{name}.{field}", value)
                     if "MATLAB_class" not in value.attrs:  # of a structure array; a cell has one
                         one_by_one = _structures(name, field, len(elements))
                     else:
@@ -240,7 +240,7 @@ class _Contents:
                 else:
                     self.add_hdf5(f"{name}.{field}", value)
         elif item.dtype == h5py.ref_dtype:
-            self._add_several(_elements(item), name, _cells(name), self.add_hdf5)
+            self._add_several(self._elements(name, item), name, _cells(name), self.add_hdf5)
         elif kind == "char":
             self.left_out[name] = "text"
         else:
@@ -252,6 +252,8 @@ class _Contents:
             self.tables.append(name)
 
     def _add_numbers(self, name: str, array: Any) -> None:
+        if isinstance(array, h5py.Dataset):
+            refuse_elsewhere(self._path, name, array)
         if array.size == 1:
             self.left_out[name] = "a single number"
         else:
@@ -266,12 +268,24 @@ class _Contents:
     ) -> None:
         """Add elements as rows of one array, or one by one where elements are no samples."""
         if _are_samples(elements):
+            refuse_beyond(self._path, len(elements) * elements[0].nbytes, together)
             self.arrays[together] = np.array([np.ravel(element) for element in elements])
         elif len(elements) > SEPARATE:
             self.left_out[together] = f"{len(elements)} elements that are no arrays of one size"
         else:
             for number, element in enumerate(elements, start=1):
                 add(one_by_one(number), element)
+
+    def _elements(self, name: str, references: h5py.Dataset) -> list[Any]:
+        """Return the targets of a cell's or structure array's references, in MATLAB's order."""
+        refuse_beyond(self._path, references.size * _ELEMENT, name)
+        refuse_elsewhere(self._path, name, references)
+        # a matrix lies turned in HDF5, so that rows there follow each other as columns in MATLAB
+        found = [references.file[each] for each in references[()].ravel()]
+        for element in found:
+            if isinstance(element, h5py.Dataset):
+                refuse_elsewhere(self._path, name, element)
+        return found
 
 
 def _items(group: h5py.Group) -> Iterator[tuple[str, Any]]:
@@ -301,12 +315,6 @@ def _structures(name: str, field: str, n: int) -> Callable[[int], str]:
 
 def _cells(name: str) -> Callable[[int], str]:
     return lambda number: f"{name}{{{number}}}"
-
-
-def _elements(references: h5py.Dataset) -> list[Any]:
-    """Return the targets of the references of a cell or structure array, in MATLAB's order."""
-    # a matrix lies turned in HDF5, so that rows there follow each other as columns in MATLAB
-    return [references.file[reference] for reference in references[()].ravel()]
 
 
 def _variables(path: Path) -> Iterator[tuple[str, Any]]:

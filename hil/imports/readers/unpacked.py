@@ -6,12 +6,17 @@ other files that a file names. Counting unpacks piece by piece and keeps nothing
 
 from __future__ import annotations
 
+import io
 import math
+import sqlite3
 import struct
 import sys
 import zlib
+from bz2 import BZ2Decompressor
+from contextlib import closing
+from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from checked_files.budget import allowed, refuse_beyond
 from checked_files.yaml_file import FileError
@@ -24,28 +29,132 @@ _PIECE = 1 << 20
 _MCAP_MAGIC, _MCAP_CHUNK = b"\x89MCAP0\r\n", 6
 _CHUNK_HEAD = struct.Struct("<QQQIL")
 """Start, end, size unpacked, checksum, length of the compression's name (MCAP, Chunk)."""
+_INDEX_HEAD, _ENTRY, _ENTRY_READ = 55, 12, 200
+"""Bytes before the entries of an index of ROS 1, of an entry, and of one as rosbags keeps it."""
+_SQLITE_MAGIC = b"SQLite format 3\0"
+_DEFLATE, _LZF, _PLAIN_FILTERS = 1, 32000, (2, 3)
+"""Filters of HDF5: those that unpack, and those that keep the size (shuffle, checksum)."""
+_RATIOS = {_DEFLATE: 1032, _LZF: 88}
+"""Most bytes that a byte unpacks to: 258 from two bits, 264 from three bytes."""
 _MATLAB_HEAD, _MATLAB_COMPRESSED = 128, 15
 """Bytes before the first element, and the type of a compressed one (MAT-File Format, level 5)."""
 
 
-def refuse_inflated_chunks(path: Path) -> None:
-    """Refuse an MCAP of which a chunk unpacks to more than the file may become (`FileError`)."""
+class Chunk(NamedTuple):
+    """A chunk of MCAP: name of the compression, and sizes before and after unpacking [bytes]."""
+
+    compression: str
+    packed: int
+    size: int
+
+
+def mcap_chunks(path: Path) -> dict[int, Chunk]:
+    """Return the chunks of an MCAP, by where each begins; none of a file of another kind.
+
+    Raises
+    ------
+    FileError
+        One unpacks to more than the file may become.
+    """
+    found: dict[int, Chunk] = {}
     with path.open("rb") as file:
         if file.read(8) != _MCAP_MAGIC:
-            return
-        most, unpackers = allowed(path), _unpackers()
+            return found
+        most = allowed(path)
         for kind, length in _records(file):
             begin = file.tell()
             if kind == _MCAP_CHUNK and length > _CHUNK_HEAD.size:
                 *_, size, _, n = _CHUNK_HEAD.unpack(file.read(_CHUNK_HEAD.size))
                 refuse_beyond(path, size, "a chunk")
-                unpacker = unpackers.get(file.read(min(n, 16)).decode("ascii", "replace"))
+                compression = file.read(min(n, 16)).decode("ascii", "replace")
                 (packed,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
-                if unpacker:
+                if compression and (unpacker := unpackers().get(compression)):
                     left = max(0, begin + length - file.tell())
-                    found = _counted(file, min(packed, left), unpacker, most)
-                    refuse_beyond(path, found, "a chunk")
+                    size = _counted(file, min(packed, left), unpacker, most)
+                    refuse_beyond(path, size, "a chunk")
+                found[begin - 9] = Chunk(compression, packed, size)
             file.seek(begin + length)
+    return found
+
+
+def refuse_overlapping_chunks(path: Path) -> None:
+    """Refuse a bag of ROS 1 whose index reads a place twice, or is more than the file may become.
+
+    Raises
+    ------
+    FileError
+    """
+    with path.open("rb") as file:
+        if not file.readline(16).startswith(b"#ROSBAG V2.0"):
+            return
+        head = _fields(file)
+        if not (index := _number(head, b"index_pos")):
+            return  # which rosbags refuses
+        file.seek(index)
+        for _ in range(_number(head, b"conn_count")):
+            _fields(file)
+            _fields(file)
+        places = []
+        for _ in range(_number(head, b"chunk_count")):
+            about = _fields(file)
+            n = _number(about, b"count")
+            places.append((_number(about, b"chunk_pos"), n))
+            file.seek(4 + 8 * n, 1)
+        end, entries = 0, 0
+        for begin, n in sorted(places):
+            if begin < end:
+                raise ValueError("its index reads a place twice")
+            file.seek(begin)
+            _fields(file)
+            file.seek(_size(file), 1)
+            for _ in range(n):
+                entry = file.read(_INDEX_HEAD)
+                size = int.from_bytes(entry[-4:], "little")
+                entries += size // _ENTRY
+                file.seek(size, 1)
+            end = file.tell()
+        refuse_beyond(path, entries * _ENTRY_READ, "its index")
+
+
+def refuse_inflated_tables(path: Path) -> None:
+    """Refuse a bag of SQLite with values that are no values of the file, or that are read often.
+
+    Raises
+    ------
+    FileError
+        Views and computed columns can be of any size, as can be default values that many rows have,
+        and topics of the same number.
+    """
+    with path.open("rb") as file:
+        if file.read(len(_SQLITE_MAGIC)) != _SQLITE_MAGIC:
+            return
+    if any(mark in str(path.absolute()) for mark in "%?#"):
+        raise FileError(
+            f"{path}: has one of % ? # in its path, by which SQLite may open another file; rename"
+        )
+    most = max(path.stat().st_size, 1_000_000)
+    with closing(sqlite3.connect(f"file:{path.absolute()}?mode=ro&immutable=1", uri=True)) as bag:
+        bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, most)
+        bag.execute("PRAGMA trusted_schema = OFF")
+        # of each table its columns, and whether something in it is computed
+        made = "SELECT name FROM sqlite_master WHERE type = 'view' OR sql LIKE '%virtual%'"
+        tables = "SELECT name FROM sqlite_master WHERE type = 'table'"
+        columns = "SELECT name, hidden FROM pragma_table_xinfo(?)"
+        computed, total = [name for (name,) in bag.execute(made)], 0
+        for (table,) in bag.execute(tables).fetchall() if not computed else ():
+            for column, hidden in bag.execute(columns, (table,)).fetchall():
+                if hidden:
+                    computed.append(f"{table}.{column}")
+                    continue
+                names = [each.replace('"', '""') for each in (column, table)]
+                length = 'SELECT total(length("{}")) FROM "{}"'.format(*names)  # noqa: S608 - read only
+                total += int(bag.execute(length).fetchone()[0])
+                refuse_beyond(path, total, "its values")
+        if computed:
+            raise FileError(f"{path}: {computed[0]!r} is computed; a bag holds values, record anew")
+        (n, different) = bag.execute("SELECT count(*), count(DISTINCT id) FROM topics").fetchone()
+        if n != different:
+            raise ValueError("two topics have one number")
 
 
 def refuse_inflated_variables(path: Path) -> None:
@@ -80,6 +189,34 @@ def refuse_elsewhere(path: Path, name: str, dataset: Any) -> None:
     if dataset.chunks:
         size = math.prod(dataset.chunks) * dataset.dtype.itemsize
         refuse_beyond(path, size, f"a chunk of {name}")
+        _refuse_inflated_filters(path, name, dataset)
+
+
+def _refuse_inflated_filters(path: Path, name: str, dataset: Any) -> None:
+    """Refuse chunks that unpack to more than they declare: HDF5's filters do it to the end."""
+    pipeline = dataset.id.get_create_plist()
+    filters = [pipeline.get_filter(k)[0] for k in range(pipeline.get_nfilters())]
+    unpacking = [each for each in filters if each not in _PLAIN_FILTERS]
+    if len(unpacking) > 1 or not set(unpacking) <= _RATIOS.keys():
+        raise FileError(
+            f"{path}: {name} is compressed by filter {' and '.join(map(str, unpacking))}, whose"
+            " result cannot be bounded before; write it anew: h5repack -f GZIP=4 FILE MENDED"
+        )
+    most = allowed(path)
+    large = []
+
+    def look(chunk: Any) -> None:
+        if chunk.size * _RATIOS[unpacking[0]] > most:
+            large.append(chunk)
+
+    if unpacking and hasattr(dataset.id, "chunk_iter"):  # HDF5 1.12.3
+        dataset.id.chunk_iter(look)
+    for chunk in large:
+        size = chunk.size * _RATIOS[unpacking[0]]
+        if unpacking[0] == _DEFLATE:
+            _, packed = dataset.id.read_direct_chunk(chunk.chunk_offset)
+            size = len(zlib.decompressobj().decompress(packed, most + 1))
+        refuse_beyond(path, size, f"a chunk of {name}")
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, int]]:
@@ -89,27 +226,68 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, int]]:
 
 
 def _counted(file: BinaryIO, length: int, unpacker: Callable[[], Any], most: int) -> int:
-    """Bytes that `length` bytes of a file unpack to, or some as soon as they are more than `most`.
+    """Return how many bytes a part of a file unpacks to; counting ends above `most`."""
+    found = 0
+    for piece in pieces(file, length, unpacker):
+        if (found := found + len(piece)) > most:
+            break
+    return found
+
+
+def pieces(file: BinaryIO, length: int, unpacker: Callable[[], Any]) -> Iterator[bytes]:
+    """Unpack `length` bytes of a file piece by piece.
 
     zlib gives back what of its input waits, the others keep it.
     """
-    found, one, waiting = 0, unpacker(), b""
-    while found <= most and (length or waiting or not getattr(one, "needs_input", True)):
+    one, waiting = unpacker(), b""
+    while length or waiting or not getattr(one, "needs_input", True):
         if one.eof:  # another frame follows
             one, waiting = unpacker(), waiting or one.unused_data
         if not waiting and getattr(one, "needs_input", True):
             waiting = file.read(min(length, _PIECE))
             length = length - len(waiting) if waiting else 0
             if not waiting:
-                break
-        found += len(one.decompress(waiting, _PIECE))
+                return
+        yield one.decompress(waiting, _PIECE)
         waiting = one.unused_data if one.eof else getattr(one, "unconsumed_tail", b"")
-    return found
 
 
-def _unpackers() -> dict[str, Callable[[], Any]]:
-    """Unpackers of the compressions that MCAP has, by their names there."""
+def unpacked(data: bytes, unpacker: Callable[[], Any], most: int) -> bytes:
+    """Unpack all of the data, or somewhat more than `most` bytes of them."""
+    found = bytearray()
+    for piece in pieces(io.BytesIO(data), len(data), unpacker):
+        found += piece
+        if len(found) > most:
+            break
+    return bytes(found)
+
+
+@cache
+def unpackers() -> dict[str, Callable[[], Any]]:
+    """Unpackers of the compressions that bags have, by their names there."""
     from lz4.frame import LZ4FrameDecompressor  # noqa: PLC0415 - optional
 
     zstd = import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
-    return {"lz4": LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}
+    return {"bz2": BZ2Decompressor, "lz4": LZ4FrameDecompressor, "zstd": zstd.ZstdDecompressor}
+
+
+def _fields(file: BinaryIO) -> dict[bytes, bytes]:
+    """Return the fields of a record of ROS 1: a length, then lengths, names and values."""
+    content = file.read(_size(file))
+    found: dict[bytes, bytes] = {}
+    while content:
+        end = 4 + int.from_bytes(content[:4], "little")
+        name, _, value = content[4:end].partition(b"=")
+        found[name], content = value, content[end:]
+    return found
+
+
+def _size(file: BinaryIO) -> int:
+    """Return a length; a file that ends before has no record any more."""
+    if len(found := file.read(4)) < 4:
+        raise ValueError("it ends within its index")
+    return int.from_bytes(found, "little")
+
+
+def _number(fields: dict[bytes, bytes], name: bytes) -> int:
+    return int.from_bytes(fields.get(name, b""), "little")

@@ -43,8 +43,47 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     (folder / "maps").mkdir()
     status, printed, _ = hil("import", "--draft", "data.csv", "-o", "maps/first.yaml")
     assert status == 0
-    assert printed == "maps/first.yaml: 12 lines marked !state are yours to fill in\n"
+    assert printed.splitlines() == [
+        "maps/first.yaml: 12 lines marked !state are yours to fill in",
+        "maps/first.yaml: names data.csv, outside of its own folder; import with: hil import"
+        f" maps/first.yaml --files {folder} -o RUN",
+    ]
     assert 'files: ["../data.csv"]' in (folder / "maps" / "first.yaml").read_text()
+
+
+def test_a_map_reads_files_outside_of_its_folder_where_they_are_allowed_alone(
+    hil: Hil, folder: Path
+) -> None:
+    """A map is a file from somebody else, and the run that is made of it may be sent back."""
+    (folder / "maps").mkdir()
+    write_map(folder / "maps", a_map("../data.csv"))
+    status, _, errors = hil("import", "maps/map.yaml", "-o", "runs/x")
+    assert status == 1
+    assert errors == (
+        "maps/map.yaml:3: files.0: maps/../data.csv is outside of the map's folder, and its content"
+        " would become part of the run; if you trust the map, allow it with --files"
+        f" {folder}, in Python with files=\n"
+    )
+    assert not (folder / "runs").exists()
+    for number, allowed in enumerate([folder, "data.csv"]):
+        status, *_ = hil("import", "maps/map.yaml", "-o", f"runs/{number}", "--files", str(allowed))
+        assert status == 0
+
+
+@pytest.mark.parametrize(
+    "named",
+    [a_map("link.csv"), a_map(robot={"urdf": "../arm.urdf"}), a_map(robot="../arm.yaml"),
+     a_map(robot="../arm"), a_map(time={"column": {"file": "../data.csv", "column": "t"}})],
+)  # fmt: skip
+def test_whatever_a_map_names_outside_of_its_folder_is_refused(
+    hil: Hil, folder: Path, named: str
+) -> None:
+    (folder / "maps").mkdir()
+    (folder / "maps" / "data.csv").write_bytes((folder / "data.csv").read_bytes())
+    (folder / "maps" / "link.csv").symlink_to(folder / "data.csv")
+    write_map(folder / "maps", named)
+    status, _, errors = hil("import", "maps/map.yaml", "-o", "runs/x")
+    assert (status, errors.count("outside of the map's folder")) == (1, 1)
 
 
 def test_a_recording_in_place_of_a_map_is_refused_with_the_way_to_one(
@@ -101,7 +140,6 @@ def test_escape_sequences_in_names_do_not_reach_the_terminal(hil: Hil, folder: P
     _, _, errors = hil("import", "map.yaml", "-o", "x")
     assert r"\x1b[31mgone.csv: cannot be read" in errors
     (folder / "\x1b[31mgone.csv").write_bytes((folder / "data.csv").read_bytes())
-    status, printed, _ = hil("import", "map.yaml", "-o", "x")
-    assert status == 0
-    assert r"\x1b[31mgone.csv: 801 rows" in printed
-    assert "\x1b" not in printed + errors
+    status, printed, _ = hil("import", "--draft", "\x1b[31mgone.csv", "-o", "x.yaml")
+    assert (status, printed.count("x.yaml")) == (0, 1)
+    assert "\x1b" not in printed + errors + (folder / "x.yaml").read_text()

@@ -95,7 +95,7 @@ def test_a_chunk_of_mcap_is_counted_before_it_is_unpacked(tmp_path: Path, compre
     content[at : at + 8] = (1).to_bytes(8, "little")
     path.write_bytes(content)
     with pytest.raises(FileError, match="a chunk would take"):
-        unpacked.refuse_inflated_chunks(path)
+        unpacked.mcap_chunks(path)
 
 
 @pytest.mark.parametrize("virtual", [True, False])

@@ -38,7 +38,7 @@ def tx40(torques=(1, 2, 3, 4, 5, 6)):
 def imported(folder, text):
     (folder / "map.yaml").write_text(text)
     stated = []
-    run = import_recordings([folder / "map.yaml"], folder / "run", stated.append)
+    run = import_recordings([folder / "map.yaml"], folder / "run", stated.append, files=[DATA])
     return run, stated[0]
 
 
