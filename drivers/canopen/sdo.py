@@ -9,12 +9,14 @@ from canopen import ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
+from drivers.in_node import seen_by
 from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from drivers.canopen.network import PumpedNetwork
+    from drivers.session.connection import Place
 
 SDO_TIMEOUT = 0.5
 """How long a drive may take to answer [s]."""
@@ -166,11 +168,10 @@ class SdoAccess:
         self._network.send_message(0, bytes([NMT_ENTER_PRE_OPERATIONAL, self._node]))
 
 
-def server_of(
-    network: PumpedNetwork, node: int, name: str, timeout: float = SDO_TIMEOUT
-) -> RemoteDictionary:
-    """Return the object dictionary of a node (see `SdoAccess`, `RemoteDictionary`)."""
-    return RemoteDictionary(SdoAccess(network, node, timeout), node, name)
+def server_of(network: PumpedNetwork, at: Place, timeout: float = SDO_TIMEOUT) -> RemoteDictionary:
+    """Return the object dictionary of an axis (see `SdoAccess`, `RemoteDictionary`)."""
+    access = seen_by(SdoAccess(network, at.node, timeout), at.within)
+    return RemoteDictionary(access, at.node, at.name, at.within.axis)
 
 
 def _asked(access: Callable[[], _Answer]) -> _Answer:

@@ -22,7 +22,7 @@ from drivers.ethercat.coe import SdoClient, emergency_of
 from drivers.ethercat.eeprom import Area, Layout, read_layout
 from drivers.ethercat.mailbox import Mailbox
 from drivers.ethercat.process_layout import Mapped
-from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
+from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, in_words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -294,7 +294,13 @@ def reached(
     """Return drives and their objects, which are looked for on the line when first needed."""
     drives = tuple(
         EthercatDrive(partial(slaves.at, node, alias), line, f"{name} (node {node})", timeout)
-        for node, name, alias in places
+        for node, name, alias, _ in places
     )
+    for at in places:
+        if at.within.axis > 1:
+            raise DriveRefused(
+                f"{at.name} (node {at.node}{in_words(at.within.axis)}): axes of one drive are"
+                " served on CAN alone; use its CAN interface, or drives of one axis each"
+            )
     pairs = zip(drives, places, strict=True)
     return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)

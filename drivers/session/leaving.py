@@ -117,7 +117,9 @@ def _restore(
     connection: Connection, keeper: SettingsKeeper, order: RestoringOrder, outcome: Outcome
 ) -> None:
     over = Deadline(RESTORING)
+    # axes of one node share what watches them
+    on = {server.node for server in connection.written if server not in outcome.off}
     for server in connection.written:
-        if server in outcome.off and not over.passed:
+        if server.node not in on and not over.passed:
             with suppress(Exception):  # what is not put back is reported by `SettingsKeeper.close`
                 keeper.restore(server, order)

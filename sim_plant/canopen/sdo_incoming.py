@@ -8,7 +8,7 @@ from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.object_dictionary import TEXT_MAX
 
 if TYPE_CHECKING:
-    from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.canopen.sdo_server import Served
 
 
 class Incoming:
@@ -16,7 +16,7 @@ class Incoming:
 
     Parameters
     ----------
-    dictionary : ObjectDictionary
+    dictionary : Served
     index, subindex : int
     size : int or None
         Length that the client announced.
@@ -27,9 +27,7 @@ class Incoming:
         Unknown or read-only object, or an announced length that does not fit it.
     """
 
-    def __init__(
-        self, dictionary: ObjectDictionary, index: int, subindex: int, size: int | None
-    ) -> None:
+    def __init__(self, dictionary: Served, index: int, subindex: int, size: int | None) -> None:
         self.index = index
         self.subindex = subindex
         self._dictionary = dictionary

@@ -18,7 +18,7 @@ from sim_plant.canopen.sdo_incoming import Incoming
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.canopen.eds import Entry
 
 _HEADER = struct.Struct("<BHB")
 _SIZE = struct.Struct("<I")
@@ -41,12 +41,25 @@ class Transfer(Protocol):
         """Whether the last request ended it."""
 
 
+class Served(Protocol):
+    """What is served: the dictionary of a drive, or of all axes of a node."""
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Encode the present value."""
+
+    def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
+        """Check all that can be known before the data."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Decode and write a value."""
+
+
 class SdoServer:
     """Serves an object dictionary to one client.
 
     Parameters
     ----------
-    dictionary : ObjectDictionary
+    dictionary : Served
     respond : callable
         Sends eight bytes to the client.
     states_size : bool
@@ -55,7 +68,7 @@ class SdoServer:
 
     def __init__(
         self,
-        dictionary: ObjectDictionary,
+        dictionary: Served,
         respond: Callable[[bytes], None],
         *,
         states_size: bool = True,
@@ -64,6 +77,10 @@ class SdoServer:
         self._dictionary = dictionary
         self._respond = respond
         self._transfer: Transfer | None = None
+
+    def serve(self, dictionary: Served) -> None:
+        """Serve another dictionary from now on."""
+        self._dictionary = dictionary
 
     def reset(self) -> None:
         """Abandon whatever transfer is under way."""
