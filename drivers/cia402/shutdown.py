@@ -23,7 +23,7 @@ from drivers.cia402.deadline import Deadline
 from drivers.cia402.set_point import Standstill
 from drivers.cia402.states import in_words
 from drivers.cia402.stop import AWAITED, AxisStop, StopPhase
-from drivers.drive_bus import DriveError, SampleFlag
+from drivers.drive_bus import DriveError, NodeSilent, SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -251,10 +251,18 @@ class Shutdown:
         for each in self._stopped:
             if each.stop.phase is StopPhase.UNSEEN and not over.passed:
                 try:
-                    self._switch_off_by_objects(each.axis.server)
+                    self._switch_off_silent(each.axis.server)
                     each.stop.phase = StopPhase.OFF
                 except Exception as error:
                     each.reason = str(error)
+
+    def _switch_off_silent(self, server: RemoteDictionary) -> None:
+        """Switch a drive off by objects; one that somebody stopped (NMT) must serve them first."""
+        try:
+            self._switch_off_by_objects(server)
+        except NodeSilent:
+            server.access.leave_operational()
+            self._switch_off_by_objects(server)
 
     def _watch_rest(self) -> list[str]:
         """Watch where axes go that are off; one that does not come to rest is not off."""

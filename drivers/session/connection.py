@@ -101,6 +101,15 @@ class Connection(ABC):
             Another master may be at work.
         """
 
+    def look_at_limits(self) -> None:  # noqa: B027 - most buses hear it
+        """Read back a limit of each drive, where nobody hears that somebody else writes it.
+
+        Raises
+        ------
+        Tripped
+            It is no longer what start-up wrote.
+        """
+
     @abstractmethod
     def collect_late(self) -> None:
         """Take telegrams off the bus that are merely late."""
