@@ -143,18 +143,20 @@ class SyncProcessData(ProcessData):
         clock = self._clock
         if not self._in_lock_step:
             self._network.pump(clock.due())
+        clock.sending()
         try:
             self._network.channel.send(SYNC)
         except Exception as error:
             self._send_again(error)
         instant = clock.sent()
+        self._untimed = clock.uncertain
         try:
             values = self._unpack(b"".join(self._collected(clock)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
         self._pass_to(instant)
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
-        if self._found or self.irregular or clock.passed_over:
+        if self._found or self.irregular or clock.passed_over or self._untimed:
             found, self._found = self._found, {}
             self._publish(found)
         return instant

@@ -36,6 +36,8 @@ __all__ = ["Finding", "check"]
 TOLERATED = 0.01
 """Share of SYNCs that may lack a telegram or be left out, since the estimator leaves gaps out, and
 of samples with doubled or late telegrams."""
+UNTIMED = 0.1
+"""Share of samples whose instant may be uncertain: estimation leaves them out."""
 RARE, OFTEN = 0.05, 0.9
 """Bounds of the share of equal neighbours that counts as the sensor's own."""
 
@@ -86,6 +88,21 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
             " more slowly",
             disturbed,
             TOLERATED,
+        )
+
+
+def _timing(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
+    """Find where the instants of too many samples are uncertain."""
+    del measurement, robot
+    share = float(np.any(recording.flags & SampleFlag.UNTIMED, axis=1).mean())
+    if share > UNTIMED:
+        yield Finding(
+            "timing",
+            f"this computer was interrupted while it sent {share:.1%} of the SYNCs, so their"
+            f" instants are uncertain, at most {UNTIMED:.0%} may be; relieve it of other work, run"
+            " with --realtime or sample more slowly",
+            share,
+            UNTIMED,
         )
 
 
@@ -183,7 +200,7 @@ def _explained(values: Array, longest: int) -> int:
     return math.ceil(1 + math.log(CHANCE / len(values)) / math.log(share))
 
 
-ALWAYS: tuple[Check, ...] = (_gaps, renewal, _saturation, frozen)
+ALWAYS: tuple[Check, ...] = (_gaps, _timing, renewal, _saturation, frozen)
 """What every recording must pass."""
 SIGN = "sign"
 """Name of the check whose failure ends a run: all torques of the axis count the wrong way."""
