@@ -126,6 +126,8 @@ def multi_axis_eds(sheets: Sequence[str]) -> str:
             own = f"{shifted(index, axis):04X}{name[4:]}"
             eds[own] = dict(section)
             _move(eds[own], name, index, axis)
+    for direction in ("RX", "TX"):
+        eds["DeviceInfo"][f"NrOf{direction}PDO"] = str(PDOS * len(sheets))
     list_objects(eds)
     text = io.StringIO()
     eds.write(text, space_around_delimiters=False)
