@@ -48,6 +48,8 @@ class Declared:
         The maker's, in a data sheet.
     low, high : int or None
         Range that it takes.
+    reals : tuple of float or None
+        The same four of a real number, in this order; empty for integers.
     """
 
     index: int
@@ -60,6 +62,7 @@ class Declared:
     default: int | None = None
     low: int | None = None
     high: int | None = None
+    reals: tuple[float | None, ...] = ()
 
     @property
     def bits(self) -> int | None:

@@ -90,10 +90,10 @@ def _switch_off_running(session: Session, outcome: Outcome) -> None:
     stopping = session.stopping
     stopping.stop()
     stopping.switch_off()
-    if all(stopping.off):
+    outcome.notes += stopping.conclude()
+    if all(stopping.off):  # by now also a slow drive has renewed its current
         with suppress(Exception):
             session.note_offsets("after power-off")
-    outcome.notes += stopping.conclude()
     servers = session.connection.servers
     outcome.off = {server for server, off in zip(servers, stopping.off, strict=True) if off}
     outcome.problems += stopping.problems
