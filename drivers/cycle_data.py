@@ -38,9 +38,11 @@ class ProcessData(ABC):
         Statusword, position and current; where an axis's telegram is missing, those of the SYNC
         before.
     flags : tuple of int, length n_axes
-        `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE, SKIPPED, UNTIMED.
+        `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE and SKIPPED.
     irregular : bool
         Some flag is set.
+    untimed : bool
+        The instant `time` is uncertain.
     misfits : dict
         By axis, what came in place of its telegram, in words.
     time : float
@@ -59,7 +61,7 @@ class ProcessData(ABC):
         self.positions: tuple[int, ...] = self._regular
         self.currents: Sequence[float] = self._regular
         self.flags: tuple[int, ...] = self._regular
-        self.irregular = self._untimed = False
+        self.irregular = self.untimed = False
         self.misfits: dict[int, str] = {}
         self.time = 0.0
         self._before = self._anchor = (-math.inf, self._regular)
@@ -142,7 +144,6 @@ class ProcessData(ABC):
     def _publish(self, found: Mapping[int, int]) -> None:
         """Set the flags: those of single axes, and of all where cycles were passed over."""
         all_axes = SampleFlag.SKIPPED.value if self._clock.passed_over else 0
-        all_axes |= SampleFlag.UNTIMED.value if self._untimed else 0
         self.irregular = bool(found) or bool(all_axes)
         self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))
 

@@ -149,14 +149,14 @@ class SyncProcessData(ProcessData):
         except Exception as error:
             self._send_again(error)
         instant = clock.sent()
-        self._untimed = clock.uncertain
+        self.untimed = clock.uncertain
         try:
             values = self._unpack(b"".join(self._collected(clock)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
         self._pass_to(instant)
         self.words, self.positions, self.currents = values[0::3], values[1::3], values[2::3]
-        if self._found or self.irregular or clock.passed_over or self._untimed:
+        if self._found or self.irregular or clock.passed_over:
             found, self._found = self._found, {}
             self._publish(found)
         return instant

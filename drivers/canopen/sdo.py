@@ -22,7 +22,7 @@ SDO_TIMEOUT = 0.5
 """How long a drive may take to answer [s]."""
 EXCHANGES = 64
 """Longest answer that is waited for [frames of 7 bytes]."""
-WHERE = "its node number, its bit rate and the CAN wiring"
+WHERE = "its node number, its bit rate, the CAN wiring, and sdo_timeout if it is slow at power-up"
 """What to check where a node does not answer."""
 NMT_START, NMT_ENTER_PRE_OPERATIONAL = 1, 128
 
@@ -117,7 +117,7 @@ class PumpedSdoClient(SdoClient):
             The server refuses; it does not answer in time.
         """
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
-            raise SdoCommunicationError("No SDO response received")
+            raise SdoCommunicationError(f"none within sdo_timeout, {self._timeout:g} s")
         answer = self._answers.pop(0)
         if answer[0] == _ABORTED:
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))

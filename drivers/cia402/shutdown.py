@@ -295,15 +295,17 @@ class Shutdown:
         ]
 
     def _left_on(self) -> Iterable[str]:
+        alike: dict[tuple[str, str], list[str]] = {}
         for each in self._stopped:
             if not each.off:
                 shown = "nothing" if each.stop.state is None else each.stop.state.value
-                why = each.reason or each.refused
-                yield (
-                    f"{each.axis.label}: does not switch off, it shows {shown}"
-                    f"{f' ({why})' if why else ''}; its watchdog stays armed and"
-                    f" {self._life_sign.name} has ceased"
-                )
+                why = (each.reason or each.refused).removeprefix(f"{each.axis.label}: ")
+                alike.setdefault((shown, f" ({why})" if why else ""), []).append(each.axis.label)
+        for (shown, why), labels in alike.items():
+            yield (
+                f"{', '.join(labels)}: does not switch off, it shows {shown}{why}; its watchdog"
+                f" stays armed and {self._life_sign.name} has ceased"
+            )
 
 
 def _order(axis: Axis, command: Command) -> bool:

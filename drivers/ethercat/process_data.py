@@ -264,7 +264,7 @@ class EthercatProcessData(ProcessData):
         clock, line = self._clock, self._line
         while (due := clock.due()) > 0:  # whoever sleeps too long passes this deadline over
             time.sleep(due)
-        self._untimed = clock.uncertain  # inputs are those of the frame before
+        self.untimed = clock.uncertain  # inputs are those of the frame before
         clock.sending()
         line.send(self._frames[self.feeding])
         instant = self._sent_at = clock.sent()
@@ -287,7 +287,7 @@ class EthercatProcessData(ProcessData):
             self.currents = values[2:end:_VALUES]
             if self.unusual or states != self._in_op:
                 self._look_at_states(states)
-            if self.irregular or clock.passed_over or self._untimed:
+            if self.irregular or clock.passed_over:
                 self._publish({})
         else:
             self._take(values, counters, off)

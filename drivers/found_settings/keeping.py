@@ -243,13 +243,10 @@ class SettingsKeeper:
                 self._note_restored(server)
         self.save()
         remedy = f": put it back with hil drives restore {self.path}" if self.path else ""
+        left = [server.label for server in servers if not self.drive(server).restored]
         return [
             *(f"{each} was written without having been announced" for each in self.unannounced),
-            *(
-                f"{server.label}: does not hold again what it held before{remedy}"
-                for server in servers
-                if not self.drive(server).restored
-            ),
+            *([f"{', '.join(left)}: does not hold again what it held before{remedy}"] * bool(left)),
         ]
 
     def save(self) -> None:

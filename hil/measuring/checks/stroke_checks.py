@@ -253,7 +253,7 @@ def _highest_velocity(time: Array, q: Array, period: float) -> float:
 def _evenly(recording: Recording) -> Recording:
     """Return a recording as if every SYNC had come at its period, as in lock-step."""
     period = float(np.median(np.diff(recording.time)))
-    time: Array = period * np.arange(recording.n_samples)
+    time: Array = period * np.arange(recording.n_samples, dtype=np.float64)
     return replace(recording, time=time)
 
 
