@@ -121,6 +121,21 @@ def test_doubled_and_late_telegrams_may_be_one_in_a_hundred(flag: SampleFlag) ->
     assert found(flagged(sound, flag, 0.015)) == {"telegrams"}
 
 
+@pytest.mark.parametrize(("every", "cause"), [(8, "every 8. SYNC: set its inhibit time"), (0, "")])
+def test_a_drive_that_answers_now_and_then_by_rule_names_its_inhibit_time(
+    every: int, cause: str
+) -> None:
+    sound = carried_out(GRAVITY)
+    rng = np.random.default_rng(4)
+    gone = np.arange(sound.n_samples) % every > 0 if every else rng.random(sound.n_samples) < 0.5
+    q, tau, flags = sound.q.copy(), sound.tau.copy(), sound.flags.copy()
+    q[gone, 1], tau[gone, 1], flags[gone, 1] = np.nan, np.nan, SampleFlag.MISSING
+    spoilt = replace(sound, q=q, tau=tau, flags=flags)
+    (gaps,) = [f for f in check(spoilt, GRAVITY, ROBOT) if f.check == "gaps"]
+    assert (cause or "check wiring, termination") in gaps.message
+    assert ("inhibit" in gaps.message) is bool(every)
+
+
 def test_a_tenth_of_the_instants_may_be_uncertain_and_no_more() -> None:
     sound = carried_out(GRAVITY)
     assert found(flagged(sound, SampleFlag.UNTIMED, 0.09)) == set()
