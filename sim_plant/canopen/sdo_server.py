@@ -18,7 +18,7 @@ from sim_plant.canopen.sdo_incoming import Incoming
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_plant.canopen.eds import Entry
+    from sim_plant.canopen.sdo_incoming import Served
 
 _HEADER = struct.Struct("<BHB")
 _SIZE = struct.Struct("<I")
@@ -39,19 +39,6 @@ class Transfer(Protocol):
     @property
     def done(self) -> bool:
         """Whether the last request ended it."""
-
-
-class Served(Protocol):
-    """What is served: the dictionary of a drive, or of all axes of a node."""
-
-    def upload(self, index: int, subindex: int) -> bytes:
-        """Encode the present value."""
-
-    def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
-        """Check all that can be known before the data."""
-
-    def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Decode and write a value."""
 
 
 class SdoServer:
