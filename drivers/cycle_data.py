@@ -41,6 +41,8 @@ class ProcessData(ABC):
         `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE and SKIPPED.
     irregular : bool
         Some flag is set.
+    untimed : bool
+        The instant `time` is uncertain.
     misfits : dict
         By axis, what came in place of its telegram, in words.
     time : float
@@ -59,7 +61,7 @@ class ProcessData(ABC):
         self.positions: tuple[int, ...] = self._regular
         self.currents: Sequence[float] = self._regular
         self.flags: tuple[int, ...] = self._regular
-        self.irregular = False
+        self.irregular = self.untimed = False
         self.misfits: dict[int, str] = {}
         self.time = 0.0
         self._before = self._anchor = (-math.inf, self._regular)

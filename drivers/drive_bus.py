@@ -93,6 +93,8 @@ class SampleFlag(enum.IntFlag):
     """SYNCs right before this one were passed over: they had waited too long to be judged."""
     OLD = 32
     """The drive had not renewed position or torque since the SYNC before, in motion."""
+    UNTIMED = 64
+    """This computer was interrupted while it sent this SYNC, so its instant is uncertain."""
 
 
 @dataclass(frozen=True, slots=True)

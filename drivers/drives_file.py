@@ -17,12 +17,14 @@ from enum import Enum
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import Field, PlainSerializer, PlainValidator, model_validator
+from pydantic import Field, PlainSerializer, PlainValidator, field_validator, model_validator
 
 from checked_files.yaml_file import FileModel, load_yaml
 from drivers import rate_units
 from drivers.fieldbus import Entry
+from drivers.in_node import AXES, PDOS, InNode
 from drivers.rate_units import AccelerationUnit, Per, VelocityUnit
+from drivers.remote_dictionary import in_words
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,6 +33,11 @@ Positive = Annotated[float, Field(gt=0)]
 U32 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
 Words = Annotated[tuple[U32, ...], Field(min_length=1, max_length=8)]
 I32_MAX = 2**31 - 1
+PdoNumber = Annotated[int, Field(ge=1, le=512)]
+FREE_IDENTIFIERS = range(0x680, 0x6E0)
+"""Identifiers that CiA 301 gives to no service."""
+PDO_USES = ("TPDO 1", "TPDO 2", "RPDO 1", "RPDO 2", "RPDO 3")
+"""PDOs that an axis uses at most, in the order of their identifiers from `AxisDrive.cob_id` on."""
 STATUS_WORD, POSITION_WORD = 0x60410010, 0x60640020
 
 
@@ -206,6 +213,13 @@ class AxisDrive(FileModel):
         What TPDO 1 and, if there is one, TPDO 2 carry, in the words of 1A00 and 1A01, where that is
         not status, position and current in one TPDO (two for a current of 32 bits). The driver asks
         the drive anyway; who only listens reads it here.
+    axis : int
+        Which axis of a drive with several (CiA 402: objects 800h apart), from 1.
+    pdos : tuple of int
+        Numbers of its first and its last PDO in such a drive: 1 to 4, 5 to 8 and so on by default.
+    cob_id : int, optional
+        First of five identifiers for its PDOs after the fourth, which have none of their own; by
+        default from 680h on, where no other service is.
     alias : int, optional
         Of a drive on EtherCAT (register 0012h), by which it is found wherever it is on the line.
     """
@@ -240,7 +254,16 @@ class AxisDrive(FileModel):
     acknowledge: Literal["taken", "reached"] = "taken"
     acknowledge_timeout: Annotated[float, Field(gt=0, le=60)] = 0.5
     tpdos: Annotated[tuple[Words, ...], Field(min_length=1, max_length=2)] | None = None
+    axis: Annotated[int, Field(ge=1, le=AXES)] = 1
+    pdos: tuple[PdoNumber, PdoNumber] | None = None
+    cob_id: Annotated[int, Field(ge=FREE_IDENTIFIERS.start, lt=FREE_IDENTIFIERS.stop)] | None = None
     alias: Annotated[int, Field(ge=1, le=0xFFFF)] | None = None
+
+    @property
+    def within(self) -> InNode:
+        """Which of several axes of its node it is."""
+        last = PDOS * self.axis
+        return InNode(self.axis, self.pdos or (last - PDOS + 1, last))
 
     @property
     def unit(self) -> str:
@@ -255,7 +278,7 @@ class AxisDrive(FileModel):
     @property
     def label(self) -> str:
         """How messages name it."""
-        return f"{self.name} (node {self.node})"
+        return f"{self.name} (node {self.node}{in_words(self.axis)})"
 
     @model_validator(mode="after")
     def _current_explained(self) -> Self:
@@ -352,16 +375,49 @@ class DrivesFile(FileModel):
     distributed_clock: bool = True
     quick_stop_option: Literal[2, 6] = 2
 
+    @field_validator("axes")
+    @classmethod
+    def _identified(cls, axes: tuple[AxisDrive, ...]) -> tuple[AxisDrive, ...]:
+        """Give PDOs that have no identifier of their own one that no other service has."""
+        stated = {axis.cob_id for axis in axes}
+        free = (each for each in FREE_IDENTIFIERS[:: len(PDO_USES)] if each not in stated)
+        given = []
+        for axis in axes:
+            wants = axis.cob_id is None and axis.within.pdos[1] > PDOS
+            identifier = next(free, None) if wants else axis.cob_id
+            if wants and identifier is None:
+                raise ValueError(
+                    f"{axis.label}: no identifiers are left for its PDOs among"
+                    f" {FREE_IDENTIFIERS.start:X}h to {FREE_IDENTIFIERS.stop - 1:X}h; put drives on"
+                    " a second bus, or have axes share the first four PDOs of their node (pdos)"
+                )
+            given.append(axis.model_copy(update={"cob_id": identifier}))
+        return tuple(given)
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        taken: dict[int, str] = {self.master_node: "the master (master_node)"}
+        taken: dict[tuple[int, int], str] = {}
         for axis in self.axes:
-            if axis.node in taken:
+            ours = axis.node == self.master_node
+            place, pdos = (axis.node, axis.axis), axis.within.pdos
+            other = "the master (master_node)" if ours else taken.get(place)
+            if other is not None:
                 raise ValueError(
-                    f"node {axis.node} of {axis.name!r} is also that of {taken[axis.node]}; "
-                    "give each its own"
+                    f"node {axis.node}{in_words(axis.axis)} of {axis.name!r} is also that of"
+                    f" {other}; give each its own, or number the axes of one drive (axis: 2)"
                 )
-            taken[axis.node] = repr(axis.name)
+            used = {
+                number
+                for earlier in self.axes
+                if earlier.node == axis.node and (earlier.node, earlier.axis) in taken
+                for number in range(earlier.within.pdos[0], earlier.within.pdos[1] + 1)
+            }
+            if pdos[0] > pdos[1] or used.intersection(range(pdos[0], pdos[1] + 1)):
+                raise ValueError(
+                    f"{axis.label}: pdos = {list(pdos)} must be the first and the last number of"
+                    " PDOs that no other axis of the drive uses; state others"
+                )
+            taken[place] = repr(axis.name)
         if self.heartbeat_timeout < 2 * self.heartbeat_period:
             raise ValueError(
                 f"heartbeat_timeout = {self.heartbeat_timeout:g} s must be at least twice "

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 from drivers.drive_bus import DriveRefused, NodeSilent
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Mapping, Sequence
+    from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
     from drivers.fieldbus import Entry
 
@@ -121,9 +121,13 @@ class RemoteDictionary:
         Its number on the bus.
     name : str
         The axis's name, for messages.
+    axis : int
+        Which axis of the node.
 
     Attributes
     ----------
+    place : tuple of int
+        Node and axis.
     label : str
         How messages name the drive.
     missing : set of Entry
@@ -140,9 +144,9 @@ class RemoteDictionary:
         Called with every other `Entry` before it is written; may add to `saved`.
     """
 
-    def __init__(self, access: Access, node: int, name: str) -> None:
-        self.node = node
-        self.label = f"{name} (node {node})"
+    def __init__(self, access: Access, node: int, name: str, axis: int = 1) -> None:
+        self.node, self.place = node, (node, axis)
+        self.label = f"{name} (node {node}{in_words(axis)})"
         self.missing: set[Entry] = set()
         self.notes: list[Note] = []
         self.kept: dict[Entry, int] = {}
@@ -319,6 +323,20 @@ class RemoteDictionary:
             f"{self.label}: no answer when trying to {what} object {entry} ({error}); check that "
             f"the drive has power, {error.where}"
         )
+
+
+def in_words(axis: int) -> str:
+    """Return what messages add to the number of a node; empty for its first axis."""
+    return f", axis {axis}" if axis > 1 else ""
+
+
+def labels_by_node(servers: Iterable[RemoteDictionary]) -> dict[int, str]:
+    """Return how messages name each node: the drive of all its axes."""
+    labels: dict[int, str] = {}
+    for server in servers:
+        first = labels.get(server.node)
+        labels[server.node] = server.label if first is None else f"{first}, {server.label}"
+    return labels
 
 
 def _remedy(code: int) -> str:

@@ -28,6 +28,10 @@ HURRIED_PATIENCE = 0.02
 PAUSE = 0.25
 """A caller who stays away longer than this made a pause, rather than missing deadlines [s]."""
 
+CERTAIN = 0.05
+"""Share of the period to which the instant of a SYNC must be known: a velocity from two samples is
+off by no more than a tenth then."""
+
 WINDOW = 0.8
 """Share of the period in which the answers to a SYNC must arrive on the wall clock."""
 
@@ -43,13 +47,15 @@ class SyncClock:
         SYNCs right before the last one that were passed over: they had waited too long.
     synchronous : bool
         Every answer is in the receive queue before `send` returns.
+    uncertain : bool
+        When the last SYNC went out is known to `CERTAIN` of a period only.
     """
 
     def __init__(
         self, period: float, clock: Callable[[], float], start: float | None = None
     ) -> None:
         self.skipped = self.passed_over = 0
-        self.synchronous = False
+        self.synchronous = self.uncertain = False
         self._period = period
         self._clock = clock
         self._start = clock() if start is None else start
@@ -61,6 +67,9 @@ class SyncClock:
     def due(self) -> float:
         """How long until the next SYNC is due [s], 0 if it is now."""
         return 0.0
+
+    def sending(self) -> None:
+        """Take note that a SYNC is about to go out."""
 
     def sent(self) -> float:
         """Take note that a SYNC went out; return its instant [s]."""
@@ -149,22 +158,30 @@ class WallClock(SyncClock):
         super().__init__(period, clock)
         self._deadline = self._start
         self._window_ends = self._start
+        self._sending: float | None = None
 
     def due(self) -> float:
         """How long until the next deadline [s], 0 if it is now; passes over missed deadlines."""
         late = self._late(self._clock())
         return max(0.0, -late)
 
+    def sending(self) -> None:
+        """Take note that a SYNC is about to go out."""
+        self._sending = self._clock()
+
     def sent(self) -> float:
-        """Move on to the next deadline; return the SYNC's true instant [s].
+        """Move on to the next deadline; return the SYNC's instant, in the middle of `send` [s].
 
         Who woke too late for this one has missed it, or the next would follow right behind.
         """
         now = self._clock()
+        took = now - self._sending if self._sending is not None else 0.0
+        self._sending = None
+        self.uncertain = took > 2 * CERTAIN * self._period
         self._late(now)
         self._deadline += self._period
         self._window_ends = now + WINDOW * self._period
-        return now - self._start
+        return now - took / 2 - self._start
 
     def _late(self, now: float) -> float:
         """How long the deadline is past [s]; those that were missed are passed over."""

@@ -85,7 +85,7 @@ def constants(axis: PlantAxis, file: PlantFile) -> Array:
     c[st.HEAT_TIME], c[st.DRIFT] = f.heat_time, float(file.drift)
     c[st.DRIFT_STRENGTH] = file.drift_strength
     c[st.HEAT_PER_POWER] = _heat_per_power(c)
-    *phases, other = _ripple_phases(drive.node)
+    *phases, other = _ripple_phases(drive.node, drive.axis)
     for k, phase in enumerate(phases):
         amplitude = file.noise.ripple * drive.peak_torque
         c[st.RIPPLE_SIN[k]], c[st.RIPPLE_COS[k]] = (
@@ -135,9 +135,10 @@ def _heat_per_power(const: Array) -> float:
     return friction.STEADY_TEMPERATURE / power if power > 0 else 0.0
 
 
-def _ripple_phases(node: int) -> Array:
+def _ripple_phases(node: int, axis: int) -> Array:
     """Fixed phases of the ripple's orders: a property of the motor, not of the seed."""
-    phases: Array = np.random.default_rng(node).uniform(0.0, math.tau, 4)
+    seed = node if axis == 1 else [node, axis]
+    phases: Array = np.random.default_rng(seed).uniform(0.0, math.tau, 4)
     return phases
 
 
@@ -162,4 +163,5 @@ def settings(index: int, axis: PlantAxis) -> DriveSettings:
         software_limits=(limits[0], limits[1]),
         max_motor_speed=math.ceil(drive.velocity_max * drive.gear_ratio * 60 / math.tau),
         max_acceleration=math.ceil(drive.acceleration_max * per_rad),
+        axis=drive.axis,
     )

@@ -42,6 +42,8 @@ class DriveSettings:
         60C5h and 60C6h [counts/s^2].
     personality : Personality
         In what the drive deviates from its kind.
+    axis : int
+        Which axis of its node, from 1.
     """
 
     name: str
@@ -59,6 +61,7 @@ class DriveSettings:
     max_motor_speed: int
     max_acceleration: int
     personality: Personality = PLAIN
+    axis: int = 1
 
     @property
     def feed(self) -> tuple[int, int]:

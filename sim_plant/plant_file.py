@@ -94,6 +94,8 @@ class Drive(FileModel):
     """
 
     node: Annotated[int, Field(ge=1, le=127)]
+    axis: Annotated[int, Field(ge=1, le=8)] = 1
+    """Of a node with several: which of them, objects 800h apart."""
     gear_ratio: Positive
     """Motor angle over joint coordinate [-, or rad/m]."""
     rotor_inertia: NotNegative
@@ -260,9 +262,17 @@ class PlantFile(FileModel):
     @field_validator("axes")
     @classmethod
     def _nodes_differ(cls, axes: tuple[PlantAxis, ...]) -> tuple[PlantAxis, ...]:
-        nodes = [axis.drive.node for axis in axes]
-        if len(set(nodes)) < len(nodes):
-            raise ValueError(f"nodes {nodes} must differ from one another")
+        by_node: dict[int, list[int]] = {}
+        for axis in axes:
+            by_node.setdefault(axis.drive.node, []).append(axis.drive.axis)
+        for node, own in by_node.items():
+            if len(set(own)) < len(own):
+                raise ValueError(
+                    f"nodes {[axis.drive.node for axis in axes]} must differ from one another, or"
+                    f" axis in node {node}, which is {own}"
+                )
+            if sorted(own) != list(range(1, len(own) + 1)):
+                raise ValueError(f"node {node}: axis is {own}; number them from 1 without a gap")
         return axes
 
     def bodies(self) -> list[Body]:

@@ -93,6 +93,10 @@ class SlaveNetwork(TimedNetwork):
             )
             for i, (settings, axis) in enumerate(zip(machine.drives, machine.axes, strict=True))
         )
+        for first in self.nodes:
+            own = [node for node in self.nodes if node.node_id == first.node_id]
+            if first.dictionary.owner[1] == 1 and len(own) > 1:
+                first.join(sorted(own, key=lambda node: node.dictionary.owner)[1:])
         for node in self.nodes:
             node.dictionary.react(0x1006, lambda _subindex, _value: self._rewire())
 

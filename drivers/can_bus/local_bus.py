@@ -6,6 +6,7 @@ no server. Frames arrive whole, in the order in which they were sent, and none i
 lets the sender wait, as a bus under load would, and it goes on receiving meanwhile, so that two
 who send to each other do not wait for ever. A peer who hangs misses what does not fit into its
 queue, as the receiver of a CAN node would; one whose process died is dropped at the next frame.
+The time stamp of a frame is the kernel's and says when it was sent, however late it is received.
 
 Other users of the machine neither read, send nor delete here: the channel's folder is this user's
 alone (mode 0700) and no link, nobody else can put another in its place, and nothing is connected to
@@ -20,6 +21,7 @@ import select
 import socket
 import stat
 import struct
+import sys
 import tempfile
 import time
 from collections import deque
@@ -46,6 +48,9 @@ FD_SETSIZE = 1024
 
 _FRAME = struct.Struct("=IB3x8s")
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_STAMPS, _TIMESPEC = 35, struct.Struct("@ll")
+"""SO_TIMESTAMPNS of Linux, which Python does not name, and what it gives: seconds, nanoseconds."""
+_ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size)
 _numbers = count()
 _MEMBER = re.compile(r"\d+-\d+")  # number of the process, number of the bus in it
 _CHANNEL = re.compile(r"\w[\w.-]*")
@@ -88,6 +93,8 @@ class LocalBus(can.BusABC):
         self._address = self._folder / f"{os.getpid()}-{next(_numbers)}"
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        if sys.platform == "linux":
+            self._socket.setsockopt(socket.SOL_SOCKET, _STAMPS, 1)
         self._arrivals = select.poll()
         self._arrivals.register(self._socket, select.POLLIN)
         try:
@@ -170,11 +177,20 @@ class LocalBus(can.BusABC):
         """Take frames out of the socket's queue, which is short."""
         try:
             for _ in range(most):
-                self._inbox.append((time.time(), self._socket.recv(_FRAME.size)))
+                self._inbox.append(self._received())
         except BlockingIOError:
             pass
         except OSError as error:
             raise can.CanOperationError(f"{self.channel_info}: this bus is shut down") from error
+
+    def _received(self) -> tuple[float, bytes]:
+        """Return the next frame and when it was sent, which the kernel notes [s]."""
+        frame, stamps, _, _ = self._socket.recvmsg(_FRAME.size, _ANCILLARY)
+        for level, kind, data in stamps:
+            if (level, kind) == (socket.SOL_SOCKET, _STAMPS):
+                seconds, nanoseconds = _TIMESPEC.unpack_from(data)
+                return seconds + 1e-9 * nanoseconds, frame
+        return time.time(), frame
 
     def _message(self, instant: float, frame: bytes) -> can.Message:
         identifier, size, data = _FRAME.unpack(frame)

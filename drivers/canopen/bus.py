@@ -17,7 +17,7 @@ from drivers.canopen.scan import NODES, scan_bus
 from drivers.canopen.sdo import SDO_TIMEOUT, server_of
 from drivers.canopen.sync_clock import choose_sync_clock
 from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
-from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives
+from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives, places_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
@@ -63,9 +63,7 @@ class CanopenBus(Fieldbus):
         """Reach drives by SDO alone; where SYNC is the plant's clock, it lets time pass."""
         clock = choose_sync_clock(self._bus, self._pacing, drives.sync_period)
         network = PumpedNetwork(self._bus, synchronous=clock.synchronous)
-        servers = tuple(
-            server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
-        )
+        servers = tuple(server_of(network, at, drives.sdo_timeout) for at in places_of(drives.axes))
         found = tuple(CanopenCommunication.predefined(axis) for axis in drives.axes)
         return UnpoweredDrives(servers, found, SyncProcessData(network, drives.axes, clock, found))
 
@@ -76,7 +74,7 @@ class CanopenBus(Fieldbus):
         # no SYNC is sent, so its period has no effect
         synchronous = choose_sync_clock(self._bus, self._pacing, 1.0).synchronous
         network = PumpedNetwork(self._bus, synchronous=synchronous)
-        return tuple(server_of(network, node, name, timeout) for node, name, _ in places)
+        return tuple(server_of(network, at, timeout) for at in places)
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
         """Find nodes and what they offer (see `drivers.canopen.scan.scan_bus`)."""

@@ -115,8 +115,17 @@ class CanopenCommunication(Communication):
             server, axis, feed_forward=self.feed_forward
         )
 
-    def claims(self) -> Iterator[tuple[int, str]]:
-        """Yield the identifiers that it uses, and for what."""
+    def claims(self, *, first: bool = True) -> Iterator[tuple[int, str]]:
+        """Yield the identifiers that it uses, and for what; its node's with its `first` axis."""
+        if first:
+            yield from self._of_node()
+        for pdo in self.transmitted:
+            yield pdo.cob_id, f"its {pdo.name}"
+        for other in self.others:
+            if not other.cob_id & EXTENDED:
+                yield other.cob_id & IDENTIFIER, f"its {other.name}, which cannot be switched off"
+
+    def _of_node(self) -> Iterator[tuple[int, str]]:
         node = self.node
         for base, service in (
             (0x580, "the answers of its SDO server"),
@@ -126,13 +135,8 @@ class CanopenCommunication(Communication):
             yield base + node, service
         for number in range(1, 5):
             yield 0x100 + 0x100 * number + node, f"its RPDO {number}"
-        for pdo in self.transmitted:
-            yield pdo.cob_id, f"its {pdo.name}"
         if self.emergency is not None:
             yield self.emergency, "its emergencies (1014)"
-        for other in self.others:
-            if not other.cob_id & EXTENDED:
-                yield other.cob_id & IDENTIFIER, f"its {other.name}, which cannot be switched off"
 
 
 def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list[DriveRefused]:
@@ -150,9 +154,9 @@ def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list
         SYNC: "by us, for SYNC",
         0x700 + master: "by us, for our heartbeat",
     }
-    found = []
+    found, nodes = [], set[int]()
     for drive in drives:
-        for identifier, use in drive.claims():
+        for identifier, use in drive.claims(first=drive.node not in nodes):
             if identifier in taken:
                 found.append(
                     DriveRefused(
@@ -162,4 +166,5 @@ def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list
                     )
                 )
             taken.setdefault(identifier, f"by {drive.label}, for {use}")
+        nodes.add(drive.node)
     return found

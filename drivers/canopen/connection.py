@@ -22,7 +22,8 @@ from drivers.canopen.requirements import WATCHDOGS
 from drivers.canopen.sdo import server_of
 from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
 from drivers.drive_bus import DriveRefused, NodeSilent
-from drivers.session.connection import Connection
+from drivers.remote_dictionary import labels_by_node
+from drivers.session.connection import Connection, places_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,13 +75,11 @@ class CanopenConnection(Connection):
         self._kernel, self._clock, self._master = kernel, clock, drives.master_node
         if kernel is not None:
             kernel.deliver = network.dispatch
-        servers = tuple(
-            server_of(network, axis.node, axis.name, drives.sdo_timeout) for axis in drives.axes
-        )
+        servers = tuple(server_of(network, at, drives.sdo_timeout) for at in places_of(drives.axes))
         communications = tuple(
             CanopenCommunication.predefined(axis, feed_forward=feed_forward) for axis in drives.axes
         )
-        labels = {server.node: server.label for server in servers}
+        labels = labels_by_node(servers)
         heartbeats = Heartbeats(
             network,
             drives.master_node,
@@ -141,8 +140,11 @@ class CanopenConnection(Connection):
         self.process_data.wire(found)
         ours = {pdo.cob_id: drive.node for drive in found for pdo in drive.inputs if pdo}
         self._foreign.wire(ours, [pdo.cob_id for drive in found for pdo in drive.transmitted])
-        self._emergencies.listen([drive.emergency for drive in found])
-        self.life_sign.requests = [guarding_request(drive.node) for drive in found if drive.guarded]
+        nodes = {drive.node: drive for drive in found}
+        self._emergencies.listen([drive.emergency for drive in nodes.values()])
+        self.life_sign.requests = [
+            guarding_request(n) for n, drive in nodes.items() if drive.guarded
+        ]
         for server in self.servers:
             server.access.go_operational()
 

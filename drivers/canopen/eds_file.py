@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from checked_files.yaml_file import FileError
-from drivers.canopen.eds_numbers import NoNumber, declared_type, number, within
+from drivers.canopen.eds_numbers import NoNumber, declared_type, number, real, stated, within
 from drivers.canopen.eds_objects import expand_compact, supply_listed
 from drivers.canopen.eds_sections import Section, sections_of
 from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
@@ -25,7 +25,7 @@ _ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}
 _RATES = (10, 20, 50, 100, 125, 250, 500, 800, 1000)
 ARRAY, RECORD = 8, 9
 FIRST_OBJECT = 0x1000
-VALUES = ("parametervalue", "defaultvalue", "lowlimit", "highlimit")
+VALUES = ("ParameterValue", "DefaultValue", "LowLimit", "HighLimit")
 NODES = range(1, 128)
 
 
@@ -134,6 +134,7 @@ class _Reading:
             raise NoNumber(f"AccessType={access} is none of {', '.join(sorted(_ACCESS))}")
         mapped = section.get("pdomapping").lower()
         value, default, low, high = self._values(section, kind)
+        reals = [real(section.get(key.lower()), key) for key in VALUES] if kind == "f32" else ()
         return Declared(
             *key,
             name=": ".join(filter(None, (parent, section.get("parametername")))),
@@ -144,12 +145,14 @@ class _Reading:
             default=default,
             low=low,
             high=high,
+            reals=tuple(reals),
         )
 
     def _values(self, section: Section, kind: str | None) -> list[int | None]:
-        if kind is None or kind == "f32":  # of a measured number none is needed
+        if kind is None or kind == "f32":
             return [None] * len(VALUES)
-        return [within(kind, number(section.get(key), self.node), key) for key in VALUES]
+        texts = [(key, section.get(key.lower())) for key in VALUES]
+        return [within(kind, stated(text, key, self.node), key) for key, text in texts]
 
     def dictionary(self) -> Dictionary:
         """Return what was read."""

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 
     from drivers.canopen.eds_sections import Section
 
+_TYPES = {
+    "BOOLEAN": 1, "INTEGER8": 2, "INTEGER16": 3, "INTEGER32": 4, "UNSIGNED8": 5, "UNSIGNED16": 6,
+    "UNSIGNED32": 7, "REAL32": 8, "VISIBLE_STRING": 9, "OCTET_STRING": 10, "DOMAIN": 15,
+}  # fmt: skip
+"""Index of the types of CiA 301, which files state, by the names that some tools write."""
 _NODE = re.compile(r"\+?\$NODEID\+?", re.I)
 
 
@@ -53,13 +58,32 @@ def _plain(text: str, whole: str) -> int:
         raise NoNumber(f"{whole!r} is no number; correct it") from error
 
 
+def stated(text: str, key: str, node: int | None = None) -> int | None:
+    """Return the number of a key (see `number`), whose name an error begins with."""
+    try:
+        return number(text, node)
+    except NoNumber as error:
+        raise NoNumber(f"{key}: {error}") from error
+
+
+def real(text: str, key: str) -> float | None:
+    """Return a real number; None for an empty text."""
+    try:
+        return float(text) if text.strip() else None
+    except ValueError as error:
+        raise NoNumber(f"{key}: {text!r} is no number; correct it") from error
+
+
 def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
     """Return our name of a data type; None for texts and domains.
 
     Types of the device's own (40h and up) are described by their member 1, as CANfestival's editor
     writes it.
     """
-    index = number(text)
+    named = _TYPES.get(text.strip().upper())
+    if named is not None:
+        raise NoNumber(f"DataType: {text!r} is no number; state 0x{named:04X}")
+    index = stated(text, "DataType")
     if index is not None and index >= 0x40:
         described = sections.get(f"{index:x}sub1")
         index = number(described.get("defaultvalue")) if described else None
@@ -82,7 +106,7 @@ def within(kind: str, value: int | None, key: str) -> int | None:
     if kind.startswith("u") and -(1 << bits - 1) <= value < 0:
         return value + (1 << bits)
     if not -(1 << bits - 1) <= value < 1 << bits:
-        if key in {"lowlimit", "highlimit"}:
+        if key in {"LowLimit", "HighLimit"}:
             return None
         raise NoNumber(f"{key}={value} does not fit {bits} bits; correct it")
     return value

@@ -10,6 +10,7 @@ whoever asks, and `questions` are frames to ask.
 from __future__ import annotations
 
 import math
+import struct
 import time
 from collections import deque
 from typing import TYPE_CHECKING
@@ -25,10 +26,9 @@ from drivers.cia402.picture import AxisPicture, Picture
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.drives_file import DrivesFile
+    from drivers.drives_file import AxisDrive, DrivesFile
 
 _SDO_ANSWER, _SDO_REQUEST = 0x580, 0x600
-_UPLOAD = b"\x40" + objects.DIGITAL_INPUTS.index.to_bytes(2, "little") + b"\x00"
 _EXPEDITED = 0x43
 RATE_OVER = 50
 """SYNCs over which their rate is taken."""
@@ -64,7 +64,9 @@ class BusPicture(Picture):
             for number, axis in enumerate(drives.axes)
             for pdo in transmitted(axis)
         }
-        self._of_node = {axis.node: number for number, axis in enumerate(drives.axes)}
+        self._of_node: dict[int, list[AxisPicture]] = {}
+        for axis in self.axes:
+            self._of_node.setdefault(axis.node, []).append(axis)
 
     def listen(self, duration: float) -> None:
         """Take what comes on the bus, for so long [s]."""
@@ -95,14 +97,15 @@ class BusPicture(Picture):
         elif number in self._tpdos:
             self._take_tpdo(number, data, now)
         elif number & 0x780 == _SDO_ANSWER and number & 0x7F in self._of_node:
-            _take_inputs(self.axes[self._of_node[number & 0x7F]], data)
+            for axis in self._of_node[number & 0x7F]:
+                _take_inputs(axis, data)
         elif number & 0x780 in {0x080, 0x700} and number & 0x7F in self._of_node and data:
-            axis = self.axes[self._of_node[number & 0x7F]]
-            axis.heard = now
-            if number & 0x700:
-                axis.nmt = NMT_STATES.get(data[0] & 0x7F, f"{data[0]:02X}h")
-            else:
-                _take_emergency(axis, data)
+            for axis in self._of_node[number & 0x7F]:
+                axis.heard = now
+                if number & 0x700:
+                    axis.nmt = NMT_STATES.get(data[0] & 0x7F, f"{data[0]:02X}h")
+                else:
+                    _take_emergency(axis, data)
 
     def _take_tpdo(self, number: int, data: bytes, now: float) -> None:
         slot, entries, size = self._tpdos[number]
@@ -120,15 +123,23 @@ def questions(drives: DrivesFile) -> tuple[can.Message, ...]:
     """Return the requests that ask each drive for its digital inputs (60FD)."""
     return tuple(
         can.Message(
-            arbitration_id=_SDO_REQUEST + axis.node, data=_UPLOAD + bytes(4), is_extended_id=False
+            arbitration_id=_SDO_REQUEST + axis.node,
+            data=_upload(axis) + bytes(4),
+            is_extended_id=False,
         )
         for axis in drives.axes
     )
 
 
+def _upload(axis: AxisDrive) -> bytes:
+    """Return the request for the digital inputs (60FD) of an axis, less its unused bytes."""
+    entry = objects.DIGITAL_INPUTS
+    return struct.pack("<BHB", 0x40, axis.within.place(entry.index), entry.subindex)
+
+
 def _take_inputs(axis: AxisPicture, data: bytes) -> None:
     """Take the answer to an upload of 60FD in four bytes, whoever asked for it."""
-    if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == _UPLOAD[1:]:
+    if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == _upload(axis.drive)[1:]:
         axis.show(objects.DIGITAL_INPUTS, int.from_bytes(data[4:], "little"))
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import can
 from canopen import Network
 
+from checked_files.yaml_file import FileError
 from drivers.can_bus.capabilities import capabilities_of
 from drivers.drive_bus import BusUnavailable, DriveError
 
@@ -93,10 +94,11 @@ class PumpedNetwork(Network):
         """Return an error of the bus as one of ours, whatever its back end raised."""
         if isinstance(error, DriveError):
             return error
-        unavailable = BusUnavailable(
+        words = (
             f"{self.channel.channel_info}: {what}: {error or type(error).__name__}; check cable, "
             "termination and that the interface is up"
         )
+        unavailable = BusUnavailable(str(error) if isinstance(error, FileError) else words)
         unavailable.__cause__ = error
         return unavailable
 

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from drivers.cia402 import objects
 from drivers.commissioning.communication import Refusable
 from drivers.commissioning.held_values import mapping_count
+from drivers.drives_file import PDO_USES
 from drivers.fieldbus import Entry
+from drivers.in_node import PDOS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
@@ -89,36 +91,36 @@ def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
     if axis.tpdos is not None:
         ours = (*STATE, axis.current.entry)
         stated = enumerate(axis.tpdos, start=1)
-        return (tuple(_tpdo(n, axis.node, mapped(words, ours)) for n, words in stated),)
+        return (tuple(_tpdo(n, axis, mapped(words, ours)) for n, words in stated),)
     current = axis.current.entry
-    both = (_tpdo(1, axis.node, STATE), _tpdo(2, axis.node, (current,)))
-    return ((_tpdo(1, axis.node, (*STATE, current)),), both) if current.size == 2 else (both,)
+    both = (_tpdo(1, axis, STATE), _tpdo(2, axis, (current,)))
+    return ((_tpdo(1, axis, (*STATE, current)),), both) if current.size == 2 else (both,)
 
 
 def answers(axis: AxisDrive) -> tuple[int, ...]:
     """Return all identifiers under which the drive of an axis may answer SYNC."""
-    return tuple(_tpdo(number, axis.node, ()).cob_id for number in (1, 2))
+    return tuple(_tpdo(number, axis, ()).cob_id for number in (1, 2))
 
 
 def received(axis: AxisDrive) -> Pdo:
     """Return the RPDO that carries the target, then the controlword that makes it valid."""
-    return Pdo("RPDO 1", 0x1400, 0x1600, 0x200 + axis.node, ON_EVENT, RPDO_TYPES, COMMAND)
+    return _rpdo(1, axis, COMMAND)._replace(transmission=ON_EVENT, also=RPDO_TYPES)
 
 
 def fed_forward(axis: AxisDrive) -> Pdo:
     """Return the RPDO that carries what is fed forward, sent before the target of its cycle."""
-    return _at_sync(3, axis.node, objects.OFFSETS)
+    return _rpdo(3, axis, objects.OFFSETS)
 
 
 def fed_on_arrival(axis: AxisDrive) -> Pdo:
     """Return the same for a drive with two RPDOs, which takes its set-points by RPDO 1."""
-    wanted = _at_sync(2, axis.node, objects.OFFSETS)
+    wanted = _rpdo(2, axis, objects.OFFSETS)
     return wanted._replace(transmission=ON_EVENT, also=RPDO_TYPES)
 
 
 def led(axis: AxisDrive) -> Pdo:
     """Return the RPDO that carries the set-points of a stream."""
-    return _at_sync(2, axis.node, (objects.TARGET_POSITION,))
+    return _rpdo(2, axis, (objects.TARGET_POSITION,))
 
 
 class Inputs(NamedTuple):
@@ -153,11 +155,21 @@ def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
     )
 
 
-def _at_sync(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:
-    place, cob_id = number - 1, 0x100 + 0x100 * number + node
-    return Pdo(f"RPDO {number}", 0x1400 + place, 0x1600 + place, cob_id, ON_SYNC, AT_SYNC, entries)
+def _rpdo(number: int, axis: AxisDrive, entries: tuple[Entry, ...]) -> Pdo:
+    name, place = f"RPDO {number}", number - 1
+    cob_id = _identifier(name, 0x100, number, axis)
+    return Pdo(name, 0x1400 + place, 0x1600 + place, cob_id, ON_SYNC, AT_SYNC, entries)
 
 
-def _tpdo(number: int, node: int, entries: tuple[Entry, ...]) -> Pdo:
-    cob_id = 0x80 + 0x100 * number + node
-    return Pdo(f"TPDO {number}", 0x17FF + number, 0x19FF + number, cob_id, ON_SYNC, (), entries)
+def _tpdo(number: int, axis: AxisDrive, entries: tuple[Entry, ...]) -> Pdo:
+    name = f"TPDO {number}"
+    cob_id = _identifier(name, 0x80, number, axis)
+    return Pdo(name, 0x17FF + number, 0x19FF + number, cob_id, ON_SYNC, (), entries)
+
+
+def _identifier(name: str, base: int, number: int, axis: AxisDrive) -> int:
+    """Return the identifier of a PDO: predefined for the first four of a node, else given."""
+    in_node = axis.within.pdos[0] - 1 + number
+    if in_node > PDOS and axis.cob_id is not None:
+        return axis.cob_id + PDO_USES.index(name)
+    return base + 0x100 * in_node + axis.node

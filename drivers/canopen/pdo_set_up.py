@@ -32,14 +32,13 @@ from drivers.cia402.states import Mode
 from drivers.commissioning.held_values import NO_ROOM, content, mapping_count, mapping_slot
 from drivers.drive_bus import DriveRefused
 from drivers.fieldbus import Entry
+from drivers.in_node import PDOS
 from drivers.remote_dictionary import FIXED_CODES, Aborted
 
 if TYPE_CHECKING:
     from drivers.canopen.pdo_mapping import Pdo
     from drivers.drives_file import AxisDrive
     from drivers.remote_dictionary import RemoteDictionary
-
-PDOS = 4
 
 
 class OtherTpdo(NamedTuple):

@@ -143,11 +143,13 @@ class SyncProcessData(ProcessData):
         clock = self._clock
         if not self._in_lock_step:
             self._network.pump(clock.due())
+        clock.sending()
         try:
             self._network.channel.send(SYNC)
         except Exception as error:
             self._send_again(error)
         instant = clock.sent()
+        self.untimed = clock.uncertain
         try:
             values = self._unpack(b"".join(self._collected(clock)))
         except Exception as error:

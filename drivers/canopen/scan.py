@@ -20,6 +20,8 @@ from drivers.canopen.sdo import SdoAccess
 from drivers.dictionary.found_nodes import Scan
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
+from drivers.in_node import find_axes, seen_by
+from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,11 +77,26 @@ def scan_bus(
         answers = found.answers
         if answers and node in asked:
             access = SdoAccess(network, node, timeout)
-            found.dictionary = read_dictionary(access, node, RULES)
-            found.review = review(found.dictionary, RULES)
+            for within in find_axes(partial(_has, access)):
+                dictionary = read_dictionary(seen_by(access, within), node, RULES, within.axis)
+                if within.axis == 1:
+                    found.within, found.dictionary = within, dictionary
+                    found.review = review(dictionary, RULES)
+                else:
+                    found.further.append((within, dictionary, review(dictionary, RULES)))
         found.answers = answers
     scan.nodes = {node: scan.nodes[node] for node in sorted(scan.nodes) if node in asked}
     return scan
+
+
+def _has(access: SdoAccess, index: int, subindex: int) -> bool:
+    try:
+        access.read(index, subindex)
+    except AccessRefused as error:
+        return error.code not in ABSENT  # as for what is there and can only be written
+    except NoAnswer:
+        return False
+    return True
 
 
 def _listen_to_all(network: PumpedNetwork, scan: Scan) -> None:

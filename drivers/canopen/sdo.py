@@ -9,18 +9,20 @@ from canopen import ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
+from drivers.in_node import seen_by
 from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from drivers.canopen.network import PumpedNetwork
+    from drivers.session.connection import Place
 
 SDO_TIMEOUT = 0.5
 """How long a drive may take to answer [s]."""
 EXCHANGES = 64
 """Longest answer that is waited for [frames of 7 bytes]."""
-WHERE = "its node number, its bit rate and the CAN wiring"
+WHERE = "its node number, its bit rate, the CAN wiring, and sdo_timeout if it is slow at power-up"
 """What to check where a node does not answer."""
 NMT_START, NMT_ENTER_PRE_OPERATIONAL = 1, 128
 
@@ -115,7 +117,7 @@ class PumpedSdoClient(SdoClient):
             The server refuses; it does not answer in time.
         """
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
-            raise SdoCommunicationError("No SDO response received")
+            raise SdoCommunicationError(f"none within sdo_timeout, {self._timeout:g} s")
         answer = self._answers.pop(0)
         if answer[0] == _ABORTED:
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
@@ -166,11 +168,10 @@ class SdoAccess:
         self._network.send_message(0, bytes([NMT_ENTER_PRE_OPERATIONAL, self._node]))
 
 
-def server_of(
-    network: PumpedNetwork, node: int, name: str, timeout: float = SDO_TIMEOUT
-) -> RemoteDictionary:
-    """Return the object dictionary of a node (see `SdoAccess`, `RemoteDictionary`)."""
-    return RemoteDictionary(SdoAccess(network, node, timeout), node, name)
+def server_of(network: PumpedNetwork, at: Place, timeout: float = SDO_TIMEOUT) -> RemoteDictionary:
+    """Return the object dictionary of an axis (see `SdoAccess`, `RemoteDictionary`)."""
+    access = seen_by(SdoAccess(network, at.node, timeout), at.within)
+    return RemoteDictionary(access, at.node, at.name, at.within.axis)
 
 
 def _asked(access: Callable[[], _Answer]) -> _Answer:

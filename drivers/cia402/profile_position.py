@@ -24,6 +24,7 @@ from drivers.cia402.set_point import (
     Standstill,
     standstill_of,
 )
+from drivers.cia402.states import Status
 from drivers.drive_bus import MoveFailed, SampleFlag
 
 if TYPE_CHECKING:
@@ -211,6 +212,12 @@ class ProfilePosition:
         if still > GRACE and not there and phase is Phase.TRAVELLING:
             seen = f"the encoder has shown no motion for {still:.2g} s, "
             remedy = f"{_STUCK}, {_NOT_REACHED.removeprefix('check ')}"
+        remote = [bool(word & Status.REMOTE) for word in self._process_data.words]
+        if phase is Phase.OFFERED and any(remote) and not remote[axis]:
+            seen = (
+                "takes no commands by the bus (statusword bit 9, remote, is clear): release it from"
+            )
+            seen += " local control or the maker's tool; "
         return MoveFailed(
             f"{place}: {seen}set-point {target:g} at q = {q:g}: {phase.value}, for too long; "
             f"{_REMEDIES.get(phase, remedy)}"

@@ -61,7 +61,12 @@ class SampleReader:
         q = tuple(map(mul, self._per_increment, increments))
         tau = tuple(map(mul, self._per_current, process_data.currents))
         sample = _new_tuple(Sample, (time, q, tau, self._limits, reached))
-        return _with_gaps(sample, process_data.flags) if process_data.irregular else sample
+        if process_data.irregular:
+            sample = _with_gaps(sample, process_data.flags)
+        if process_data.untimed:
+            flags = tuple(flag | SampleFlag.UNTIMED.value for flag in sample.flags)
+            sample = sample._replace(flags=flags)
+        return sample
 
 
 def _with_gaps(sample: Sample, gaps: Sequence[int]) -> Sample:

@@ -23,7 +23,7 @@ from drivers.cia402.deadline import Deadline
 from drivers.cia402.set_point import Standstill
 from drivers.cia402.states import in_words
 from drivers.cia402.stop import AWAITED, AxisStop, StopPhase
-from drivers.drive_bus import DriveError, SampleFlag
+from drivers.drive_bus import DriveError, NodeSilent, SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -251,10 +251,18 @@ class Shutdown:
         for each in self._stopped:
             if each.stop.phase is StopPhase.UNSEEN and not over.passed:
                 try:
-                    self._switch_off_by_objects(each.axis.server)
+                    self._switch_off_silent(each.axis.server)
                     each.stop.phase = StopPhase.OFF
                 except Exception as error:
                     each.reason = str(error)
+
+    def _switch_off_silent(self, server: RemoteDictionary) -> None:
+        """Switch a drive off by objects; one that somebody stopped (NMT) must serve them first."""
+        try:
+            self._switch_off_by_objects(server)
+        except NodeSilent:
+            server.access.leave_operational()
+            self._switch_off_by_objects(server)
 
     def _watch_rest(self) -> list[str]:
         """Watch where axes go that are off; one that does not come to rest is not off."""
@@ -287,15 +295,17 @@ class Shutdown:
         ]
 
     def _left_on(self) -> Iterable[str]:
+        alike: dict[tuple[str, str], list[str]] = {}
         for each in self._stopped:
             if not each.off:
                 shown = "nothing" if each.stop.state is None else each.stop.state.value
-                why = each.reason or each.refused
-                yield (
-                    f"{each.axis.label}: does not switch off, it shows {shown}"
-                    f"{f' ({why})' if why else ''}; its watchdog stays armed and"
-                    f" {self._life_sign.name} has ceased"
-                )
+                why = (each.reason or each.refused).removeprefix(f"{each.axis.label}: ")
+                alike.setdefault((shown, f" ({why})" if why else ""), []).append(each.axis.label)
+        for (shown, why), labels in alike.items():
+            yield (
+                f"{', '.join(labels)}: does not switch off, it shows {shown}{why}; its watchdog"
+                f" stays armed and {self._life_sign.name} has ceased"
+            )
 
 
 def _order(axis: Axis, command: Command) -> bool:

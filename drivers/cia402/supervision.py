@@ -13,6 +13,7 @@ from drivers.cia402 import objects
 from drivers.cia402.error_codes import Emergency, decode_emergency, error_text
 from drivers.cia402.states import FAULTS, State, decode_state
 from drivers.drive_bus import DriveError, DriveFault
+from drivers.remote_dictionary import labels_by_node
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,7 +75,7 @@ class Supervision:
         """
         settled, self._settling, self._fresh = self._settling, self._fresh, []
         self.emergency = bool(self._settling)
-        labels = {server.node: server.label for server in self._servers}
+        labels = labels_by_node(self._servers)
         found = []
         for node, emergency in settled:
             if (node, emergency.code) not in self._told:

@@ -40,7 +40,7 @@ def mixed_up(
     fitting = [
         (there, other)
         for there, other in pairs
-        if other is not axis and fits(server, other) and not fits(there, other)
+        if other.node != axis.node and fits(server, other) and not fits(there, other)
     ]
     if not fitting:
         return None

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from drivers.commissioning.held_values import MAPPINGS
+from drivers.in_node import ALONE, InNode, find_axes, maps
+from drivers.remote_dictionary import in_words
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from drivers.fieldbus import Entry
 
@@ -46,6 +48,8 @@ class Declared:
         The maker's, in a data sheet.
     low, high : int or None
         Range that it takes.
+    reals : tuple of float or None
+        The same four of a real number, in this order; empty for integers.
     """
 
     index: int
@@ -58,6 +62,7 @@ class Declared:
     default: int | None = None
     low: int | None = None
     high: int | None = None
+    reals: tuple[float | None, ...] = ()
 
     @property
     def bits(self) -> int | None:
@@ -131,6 +136,27 @@ class Dictionary:
     model: str = ""
     notes: tuple[str, ...] = ()
 
+    def axes(self) -> Sequence[InNode]:
+        """Return the axes of the drive."""
+        return find_axes(lambda index, subindex: (index, subindex) in self.entries)
+
+    def of_axis(self, within: InNode) -> Dictionary:
+        """Return the dictionary as one of the drive's axes sees it."""
+        if within == ALONE:
+            return self
+        entries = {
+            (index, declared.subindex): _moved(declared, index, within)
+            for declared in self.entries.values()
+            if (index := within.relative(declared.index)) is not None
+        }
+        return replace(
+            self,
+            entries=entries,
+            source=f"{self.source}{in_words(within.axis)}",
+            damaged=_relative(self.damaged, within),
+            unanswered=_relative(self.unanswered, within),
+        )
+
     def find(self, index: int, subindex: int = 0) -> Declared | None:
         """Return what is declared at a place, None where nothing is.
 
@@ -158,6 +184,20 @@ class Dictionary:
         """Yield what is declared of one object, by sub-index."""
         for key in sorted(key for key in self.entries if key[0] == index):
             yield self.entries[key]
+
+
+def _moved(declared: Declared, index: int, within: InNode) -> Declared:
+    if not maps(index, declared.subindex):
+        return replace(declared, index=index)
+    words = [word and within.word(word) for word in (declared.value, declared.default)]
+    return replace(declared, index=index, value=words[0], default=words[1])
+
+
+def _relative(texts: Mapping[Key, str], within: InNode) -> dict[Key, str]:
+    pairs = (
+        ((within.relative(index), subindex), text) for (index, subindex), text in texts.items()
+    )
+    return {(index, subindex): text for (index, subindex), text in pairs if index is not None}
 
 
 def with_proof(entries: Mapping[Key, Declared]) -> dict[Key, Declared]:

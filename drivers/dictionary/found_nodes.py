@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from drivers.in_node import ALONE, InNode
+
 if TYPE_CHECKING:
     from drivers.dictionary.dictionary import Dictionary
     from drivers.dictionary.review import Review
@@ -28,6 +30,10 @@ class FoundNode:
         What was read; None where no SDO is answered.
     review : Review or None
         What it offers.
+    further : list of (InNode, Dictionary, Review)
+        Its other axes, where it has several.
+    within : InNode
+        Which PDOs are those of its first axis.
     """
 
     node: int
@@ -38,6 +44,8 @@ class FoundNode:
     answers: int = 0
     dictionary: Dictionary | None = None
     review: Review | None = None
+    further: list[tuple[InNode, Dictionary, Review]] = field(default_factory=list)
+    within: InNode = ALONE
 
 
 @dataclass

@@ -15,7 +15,7 @@ from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.held_values import mapping_slot
 from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
-from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer
+from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer, in_words
 
 if TYPE_CHECKING:
     from drivers.dictionary.bus_rules import BusRules
@@ -33,7 +33,7 @@ TEXT_LIMIT = 60
 _CURRENTS = (objects.TORQUE, objects.CURRENT)
 
 
-def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
+def read_dictionary(access: Access, node: int, rules: BusRules, axis: int = 1) -> Dictionary:
     """Read from a drive what a review needs.
 
     Parameters
@@ -44,6 +44,8 @@ def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
         Its number on the bus.
     rules : BusRules
         Of the bus.
+    axis : int
+        Which axis of the node.
     """
     reading = _Reading(access)
     for entry in (*rules.requirements, *_CURRENTS, *rules.asked):
@@ -58,7 +60,7 @@ def read_dictionary(access: Access, node: int, rules: BusRules) -> Dictionary:
     model = reading.text(DEVICE_NAME)
     identity = [reading.value(entry) for entry in objects.IDENTITY]
     return Dictionary(
-        f"node {node}",
+        f"node {node}{in_words(axis)}",
         live=True,
         entries=with_proof(reading.entries),
         unanswered=reading.unanswered,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import DriveError, NodeSilent
+from drivers.drive_bus import DriveError, NodeSilent, Tripped
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import ERROR, MASK, AlState
 from drivers.ethercat.clocks import Clocks
@@ -15,6 +15,7 @@ from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
 from drivers.ethercat.reference_clock import AHEAD, ReferenceClock
 from drivers.ethercat.slaves import Slaves
 from drivers.ethercat.watchdog import OutputsSent
+from drivers.found_settings.settings_file import WRITTEN_ONCE
 from drivers.remote_dictionary import NoAnswer
 from drivers.session.connection import Connection, places_of
 
@@ -69,6 +70,7 @@ class EthercatConnection(Connection):
         if isinstance(clock, ReferenceClock) and file.distributed_clock:
             self._clock = clock
         self._clocks: Clocks | None = None
+        self._looked = -1
         self._data = data = EthercatProcessData(line, file.axes, drives, clock)
         life_sign = OutputsSent(
             data,
@@ -148,6 +150,19 @@ class EthercatConnection(Connection):
         for drive in self._drives:
             with heard(drive.label):
                 drive.refuse_unwatched()
+
+    def look_at_limits(self) -> None:
+        """Read back one object of each drive, the next one at each call: no frame tells of it."""
+        self._looked += 1
+        for server in self.servers:
+            held = [entry for entry in server.kept if entry.index in WRITTEN_ONCE]
+            entry = held[self._looked % len(held)]
+            if (present := server.get(entry)) != server.kept[entry]:
+                raise Tripped(
+                    f"{server.label}: {entry} is {present}, {server.kept[entry]} was written:"
+                    " somebody else changed it; nobody else may command these drives: end that"
+                    " master or tool first"
+                )
 
     def collect_late(self) -> None:
         """Do nothing: a frame that is late is known by its number and dropped."""

@@ -22,7 +22,7 @@ from drivers.ethercat.coe import SdoClient, emergency_of
 from drivers.ethercat.eeprom import Area, Layout, read_layout
 from drivers.ethercat.mailbox import Mailbox
 from drivers.ethercat.process_layout import Mapped
-from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
+from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, in_words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -45,6 +45,12 @@ _SYNC0 = b"\0\3"
 """Activation (0980h) of cyclic operation and SYNC0, which the master controls."""
 _FMMU = struct.Struct("<IHBBHBBB3x")
 _MANAGER = struct.Struct("<HHBBBB")
+GUARDS = (
+    (reg.WATCHDOG_DIVIDER, 2),
+    (reg.WATCHDOG_TIME, 2),
+    (reg.MANAGER + 2 * reg.MANAGER_SIZE + 4, 1),
+)
+"""Registers that make up the watchdog, and their sizes: divider, time, control of outputs."""
 ORDER_TIME = 0.02
 """How long an order may wait for a mailbox that is full [s]: others are to be commanded too."""
 
@@ -212,24 +218,28 @@ class EthercatDrive:
         DriveRefused
             Another master may be at work.
         """
-        found = (
-            self.station.read(reg.WATCHDOG_DIVIDER, 2),
-            self.station.read(reg.WATCHDOG_TIME, 2),
-        )
-        if found != (DIVIDER.to_bytes(2, "little"), self._watchdog):
-            shown = reg.TICK * (_word(found[0]) + 2) * _word(found[1])
+        unwatched = self.why_unwatched([self.station.read(*each) for each in GUARDS])
+        if unwatched:
             raise DriveRefused(
-                f"{self.label}: the watchdog of its sync manager (0400h, 0420h) is {shown:g} s"
-                f" before power-on, {UNIT * _word(self._watchdog):g} s was written; another master"
-                " changed it, or this controller has none: end that first, or use another drive"
+                f"{unwatched}; another master changed it, or this controller has none: end that"
+                " first, or use another drive or firmware"
             )
-        control = self.station.read(reg.MANAGER + 2 * reg.MANAGER_SIZE + 4, 1)[0]
+
+    def why_unwatched(self, found: Sequence[bytes]) -> str:
+        """Return in words how registers (`GUARDS`) differ from what was written; empty if not."""
+        divider, limit, control = map(_word, found)
+        if found[0] != DIVIDER.to_bytes(2, "little") or found[1] != self._watchdog:
+            shown = reg.TICK * (divider + 2) * limit
+            return (
+                f"{self.label}: the watchdog of its sync manager (0400h, 0420h) is {shown:g} s,"
+                f" {UNIT * _word(self._watchdog):g} s was written"
+            )
         if not control & _WATCHED:
-            raise DriveRefused(
+            return (
                 f"{self.label}: its sync manager of outputs has no watchdog (0814h ="
-                f" {control:02X}h), so the axis would go on when our process dies; use another"
-                " drive or firmware"
+                f" {control:02X}h), so the axis would go on when our process dies"
             )
+        return ""
 
     def hand_back(self) -> None:
         """Put back its watchdog and the AL state in which it was found, and end SYNC0, in PREOP.
@@ -294,7 +304,13 @@ def reached(
     """Return drives and their objects, which are looked for on the line when first needed."""
     drives = tuple(
         EthercatDrive(partial(slaves.at, node, alias), line, f"{name} (node {node})", timeout)
-        for node, name, alias in places
+        for node, name, alias, _ in places
     )
+    for at in places:
+        if at.within.axis > 1:
+            raise DriveRefused(
+                f"{at.name} (node {at.node}{in_words(at.within.axis)}): axes of one drive are"
+                " served on CAN alone; use its CAN interface, or drives of one axis each"
+            )
     pairs = zip(drives, places, strict=True)
     return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from checked_files.foreign_text import one_line
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
+from drivers.cia402 import objects
 from drivers.dictionary.dictionary import Declared, Dictionary, with_proof
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
     from drivers.dictionary.dictionary import Key
+    from drivers.fieldbus import Entry
 
 _TYPES = {
     "SINT": "i8", "INT": "i16", "DINT": "i32", "LINT": "i64", "USINT": "u8", "UINT": "u16",
@@ -32,6 +34,12 @@ _ACCESS = {"ro", "wo", "rw"}
 ELEMENTS = 255
 """Most sub-indices of an object."""
 _PROFILE = 402
+_UNITS = {
+    objects.POSITION_UNIT: (0x6064, 0x607A),
+    objects.VELOCITY_UNIT: (0x6081, 0x607F, 0x606C),
+    objects.ACCELERATION_UNIT: (0x6083, 0x6084, 0x60C5),
+}
+"""Objects whose unit (ETG.1004) says what 60A8 to 60AA would."""
 
 
 def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
@@ -65,18 +73,24 @@ def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
         )
     device = max(drives, key=lambda each: _number(_attribute(each, "RevisionNo")) or 0)
     reading = _Reading(device)
-    notes = (f"{len(drives)} devices; the latest revision is read",) if len(drives) > 1 else ()
+    entries = reading.entries()
+    notes = [f"{len(drives)} devices; the latest revision is read"] if len(drives) > 1 else []
+    units = {entry: unit for entry, unit in reading.units().items() if entry.key not in entries}
+    for entry, (unit, index) in units.items():
+        entries[entry.key] = Declared(*entry.key, entry.name, "u32", access="const", default=unit)
+        notes.append(f"states the unit of {index:04X} as {unit:08X}h: taken as {entry.index:04X}")
+    entries = {**_mapped(device), **entries}
     return Dictionary(
         str(path),
         live=False,
-        entries=with_proof(reading.entries()),
+        entries=with_proof(entries),
         node=node,
         vendor=_number(file.root.findtext("Vendor/Id")),
         product=_number(_attribute(device, "ProductCode")),
         revision=_number(_attribute(device, "RevisionNo")),
         maker=_text(file.root, "Vendor/Name"),
         model=_text(device, "Name") or _text(device, "Type"),
-        notes=notes,
+        notes=tuple(notes),
     )
 
 
@@ -127,6 +141,17 @@ class _Reading:
                 found[key] = _declared(key, each, member, information)
         return found
 
+    def units(self) -> dict[Entry, tuple[int, int]]:
+        """Return unit codes of positions and rates (`_UNITS`), each with the object that has it."""
+        by_index = {_number(each.findtext("Index")): each for each in reversed(self._objects)}
+        found: dict[Entry, tuple[int, int]] = {}
+        for entry, indices in _UNITS.items():
+            for index in (index for index in indices if index in by_index):
+                unit = _number(by_index[index].findtext("Info/Unit"))
+                if unit:
+                    found.setdefault(entry, (unit, index))
+        return found
+
     def _members(self, each: Element) -> Iterator[_Member]:
         kind = self._types.get(_text(each, "Type"))
         items = [] if kind is None else kind.findall("SubItem")
@@ -143,6 +168,18 @@ class _Reading:
                     yield _Member(number, name, _text(array, "BaseType"), flags)
             elif subindex is not None:
                 yield _Member(subindex, name, _text(item, "Type"), flags)
+
+
+def _mapped(device: Element) -> dict[Key, Declared]:
+    """Return objects that the default PDOs carry: they are there, described or not."""
+    found: dict[Key, Declared] = {}
+    for tag, access in (("TxPdo", "ro"), ("RxPdo", "rw")):
+        for each in device.findall(f"{tag}/Entry"):
+            index, kind = _number(each.findtext("Index")), _TYPES.get(_text(each, "DataType"))
+            key = (index or 0, _number(each.findtext("SubIndex")) or 0)
+            if key[0] >= 0x1000:  # others only fill gaps
+                found[key] = Declared(*key, _text(each, "Name"), kind, access, mappable=True)
+    return found
 
 
 def _declared(key: Key, each: Element, member: _Member, information: Element | None) -> Declared:

@@ -31,7 +31,8 @@ from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
 from drivers.ethercat.clocks import OUT_OF_STEP, is_together, size_of
-from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, at
+from drivers.ethercat.drive import GUARDS
+from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, answers_of, at
 from drivers.ethercat.process_layout import picking
 from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.remote_dictionary import NoAnswer
@@ -53,6 +54,8 @@ FOREIGN = 3
 """Frames that are not ours: more of them are no chance."""
 _BOTH, _READ = 3, 1
 """Working counter of a drive that took outputs (2) and gave inputs (1), or that was read."""
+_ASKED = 20
+"""Drives whose watchdogs are read by one frame."""
 _TIMES = 4
 """Unpacked of the clocks: the reference's time, all differences, each with its working counter."""
 _VALUES = 5
@@ -157,6 +160,11 @@ class EthercatProcessData(ProcessData):
             True: self._line.frame((*written, *states)),
             False: self._line.frame((*read, *states, _WATCHDOGS)),
         }
+        self._guards = [
+            Datagram(Command.FPRD, at(drive.station.address, place), bytes(size))
+            for drive in self._drives
+            for place, size in GUARDS
+        ]
         self._size = struct.calcsize(layout)
         self._unpack = unpacking(layout, order)
         self._end = _VALUES * n
@@ -256,6 +264,8 @@ class EthercatProcessData(ProcessData):
         clock, line = self._clock, self._line
         while (due := clock.due()) > 0:  # whoever sleeps too long passes this deadline over
             time.sleep(due)
+        self.untimed = clock.uncertain  # inputs are those of the frame before
+        clock.sending()
         line.send(self._frames[self.feeding])
         instant = self._sent_at = clock.sent()
         answer = line.receive(clock.window())
@@ -352,6 +362,22 @@ class EthercatProcessData(ProcessData):
     def since_sent(self) -> float:
         """Return how long ago outputs were sent [s]."""
         return self._clock.now() - self._sent_at
+
+    def unwatched(self) -> str:
+        """Return which drive has another watchdog than was set, in words; empty if none is seen."""
+        line, each = self._line, len(GUARDS)
+        for first in range(0, len(self._drives), _ASKED):
+            asked = self._guards[first * each : (first + _ASKED) * each]
+            line.send(line.frame(asked))
+            frame = line.receive(self._clock.window())
+            answers = frame and answers_of(frame, asked)
+            if not answers or not all(answer.counter for answer in answers):
+                continue  # a drive that is away is counted by the cycle
+            for number in range(0, len(answers), each):
+                data = [answer.data for answer in answers[number : number + each]]
+                if words := self._drives[first + number // each].why_unwatched(data):
+                    return words
+        return ""
 
     def repeat(self) -> None:
         """Send the present outputs again, and take nothing of what comes back."""

@@ -2,7 +2,8 @@
 
 Each cycle brings outputs, so there is nothing to send beside. Only while a mailbox is waited for,
 and no cycle passes, the same outputs go out again when they are due. In the other direction a
-drive that leaves OP, or does not take part in the exchange for the time-out, is trouble. Where the
+drive that leaves OP, or does not take part in the exchange for the time-out, is trouble, and so is
+one whose watchdog is no longer as it was set: it is read with every `heartbeat_period`. Where the
 sign ceases, inputs are read on and outputs are not sent any more, to any drive.
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import NodeSilent
+from drivers.drive_bus import DriveRefused, NodeSilent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -52,17 +53,18 @@ class OutputsSent:
         self.trouble: DriveError | None = None
         self._data, self._labels, self._period = data, labels, period
         self._diagnose, self._recover = diagnose, recover
-        self._watched = False
+        self._watched, self._looks = False, math.inf
 
     @property
     def due(self) -> float:
         """When `service` must be called next [s]: at once where something is unusual."""
         data = self._data
-        return -math.inf if data.unusual or data.mail or data.foreign else math.inf
+        return -math.inf if data.unusual or data.mail or data.foreign else self._looks
 
     def watch(self) -> None:
         """Begin to expect all drives in OP, and to send outputs again."""
         self.trouble, self._watched = None, True
+        self._looks = self._data.now() + self._period
         self._data.feeding = True
         self._data.forget_absence()
         if self._data.fallen:
@@ -82,6 +84,14 @@ class OutputsSent:
             )
         elif self._data.unusual:
             self._look_who_is_gone()
+        elif self._data.now() >= self._looks:
+            self._looks = self._data.now() + self._period
+            if unwatched := self._data.unwatched():
+                self.trouble = DriveRefused(
+                    f"{unwatched}: somebody else changed it, and the axis would go on when our"
+                    " process dies; nobody else may command these drives: end that master or tool"
+                    " first"
+                )
 
     def _look_who_is_gone(self) -> None:
         if self._data.fallen:

@@ -71,7 +71,7 @@ class SettingsKeeper:
         self._interface, self._channel = bus
         self._settings: FoundSettings | None = None
         self._announced = False
-        self._earlier: frozenset[int] = frozenset()
+        self._earlier: frozenset[tuple[int, int]] = frozenset()
 
     @property
     def settings(self) -> FoundSettings:
@@ -110,11 +110,11 @@ class SettingsKeeper:
         if self.path is not None and self.path.exists():
             earlier = load_found_settings(self.path)
             self._settings = self._settings.with_drives(earlier.unrestored)
-        self._earlier = frozenset(drive.node for drive in self._settings.drives)
+        self._earlier = frozenset(drive.place for drive in self._settings.drives)
 
     def found(self, server: RemoteDictionary, entry: Entry) -> int | None:
         """Return what an object held before any of our writes; None where it is missing."""
-        kept = self._drive(server.node)
+        kept = self._drive(server.place)
         for each in kept.objects if kept else ():
             if each.key == entry.key:
                 present = None if each.written is None else server.find(entry)
@@ -137,14 +137,22 @@ class SettingsKeeper:
         NodeSilent
             No answer.
         """
-        earlier, identity = self._drive(server.node), read_identity(server)
+        earlier, identity = self._drive(server.place), read_identity(server)
         if earlier is not None and (differs := difference(earlier.identity, identity)):
             raise DriveRefused(
                 f"{server.label}: {self.path} holds what another drive was set to, which was never"
                 f" put back: {differs}; connect that drive and put it back with hil drives restore"
                 f" {self.path}, or remove the file if the drive is gone"
             )
-        kept = FoundDrive(name=axis.name, node=axis.node, alias=axis.alias, identity=identity)
+        axes, pdos = axis.within
+        kept = FoundDrive(
+            name=axis.name,
+            node=axis.node,
+            alias=axis.alias,
+            axis=axes,
+            pdos=pdos,
+            identity=identity,
+        )
         if earlier is not None:
             if earlier.doubt:
                 server.note(earlier.doubt)
@@ -195,7 +203,7 @@ class SettingsKeeper:
         LookupError
             Nothing is.
         """
-        kept = self._drive(server.node)
+        kept = self._drive(server.place)
         if kept is None:
             raise LookupError(f"{server.label}: nothing was kept")
         return kept
@@ -231,17 +239,14 @@ class SettingsKeeper:
         if not self._announced:
             return []
         for server in servers:
-            if server not in written and server.node not in self._earlier:
+            if server not in written and server.place not in self._earlier:
                 self._note_restored(server)
         self.save()
         remedy = f": put it back with hil drives restore {self.path}" if self.path else ""
+        left = [server.label for server in servers if not self.drive(server).restored]
         return [
             *(f"{each} was written without having been announced" for each in self.unannounced),
-            *(
-                f"{server.label}: does not hold again what it held before{remedy}"
-                for server in servers
-                if not self.drive(server).restored
-            ),
+            *([f"{', '.join(left)}: does not hold again what it held before{remedy}"] * bool(left)),
         ]
 
     def save(self) -> None:
@@ -258,8 +263,8 @@ class SettingsKeeper:
     def _note_restored(self, server: RemoteDictionary) -> None:
         self._settings = self.settings.with_drives([self.drive(server).done()])
 
-    def _drive(self, node: int) -> FoundDrive | None:
-        return next((drive for drive in self.settings.drives if drive.node == node), None)
+    def _drive(self, place: tuple[int, int]) -> FoundDrive | None:
+        return next((drive for drive in self.settings.drives if drive.place == place), None)
 
     def _keep(self, server: RemoteDictionary, entry: Entry) -> None:
         found = before(server, entry)

@@ -22,8 +22,9 @@ from drivers.cia402.vendor_objects import VELOCITY_FEED_FORWARDS
 from drivers.commissioning.held_values import ASSIGNMENTS, COMMANDS
 from drivers.commissioning.requirement import Use
 from drivers.commissioning.requirements import REQUIREMENTS
-from drivers.drives_file import U32
+from drivers.drives_file import U32, PdoNumber
 from drivers.fieldbus import Entry
+from drivers.in_node import ALONE, AXES, PDOS, InNode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Sequence
@@ -149,6 +150,8 @@ class FoundDrive(FileModel):
         Of its axis.
     alias : int or None
         By which it is found in place of its number.
+    axis, pdos
+        Which of several axes of its node (see `drivers.drives_file.AxisDrive`).
     restored : bool
         The drive holds all of them again that it takes back.
     objects : tuple of FoundObject
@@ -158,9 +161,21 @@ class FoundDrive(FileModel):
     name: Annotated[Name, Field(min_length=1)]
     node: Annotated[int, Field(ge=1, le=127)]
     alias: Annotated[int, Field(ge=1, le=0xFFFF)] | None = None
+    axis: Annotated[int, Field(ge=1, le=AXES)] = 1
+    pdos: tuple[PdoNumber, PdoNumber] = (1, PDOS)
     identity: FoundIdentity
     restored: bool = False
     objects: tuple[FoundObject, ...] = ()
+
+    @property
+    def within(self) -> InNode:
+        """Which of several axes of its node it is."""
+        return InNode(self.axis, self.pdos)
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Node and axis."""
+        return self.node, self.axis
 
     def done(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
         """Return this drive as one that holds everything again but what it did not take back."""
@@ -227,10 +242,10 @@ class FoundSettings(FileModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        nodes = [drive.node for drive in self.drives]
-        for node in nodes:
-            if nodes.count(node) > 1:
-                raise ValueError(f"node {node} stands twice; remove one of the drives")
+        places = [drive.place for drive in self.drives]
+        for place in places:
+            if places.count(place) > 1:
+                raise ValueError(f"node {place[0]} stands twice; remove one of the drives")
         if self.restored and not all(drive.restored for drive in self.drives):
             raise ValueError("restored: true, but not of all drives; write false")
         return self
@@ -242,8 +257,8 @@ class FoundSettings(FileModel):
 
     def with_drives(self, drives: Iterable[FoundDrive]) -> FoundSettings:
         """Return the settings with these drives in place of those with their node numbers."""
-        changed = {drive.node: drive for drive in drives}
-        kept = {drive.node: drive for drive in self.drives} | changed
+        changed = {drive.place: drive for drive in drives}
+        kept = {drive.place: drive for drive in self.drives} | changed
         everything = tuple(kept.values())
         restored = all(drive.restored for drive in everything)
         return self.model_copy(update={"drives": everything, "restored": restored})
@@ -307,6 +322,11 @@ def _drive_lines(drive: FoundDrive) -> Sequence[str]:
         f"- name: {quoted(drive.name)}",
         f"  node: {drive.node}",
         *([] if drive.alias is None else [f"  alias: {drive.alias}"]),
+        *(
+            []
+            if drive.within == ALONE
+            else [f"  axis: {drive.axis}", f"  pdos: {list(drive.pdos)}"]
+        ),
         f"  identity: {{{identity}}}",
         f"  restored: {_shown(drive.restored)}",
         "  objects:" if drive.objects else "  objects: []",

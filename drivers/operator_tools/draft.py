@@ -18,6 +18,7 @@ from checked_files.yaml_text import comment, quoted
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import TorqueUnit
+from drivers.in_node import ALONE, InNode
 from drivers.operator_tools.draft_hints import (
     acceleration_unit,
     increments,
@@ -51,6 +52,7 @@ class DraftedAxis:
     dictionary: Dictionary
     review: Review
     node: int | None
+    within: InNode = ALONE
 
 
 def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | None = None) -> str:
@@ -92,16 +94,17 @@ def refuse_unfit(axes: Sequence[DraftedAxis]) -> None:
         for axis in {axis.dictionary.source: axis for axis in axes}.values()
         for refusal in axis.review.refusals
     ]
-    nodes = [axis.node for axis in axes if axis.node is not None]
+    places = [(axis.node, axis.within.axis) for axis in axes if axis.node is not None]
+    nodes = [node for node, _ in places]
     problems += [
         f"node {node}: must be in 1...{HIGHEST_NODE}; 127 is ours"
         for node in nodes
         if not 1 <= node <= HIGHEST_NODE
     ]
     problems += [
-        f"node {node}: is given to {nodes.count(node)} axes; give each drive its own"
-        for node in sorted(set(nodes))
-        if nodes.count(node) > 1
+        f"node {place[0]}: is given to {places.count(place)} axes; give each drive its own"
+        for place in sorted(set(places))
+        if places.count(place) > 1
     ]
     if problems:
         raise DriveRefused("\n".join(problems))
@@ -131,6 +134,7 @@ def _axis(number: int, axis: DraftedAxis, rules: BusRules) -> Iterator[str]:
     body = [
         f"name: joint {number}",
         _line("node", axis.node, "", "node number of the drive, 1 to 126"),
+        *_within(axis.within),
         *_identity(dictionary),
         *_drive_train(dictionary, limits["gear_ratio"]),
         *_current(axis.review, dictionary),
@@ -144,6 +148,14 @@ def _axis(number: int, axis: DraftedAxis, rules: BusRules) -> Iterator[str]:
     ]
     yield f"  - {body[0]}"
     yield from (f"    {line}" for line in body[1:])
+
+
+def _within(within: InNode) -> Iterator[str]:
+    """State which axis of its drive it is."""
+    if within != ALONE:
+        after = f": its objects are {0x800 * (within.axis - 1):X}h after those below"
+        yield f"axis: {within.axis} # of several in this drive{after if within.axis > 1 else ''}"
+        yield f"pdos: [{within.pdos[0]}, {within.pdos[1]}] # numbers of its PDOs, first and last"
 
 
 def _identity(dictionary: Dictionary) -> Iterator[str]:

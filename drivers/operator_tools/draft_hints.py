@@ -140,6 +140,7 @@ def _default(dictionary: Dictionary, entry: Entry) -> int | None:
 
 
 def _shown(declared: Declared) -> str:
-    if declared.value is not None:
-        return f", it is {declared.value}"
-    return f", {declared.default} by default" if declared.default else ""
+    value, default = (*declared.reals, declared.value, declared.default)[:2]
+    if value is not None:
+        return f", it is {value:g}"
+    return f", {default:g} by default" if default else ""

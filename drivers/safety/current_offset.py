@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 SYNCS = 10
 """SYNCs whose samples are averaged, as far as they came in time."""
 
+_ENERGISED = 1 << 2
+"""Bit of the statusword: operation enabled."""
 _OLD = SampleFlag.MISSING | SampleFlag.LATE
 OFFSET = 0.02
 """Share of an axis's torque limit that its sensor may read with power off."""
@@ -45,10 +47,9 @@ def offsets(
     seen: list[list[float]] = [[] for _ in axes]
     for _ in range(SYNCS):
         cycle()
-        for readings, current, flag in zip(
-            seen, process_data.currents, process_data.flags, strict=True
-        ):
-            if not flag & _OLD:
+        shown = process_data.words, process_data.currents, process_data.flags
+        for readings, word, current, flag in zip(seen, *shown, strict=True):
+            if not (flag & _OLD or word & _ENERGISED):  # another master may have switched it on
                 readings.append(current)
     found = []
     for axis, readings in zip(axes, seen, strict=True):

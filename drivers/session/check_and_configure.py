@@ -72,12 +72,12 @@ def check_and_configure(
     keeper.open(drives)
     servers, communications = connection.servers, connection.communications
     pairs = list(zip(servers, drives.axes, strict=True))
-    at = {server.node: place for place, server in enumerate(servers)}
+    at = {server: place for place, server in enumerate(servers)}
 
     def look(server: RemoteDictionary, axis: AxisDrive) -> Announcement:
         server.access.leave_operational()
         connection.power.make_safe(server, reset_fault=reset_faults)
-        held, communication = partial(keeper.found, server), communications[at[server.node]]
+        held, communication = partial(keeper.found, server), communications[at[server]]
         try:
             announcement = announce(server, axis, drives, period, communication, held, keeper.later)
         except DriveRefused as error:
@@ -90,7 +90,7 @@ def check_and_configure(
     keeper.announced(servers)
 
     def configure(server: RemoteDictionary, axis: AxisDrive) -> Axis:
-        place = at[server.node]
+        place = at[server]
         connection.written.append(server)
         holding, communication = expected[place], communications[place]
         wait = connection.power.wait

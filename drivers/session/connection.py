@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402.power import Power
 from drivers.cia402.supervision import Supervision
+from drivers.in_node import ALONE, InNode
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -100,6 +101,15 @@ class Connection(ABC):
             Another master may be at work.
         """
 
+    def look_at_limits(self) -> None:  # noqa: B027 - most buses hear it
+        """Read back a limit of each drive, where nobody hears that somebody else writes it.
+
+        Raises
+        ------
+        Tripped
+            It is no longer what start-up wrote.
+        """
+
     @abstractmethod
     def collect_late(self) -> None:
         """Take telegrams off the bus that are merely late."""
@@ -163,16 +173,19 @@ class Place(NamedTuple):
         For messages.
     alias : int or None
         By which it is found in place of its number, on buses that have such.
+    within : InNode
+        Which of several axes of its node.
     """
 
     node: int
     name: str
     alias: int | None = None
+    within: InNode = ALONE
 
 
 def places_of(drives: Iterable[AxisDrive | FoundDrive]) -> tuple[Place, ...]:
     """Return where drives are that a file names."""
-    return tuple(Place(drive.node, drive.name, drive.alias) for drive in drives)
+    return tuple(Place(drive.node, drive.name, drive.alias, drive.within) for drive in drives)
 
 
 class Fieldbus(ABC):

@@ -90,10 +90,10 @@ def _switch_off_running(session: Session, outcome: Outcome) -> None:
     stopping = session.stopping
     stopping.stop()
     stopping.switch_off()
-    if all(stopping.off):
+    outcome.notes += stopping.conclude()
+    if all(stopping.off):  # by now also a slow drive has renewed its current
         with suppress(Exception):
             session.note_offsets("after power-off")
-    outcome.notes += stopping.conclude()
     servers = session.connection.servers
     outcome.off = {server for server, off in zip(servers, stopping.off, strict=True) if off}
     outcome.problems += stopping.problems
@@ -117,7 +117,9 @@ def _restore(
     connection: Connection, keeper: SettingsKeeper, order: RestoringOrder, outcome: Outcome
 ) -> None:
     over = Deadline(RESTORING)
+    # axes of one node share what watches them
+    on = {server.node for server in connection.written if server not in outcome.off}
     for server in connection.written:
-        if server in outcome.off and not over.passed:
+        if server.node not in on and not over.passed:
             with suppress(Exception):  # what is not put back is reported by `SettingsKeeper.close`
                 keeper.restore(server, order)

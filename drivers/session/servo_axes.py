@@ -11,9 +11,10 @@ whatever happened, and releases the watchdogs of those drives that have shown th
 from __future__ import annotations
 
 import logging
+import re
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import DriveFault, DriveRefused
+from drivers.drive_bus import DriveError, DriveFault, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.interrupts import interrupts_held
 from drivers.session.check_and_configure import check_and_configure
@@ -235,6 +236,8 @@ class ServoAxes:
             except KeyboardInterrupt as again:
                 pressed = again
         if pressed is not None:
+            if isinstance(error, DriveError):  # why the axes had been stopped before
+                pressed.add_note(str(error))
             raise pressed
 
     def _leave(self, error: BaseException | None) -> None:
@@ -253,7 +256,9 @@ class ServoAxes:
             if outcome.message:
                 log.error("%s", outcome.message)
                 if error is not None:
-                    error.add_note(outcome.message)
+                    said = str(error).rsplit(": ", 1)[-1]  # what the bus said, at whatever attempt
+                    again = rf" \([^()]*{re.escape(said)}\)"
+                    error.add_note(re.sub(again, "", outcome.message))
         if outcome.message and error is None:
             raise DriveFault(outcome.message)
 

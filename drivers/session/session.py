@@ -163,6 +163,8 @@ class Session:
         for axis, move in moves.items():
             check_move(move, self.axes[axis])
         try:
+            if not self._moving:
+                self.connection.look_at_limits()
             if self._planned:
                 return self._cyclic_position.move(moves)
             if self._cyclic_position.cyclic:

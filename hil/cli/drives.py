@@ -33,6 +33,7 @@ from hil.terminal.console import out, say, working
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from drivers.dictionary.dictionary import Dictionary
     from drivers.dictionary.found_nodes import FoundNode, Scan
     from drivers.operator_tools.draft import DraftedAxis
 
@@ -147,8 +148,11 @@ def _from_sheets(
         )
     axes, rules = [], rules_of(interface)
     for number, file in enumerate(files):
-        dictionary = (read_esi if interface else read_eds)(file, nodes[number] if nodes else None)
-        axes.append(DraftedAxis(dictionary, review(dictionary, rules), dictionary.node))
+        whole = (read_esi if interface else read_eds)(file, nodes[number] if nodes else None)
+        for within in whole.axes():
+            dictionary = whole.of_axis(within)
+            reviewed = review(dictionary, rules)
+            axes.append(DraftedAxis(dictionary, reviewed, whole.node, within))
     return axes
 
 
@@ -164,9 +168,13 @@ def _from_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[Dr
             " bit rate and the CAN wiring"
         )
     axes = [
-        DraftedAxis(node.dictionary, node.review, node.node)
+        DraftedAxis(dictionary, review, node.node, within)
         for node in found.values()
         if node.dictionary and node.review and (nodes or node.review.profile in {None, 402})
+        for within, dictionary, review in (
+            (node.within, node.dictionary, node.review),
+            *node.further,
+        )
     ]
     if not axes:
         raise DriveRefused("no CiA 402 drive on the bus; `hil drives scan` shows what there is")
@@ -219,12 +227,17 @@ def _show_nodes(found: Sequence[FoundNode]) -> None:
             about.model if about else "",
             ", ".join("?" if part is None else f"{part:X}h" for part in identity),
             " ".join(MODES[mode] for mode in (review.modes if review else None) or ()),
-            _state(node),
+            _state(about),
         )
         serves, style = "unknown", "yellow"
         if review is not None:
             serves, style = ("yes", "green") if review.serves else ("no", "bold red")
         table.add_row(str(node.node), *map(Text, texts), Text(serves, style=style))
+        for within, further, offers in node.further:
+            modes = " ".join(MODES[mode] for mode in offers.modes or ())
+            verdict, style = ("yes", "green") if offers.serves else ("no", "bold red")
+            row = "", further.model, "", modes, _state(further)
+            table.add_row(f"{node.node}, axis {within.axis}", *row, Text(verdict, style=style))
         for remark in _remarks(node):
             remarks.setdefault(remark, []).append(node.node)
     out.print(table)
@@ -244,10 +257,10 @@ def _heard(found: FoundNode) -> Iterator[str]:
             yield how
 
 
-def _state(found: FoundNode) -> str:
+def _state(dictionary: Dictionary | None) -> str:
     from drivers.cia402.objects import STATUSWORD
 
-    word = found.dictionary.value(STATUSWORD) if found.dictionary else None
+    word = dictionary.value(STATUSWORD) if dictionary else None
     state = None if word is None else decode_state(word)
     return "" if state is None else state.value.lower()
 
@@ -257,7 +270,7 @@ def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
     if found.answers > 1:
         text = f"{found.answers} devices answer by this number: give each its own, one at a time"
         yield text, True
-    if _state(found) == State.OPERATION_ENABLED.value.lower():
+    if _state(found.dictionary) == State.OPERATION_ENABLED.value.lower():
         yield "is powered and may move: another master holds it, release it before measuring", False
     if found.review is not None:
         yield from ((str(finding), finding.fatal) for finding in found.review.findings)

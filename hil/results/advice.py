@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from drivers.drive_bus import SampleFlag
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.effects import Effect, effects
 from hil.estimation.excluded.result import ErrorTerm
@@ -28,6 +29,7 @@ from hil.estimation.free_motion.result import POOR
 from hil.estimation.friction.symmetry import of_local_values
 from hil.estimation.intervals import SIGNIFICANT
 from hil.least_squares.solving import inverse
+from hil.measuring.checks.recording_checks import UNTIMED
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
@@ -124,6 +126,10 @@ def budget_table(terms: Sequence[ErrorTerm]) -> Table:
     )
 
 
+TIMELY = 0.01
+"""Share of samples at uncertain instants from which on they are worth a note."""
+
+
 class CampaignResult(NamedTuple):
     """A result and the measurements behind it.
 
@@ -182,6 +188,19 @@ def _causes(campaign: CampaignResult) -> Iterator[Reservation]:
 def _axes(axes: Sequence[int]) -> str:
     """Name axes, counted from 1."""
     return _listed([f"axis {axis}" for axis in axes])
+
+
+def _timing(campaign: CampaignResult) -> Iterator[Reservation]:
+    """Instants that are uncertain, since this computer was late: many let others be wrong too."""
+    flags = [np.any(m.recording.flags & SampleFlag.UNTIMED, axis=1) for m in campaign.measured]
+    share = float(np.concatenate(flags).mean()) if flags else 0.0
+    if share > TIMELY:
+        yield (doubtful if share > UNTIMED else good)(
+            f"the instants of {share:.1%} of all samples are uncertain, since this computer was"
+            " late while it sent SYNC; they are left out",
+            "relieve it of other work, use --realtime or sample more slowly, and measure anew",
+            "timing",
+        )
 
 
 def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
@@ -318,7 +337,8 @@ def _offsets(campaign: CampaignResult) -> Reservation | None:
 
 
 RULES: tuple[Rule[CampaignResult], ...] = (
-    _causes, _measured, _outliers, _misfit, _groups, _parameters, _correlations, _drives, _offsets,
+    _causes, _timing, _measured, _outliers, _misfit, _groups, _parameters, _correlations, _drives,
+    _offsets,
 )  # fmt: skip
 
 

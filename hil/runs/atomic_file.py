@@ -18,11 +18,11 @@ stays. It goes with the process, however that ends. A system without such locks 
 
 from __future__ import annotations
 
-import glob
 import os
 import re
 import secrets
 import shutil
+import time
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING
 
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PART = ".part"
+ABANDONED = 60.0
+"""Time for which a part of another folder is left alone, locked or not [s]."""
 _FRESH = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 _ENDING = re.compile(rf"(\.[0-9a-f]{{8}})?{re.escape(PART)}$")
 
@@ -70,9 +72,9 @@ def write_file(path: Path, content: bytes) -> None:
 def whole_folder(output: Path) -> Iterator[Path]:
     """Yield a new folder beside `output` that gets its name at the end, or goes.
 
-    Folders about it that had to be made go with it. An empty folder at `output` is replaced. What
-    a process left that was killed while it made the same folder is removed; one that still works on
-    it holds a lock.
+    Folders about it that had to be made go with it. An empty folder at `output` is replaced. Parts
+    of this folder, and of others beside it, are removed that a killed process left; one that is
+    still at work holds a lock.
 
     Raises
     ------
@@ -113,12 +115,19 @@ def new_folder(path: Path) -> None:
 
 
 def _remove_abandoned(output: Path, own: Path) -> None:
-    """Remove parts of a folder that no living process works on; none where there are no locks."""
+    """Remove parts of folders that no living process works on; none where there are no locks.
+
+    A part of another folder may have been made just now, and wait for its lock.
+    """
     hexadecimal = "[0-9a-f]" * 8
-    for part in output.parent.glob(f".{glob.escape(output.name)}.{hexadecimal}{PART}"):
+    same = f".{output.name}."
+    for part in output.parent.glob(f".*.{hexadecimal}{PART}"):
         if fcntl is None or part == own or part.is_symlink():
             continue
         with suppress(OSError):
+            age = time.time() - part.stat().st_mtime
+            if age < ABANDONED and not part.name.startswith(same):
+                continue
             handle = os.open(part, os.O_RDONLY)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

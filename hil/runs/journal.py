@@ -37,7 +37,7 @@ PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h
 EXACT = 1e-6
 """Jitter below this is that of adding floats [s]."""
 
-_GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE | SampleFlag.OLD
+_GAPS = ~SampleFlag.LIMIT & ~SampleFlag.SKIPPED & 0xFF
 
 
 def versions() -> dict[str, str]:

@@ -113,9 +113,9 @@ class Recording:
 
     @property
     def fresh(self) -> Mask:
-        """Samples with all values, none of them older than their SYNC, shape (n,)."""
+        """Samples with all values, none older than their SYNC, at a certain instant, shape (n,)."""
         there = np.isfinite(self.q).all(axis=1) & np.isfinite(self.tau).all(axis=1)
-        fresh: Mask = there & ~np.any(self.flags & SampleFlag.OLD, axis=1)
+        fresh: Mask = there & ~np.any(self.flags & (SampleFlag.OLD | SampleFlag.UNTIMED), axis=1)
         return fresh
 
     @property

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.cob_id import FLAG, IDENTIFIER, check_change
+from sim_plant.canopen.eds import STORE_EDS, drive_eds
 from sim_plant.canopen.emcy import Emergencies, ErrorCode
 from sim_plant.canopen.heartbeat import HEARTBEAT, HeartbeatConsumer, HeartbeatProducer
+from sim_plant.canopen.multi_axis import NodeDictionary, multi_axis_eds
 from sim_plant.canopen.nmt import NmtSlave, NmtState
 from sim_plant.canopen.node_guarding import NodeGuarding
 from sim_plant.canopen.object_dictionary import ObjectDictionary
@@ -23,7 +25,7 @@ from sim_plant.canopen.sync_counter import SyncCounter
 from sim_plant.personality import PLAIN, Personality
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from sim_plant.canopen.pdo import Report
     from sim_plant.canopen.timers import Timers
@@ -50,6 +52,8 @@ class CanopenNode:
         `event_actions` has changed.
     personality : Personality
         Which objects the dictionary shows, and when RPDOs act.
+    axis : int
+        Which axis of the node, from 1: the first one is the voice of all (see `join`).
     """
 
     def __init__(
@@ -59,15 +63,21 @@ class CanopenNode:
         emit: Callable[[int, bytes], None],
         rewired: Callable[[], None],
         personality: Personality = PLAIN,
+        axis: int = 1,
     ) -> None:
         self.node_id = node_id
+        self._axes: Sequence[CanopenNode] = (self,)
+        self._speaks = axis == 1
+        self._sheet = drive_eds(personality)
         self._connected = True
         self._rpdo_at_once = personality.rpdo_at_once
         self._emit = emit
         self._rewired = rewired
-        self.dictionary = ObjectDictionary(node_id, personality)
+        self.dictionary = ObjectDictionary(node_id, personality, axis=axis)
         self.emergencies = Emergencies(self.dictionary, emit)
-        self.nmt = NmtSlave(node_id, self._nmt_changed, self._reset, timers, personality.start_lag)
+        self.nmt = NmtSlave(
+            node_id, axis, self._nmt_changed, self._reset, timers, personality.start_lag
+        )
         self._sdo = SdoServer(
             self.dictionary,
             functools.partial(emit, 0x580 + node_id),
@@ -100,9 +110,19 @@ class CanopenNode:
         self._send_state()
         self.nmt.enter(NmtState.PRE_OPERATIONAL)
 
+    def join(self, others: Sequence[CanopenNode]) -> None:
+        """Be the voice of further axes of this node, in order."""
+        axes = (self, *others)
+        self._sdo.serve(NodeDictionary([node.dictionary for node in axes]))
+        sheet = multi_axis_eds([node._sheet for node in axes])
+        self.dictionary.preset(STORE_EDS, 0, sheet.encode("ascii"))
+        for node in axes:
+            node._axes = axes
+
     def connect(self, connected: bool) -> None:
         """Put the node on the bus, or cut it off: then it hears nothing, and works on."""
-        self._connected = connected
+        for node in self._axes:
+            node._connected = connected
         self._rewired()
 
     @property
@@ -123,7 +143,7 @@ class CanopenNode:
         for node in self._consumer.watched:
             hear = functools.partial(self._hear, node)
             routes.append((HEARTBEAT + node, hear))
-        if self.nmt.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+        if self._speaks and self.nmt.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             routes.append((0x600 + self.node_id, self._sdo.receive))
         if self._operational:
             routes += [(r.identifier, self._taker(r)) for r in self._rpdos if r.enabled]
@@ -208,7 +228,8 @@ class CanopenNode:
         return self._consumer.all_present and self._guarding.present
 
     def _send_state(self, toggle: int = 0) -> None:
-        self._emit(HEARTBEAT + self.node_id, bytes([self.nmt.state | toggle]))
+        if self._speaks:
+            self._emit(HEARTBEAT + self.node_id, bytes([self.nmt.state | toggle]))
 
     def _hear(self, node: int, data: bytes) -> None:
         if len(data) == 1:

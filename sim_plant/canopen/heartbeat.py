@@ -30,7 +30,7 @@ class HeartbeatProducer:
         self._dictionary = dictionary
         self._timers = timers
         self._send = send
-        self._name = (dictionary.node_id, "heartbeat producer")
+        self._name = (dictionary.owner, "heartbeat producer")
         self._period = 0.0
         dictionary.react(0x1017, lambda _subindex, _value: self.restart())
 
@@ -124,8 +124,8 @@ class HeartbeatConsumer:
             self._missing.add(node)
             self._lost()
 
-    def _name(self, node: int) -> tuple[int, str, int]:
-        return self._dictionary.node_id, "heartbeat consumer", node
+    def _name(self, node: int) -> tuple[tuple[int, int], str, int]:
+        return self._dictionary.owner, "heartbeat consumer", node
 
     def _check(self, subindex: int, value: int) -> None:
         if value >> 24:

@@ -48,6 +48,8 @@ class NmtSlave:
     Parameters
     ----------
     node_id : int
+    axis : int
+        Which axis of the node, from 1.
     changed : callable
         Called with every new state that services must follow.
     reset : callable
@@ -61,6 +63,7 @@ class NmtSlave:
     def __init__(
         self,
         node_id: int,
+        axis: int,
         changed: Callable[[NmtState], None],
         reset: Callable[[bool], None],
         timers: Timers,
@@ -69,7 +72,7 @@ class NmtSlave:
         self._node_id = node_id
         self._timers = timers
         self._start_lag = start_lag
-        self._lagging = (node_id, "NMT start")
+        self._lagging = (node_id, axis, "NMT start")
         self._changed = changed
         self._reset = reset
         self.state = NmtState.INITIALISING

@@ -53,7 +53,7 @@ class NodeGuarding:
         self._returned = returned
         self._toggle = 0
         self._begun = False
-        self._name = (dictionary.node_id, "life guarding")
+        self._name = (dictionary.owner, "life guarding")
         for index in (0x100C, 0x100D):
             dictionary.react(index, lambda _subindex, _value: self._wait())
 

@@ -46,6 +46,13 @@ class ObjectDictionary:
         What the bus can reach; to the node itself all objects exist.
     visible : callable
         Returns what its bus can reach of a drive with a personality, by `key`.
+    axis : int
+        Which axis of the node it belongs to, from 1.
+
+    Attributes
+    ----------
+    owner : tuple of int
+        Node and axis, which name its timers.
     """
 
     def __init__(
@@ -53,8 +60,9 @@ class ObjectDictionary:
         node_id: int,
         personality: Personality = PLAIN,
         visible: Callable[[Personality], Mapping[int, Entry]] = drive_entries,
+        axis: int = 1,
     ) -> None:
-        self.node_id = node_id
+        self.owner = (node_id, axis)
         self._entries = visible(personality)
         self._indices = {entry.index for entry in self._entries.values()}
         self._defaults = {

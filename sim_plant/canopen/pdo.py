@@ -175,8 +175,8 @@ class Tpdo(Pdo):
     ) -> None:
         self._emit = emit
         self._timers = timers
-        self._inhibit_name = (dictionary.node_id, "inhibit", number)
-        self._event_name = (dictionary.node_id, "event", number)
+        self._inhibit_name = (dictionary.owner, "inhibit", number)
+        self._event_name = (dictionary.owner, "event", number)
         self._inhibited = False
         self._last: bytes | None = None
         self._countdown = 0

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from sim_plant.canopen.abort_codes import AbortCode, SdoAbort
 from sim_plant.canopen.object_dictionary import TEXT_MAX
 
 if TYPE_CHECKING:
-    from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.canopen.eds import Entry
+
+
+class Served(Protocol):
+    """What is served: the dictionary of a drive, or of all axes of a node."""
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Encode the present value."""
+
+    def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
+        """Check all that can be known before the data."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Decode and write a value."""
 
 
 class Incoming:
@@ -16,7 +29,7 @@ class Incoming:
 
     Parameters
     ----------
-    dictionary : ObjectDictionary
+    dictionary : Served
     index, subindex : int
     size : int or None
         Length that the client announced.
@@ -27,9 +40,7 @@ class Incoming:
         Unknown or read-only object, or an announced length that does not fit it.
     """
 
-    def __init__(
-        self, dictionary: ObjectDictionary, index: int, subindex: int, size: int | None
-    ) -> None:
+    def __init__(self, dictionary: Served, index: int, subindex: int, size: int | None) -> None:
         self.index = index
         self.subindex = subindex
         self._dictionary = dictionary

@@ -18,7 +18,7 @@ from sim_plant.canopen.sdo_incoming import Incoming
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_plant.canopen.object_dictionary import ObjectDictionary
+    from sim_plant.canopen.sdo_incoming import Served
 
 _HEADER = struct.Struct("<BHB")
 _SIZE = struct.Struct("<I")
@@ -46,7 +46,7 @@ class SdoServer:
 
     Parameters
     ----------
-    dictionary : ObjectDictionary
+    dictionary : Served
     respond : callable
         Sends eight bytes to the client.
     states_size : bool
@@ -55,7 +55,7 @@ class SdoServer:
 
     def __init__(
         self,
-        dictionary: ObjectDictionary,
+        dictionary: Served,
         respond: Callable[[bytes], None],
         *,
         states_size: bool = True,
@@ -64,6 +64,10 @@ class SdoServer:
         self._dictionary = dictionary
         self._respond = respond
         self._transfer: Transfer | None = None
+
+    def serve(self, dictionary: Served) -> None:
+        """Serve another dictionary from now on."""
+        self._dictionary = dictionary
 
     def reset(self) -> None:
         """Abandon whatever transfer is under way."""

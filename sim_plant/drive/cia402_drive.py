@@ -336,12 +336,13 @@ class Cia402Drive:
         self._refresh()
 
     def _lags(self, personality: Personality) -> StatusLags:
-        timers, node, late = self._timers, self.node_id, personality.acknowledge_lag
+        timers, late = self._timers, personality.acknowledge_lag
+        owner = self.dictionary.owner
         return StatusLags(
             LaggingBit(
-                timers, (node, "reached"), 0.0, personality.target_reached_lag, self._refresh
+                timers, (owner, "reached"), 0.0, personality.target_reached_lag, self._refresh
             ),
-            LaggingBit(timers, (node, "acknowledge"), late, late, self._refresh),
+            LaggingBit(timers, (owner, "acknowledge"), late, late, self._refresh),
         )
 
     def _connect_objects(self) -> None:

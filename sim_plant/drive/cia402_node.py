@@ -39,7 +39,9 @@ class Cia402Node(CanopenNode, Cia402Drive):
         emit: Callable[[int, bytes], None],
         rewired: Callable[[], None],
     ) -> None:
-        CanopenNode.__init__(self, settings.node_id, timers, emit, rewired, settings.personality)
+        CanopenNode.__init__(
+            self, settings.node_id, timers, emit, rewired, settings.personality, settings.axis
+        )
         Cia402Drive.__init__(
             self,
             settings,
@@ -53,7 +55,8 @@ class Cia402Node(CanopenNode, Cia402Drive):
 
     def restart(self) -> None:
         """Begin as after power-on."""
-        self.nmt.receive(bytes([NmtCommand.RESET_NODE, self.node_id]))
+        for node in self._axes:
+            node.nmt.receive(bytes([NmtCommand.RESET_NODE, self.node_id]))
 
     def _abort_connection(self, code: ErrorCode) -> None:
         self.lose_connection(code)

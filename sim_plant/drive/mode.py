@@ -60,7 +60,7 @@ class ModeOfOperation:
         self._changed()
         if self._lag:
             self._changing = True
-            self._timers.start((self._dictionary.node_id, "mode"), self._lag, self._settle)
+            self._timers.start((self._dictionary.owner, "mode"), self._lag, self._settle)
 
     def _settle(self) -> None:
         self._changing = False

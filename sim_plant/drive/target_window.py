@@ -33,7 +33,7 @@ class TargetWindow:
         self._timers = timers
         self._image = image
         self._changed = changed
-        self._name = (dictionary.node_id, "position window")
+        self._name = (dictionary.owner, "position window")
         self._target = 0
         self._inside = False
         self.reached = False

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from checked_files.yaml_file import FileError
 from sim_plant.drive.process_image import AxisImage
 from sim_plant.ethercat import registers as reg
 from sim_plant.ethercat.clock import HOP
@@ -72,6 +73,12 @@ class Segment(TimedNetwork):
         self, machine: Machine, clock: Clock = "sync", cycle: float = CYCLE_DEFAULT
     ) -> None:
         super().__init__(machine)
+        for drive in machine.drives:
+            if drive.axis > 1:
+                raise FileError(
+                    f"{drive.name}: axis {drive.axis} of node {drive.node_id}; this plant has"
+                    " several axes in one node on CAN alone: give each a node of its own"
+                )
         self._clock = clock
         self._default_cycle = cycle
         self._latched: float | None = None

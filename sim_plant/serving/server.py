@@ -76,7 +76,9 @@ def serve(
         if hand is not None:
             hand.act(network.time)
         if clock == "wall" and (wall.due or message is None or message.arbitration_id == SYNC):
-            _send(bus, network.elapse(wall.elapsed()))
+            sync = message is not None and message.arbitration_id == SYNC
+            stamp = message.timestamp if message is not None and sync else None
+            _send(bus, network.elapse(wall.elapsed(stamp)))
             wall.stepped()
         if message is not None:
             _send(bus, _answer(network, message))

@@ -38,8 +38,17 @@ class WallClock:
         """Take note that the step for which `elapsed` was asked is done."""
         self.pause = max(TICK, BREATH * (time.monotonic() - self._last))
 
-    def elapsed(self) -> float:
-        """Seconds since the last call, at most `LAG_MAX`."""
+    def elapsed(self, until: float | None = None) -> float:
+        """Return the time since the last call, at most `LAG_MAX` [s].
+
+        Parameters
+        ----------
+        until : float, optional
+            Time stamp of the frame that is answered [s]: it may have waited for this process.
+        """
         now = time.monotonic()
+        waited = 0.0 if until is None else time.time() - until
+        if 0.0 < waited < LAG_MAX:  # else the stamp is of another clock
+            now = max(self._last, now - waited)
         elapsed, self._last = now - self._last, now
         return min(elapsed, LAG_MAX)

@@ -43,14 +43,14 @@ WAVE = Trajectory(
 )
 
 
-def carried_out(measurement: Strokes) -> Recording:
-    """Strokes as planned, with rests between them in which telegrams may go wrong."""
+def carried_out(measurement: Strokes, rests: int = 25) -> Recording:
+    """Strokes as planned, with rests between them in which telegrams may go wrong [samples]."""
     q, stroke, partner = [], [], []
     for number in range(measurement.n_strokes):
         profile = measurement.profile(number)
         t = np.arange(0.0, profile.duration, PERIOD)
         second = _partner(measurement, t) if measurement.partners else np.full((len(t), 2), IDLE)
-        rest = np.full(25, 1.0)
+        rest = np.full(rests, 1.0)
         q += [np.column_stack([profile.q(t), second[:, 0]])]
         q += [np.column_stack([rest * profile.end, rest * second[-1, 0]])]
         stroke += [np.full(len(t), number), rest * IDLE]

@@ -62,7 +62,8 @@ class DirectProcessData:
     def __init__(self, network: SlaveNetwork, axes: tuple[AxisDrive, ...], period: float) -> None:
         self._network, self._axes, self._period = network, axes, period
         self.time, self.skipped = 0.0, 0
-        self.irregular, self.flags = False, (0,) * len(axes)
+        self.irregular = self.untimed = False
+        self.flags = (0,) * len(axes)
         self.on_arrival = tuple(range(len(axes)))
         self._latch()
 

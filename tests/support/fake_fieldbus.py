@@ -164,7 +164,7 @@ class FakeFieldbus:
         self.currents: tuple[float, ...] = (0,) * axes
         self.flags: tuple[int, ...] = (0,) * axes
         self.misfits: dict[int, str] = {}
-        self.irregular = False
+        self.irregular = self.untimed = False
         self.on_arrival: tuple[int, ...] = ()
         self.time = 0.0
         self.skipped = 0

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import SampleFlag, Tripped
-from hil.measuring.checks.old_values import with_old_values
+from hil.measuring.checks.old_values import TIMES, with_old_values
 from hil.runs.journal import EXACT
 
 if TYPE_CHECKING:
@@ -29,9 +29,8 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
     from hil.runs.recording import Recorder, Recording
 
-_OF_BEFORE = SampleFlag.LATE | SampleFlag.OLD
-TIMES = 5.0
-"""A jump is so many times what acceleration, and what is usual in this motion, account for."""
+_ELSEWHERE = SampleFlag.LATE | SampleFlag.OLD | SampleFlag.UNTIMED
+"""Flags of positions that are not those of their time stamp."""
 USUAL = 0.99
 """Share of the bends of a motion that count as usual."""
 OF_ONE_JUMP = 6
@@ -89,7 +88,7 @@ def refuse_jumps(
     period = float(np.median(intervals))
     off = intervals - np.rint(intervals / period) * period
     age = 0.0 if np.abs(off).max() <= EXACT else period
-    known = np.isfinite(recording.q) & (recording.flags & _OF_BEFORE == 0)
+    known = np.isfinite(recording.q) & (recording.flags & _ELSEWHERE == 0)
     known &= advances[:, None]
     found = []
     for axis, least in enumerate(np.broadcast_to(resolution, recording.n_joints)):

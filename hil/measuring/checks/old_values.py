@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 TIMES = 5.0
-"""Steps of a position are so many times what accelerations explain, as for jumps of an encoder."""
+"""A step or jump of a position is so many times what acceleration, and what is usual, explain."""
 LEAST = 10
 """Changes of a current from which on the time between them means anything."""
 OFTEN_TIMES = 2.0

@@ -36,8 +36,12 @@ __all__ = ["Finding", "check"]
 TOLERATED = 0.01
 """Share of SYNCs that may lack a telegram or be left out, since the estimator leaves gaps out, and
 of samples with doubled or late telegrams."""
+UNTIMED = 0.1
+"""Share of samples whose instant may be uncertain: estimation leaves them out."""
+LEAST_ANSWERS = 10
+"""Answers from which on the SYNCs between them mean anything."""
 RARE, OFTEN = 0.05, 0.9
-"""Bounds of the share of equal neighbours that counts as the sensor's own."""
+"""Bounds of the share of equal neighbours, or intervals, that counts as regular."""
 
 
 def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[Finding]:
@@ -70,9 +74,15 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
         lacking = f"{missing} of {recording.n_samples} samples lack a telegram of axis {axes}"
         late = f"{left_out} SYNCs came too late and were left out"
         lost = " and ".join([lacking] * (missing > 0) + [late] * (left_out > 0))
-        remedies = ["check wiring, termination and bus load"] * (missing > 0) + [
-            "relieve this computer or sample more slowly"
-        ] * (left_out > 0)
+        every = _answered(recording)
+        held_back = (
+            f"its drive answers only every {every}. SYNC: set its inhibit time (1800:03) to 0 with"
+            f" the maker's tool, or sync_period: {every * recording.period:.3g}"
+        )
+        wiring = "check wiring, termination and bus load" if every == 1 else held_back
+        remedies = [wiring] * (missing > 0) + ["relieve this computer or sample more slowly"] * (
+            left_out > 0
+        )
         yield Finding(
             "gaps", f"{lost}, at most {bound} may; {', '.join(remedies)}", missing + left_out, bound
         )
@@ -86,6 +96,21 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
             " more slowly",
             disturbed,
             TOLERATED,
+        )
+
+
+def _timing(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
+    """Find where the instants of too many samples are uncertain."""
+    del measurement, robot
+    share = float(np.any(recording.flags & SampleFlag.UNTIMED, axis=1).mean())
+    if share > UNTIMED:
+        yield Finding(
+            "timing",
+            f"this computer was interrupted while it sent {share:.1%} of the SYNCs, so their"
+            f" instants are uncertain, at most {UNTIMED:.0%} may be; relieve it of other work, run"
+            " with --realtime or sample more slowly",
+            share,
+            UNTIMED,
         )
 
 
@@ -141,6 +166,16 @@ def _left_out(recording: Recording) -> Array:
     return np.append(0.0, np.maximum(0.0, np.rint(intervals / np.median(intervals)) - 1))
 
 
+def _answered(recording: Recording) -> int:
+    """Return that an axis answers every so many SYNCs alone, regularly; 1 where none does."""
+    for missing in (recording.flags & SampleFlag.MISSING).T > 0:
+        apart = np.diff(np.flatnonzero(~missing))
+        every = int(np.median(apart)) if len(apart) > LEAST_ANSWERS else 1
+        if every > 1 and np.mean(apart == every) > OFTEN:
+            return every
+    return 1
+
+
 def _axes(recording: Recording, flag: int) -> str:
     hit = np.any(recording.flags & flag, axis=0)
     return ", ".join(str(index + 1) for index in np.flatnonzero(hit))
@@ -183,7 +218,7 @@ def _explained(values: Array, longest: int) -> int:
     return math.ceil(1 + math.log(CHANCE / len(values)) / math.log(share))
 
 
-ALWAYS: tuple[Check, ...] = (_gaps, renewal, _saturation, frozen)
+ALWAYS: tuple[Check, ...] = (_gaps, _timing, renewal, _saturation, frozen)
 """What every recording must pass."""
 SIGN = "sign"
 """Name of the check whose failure ends a run: all torques of the axis count the wrong way."""

@@ -6,6 +6,7 @@ filter has to be trusted here.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,12 @@ VELOCITY_TOLERANCE = 0.05
 """Mean velocity in a window may differ by this share."""
 SIGNIFICANT = 4.0
 """Standard errors by which friction must be negative to count as that."""
+UNITS = "check the drive's velocity and acceleration units and limits"
+PACING = (
+    "with SYNCs at their period it would be right, so the pacing is the cause: take --pacing"
+    " lock-step for a plant whose time is SYNC; on a real bus relieve this computer, or use"
+    " --realtime"
+)
 LAG = 0.02
 """Time over which a highest velocity is averaged [s]."""
 RUNNING = 3
@@ -65,11 +72,15 @@ def windows(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
         reached = _mean_velocity(recording, measurement, window)
         profile = measurement.profile(stroke)
         wanted = float(profile.motion(profile.duration / 2)[1])
-        if abs(reached - wanted) > VELOCITY_TOLERANCE * abs(wanted):
+        bound = VELOCITY_TOLERANCE * abs(wanted)
+        if abs(reached - wanted) > bound:
+            even = _mean_velocity(_evenly(recording), measurement, window)
+            paced = abs(even - wanted) <= bound
             yield Finding(
                 "velocity",
                 f"{_name(stroke)}: mean velocity {reached:.4g} {unit}, must be {wanted:.4g} {unit}"
-                f" within {VELOCITY_TOLERANCE:.0%}; check the drive's velocity units and limits",
+                f" within {VELOCITY_TOLERANCE:.0%};"
+                f" {PACING if paced else UNITS}",
                 reached,
                 wanted,
             )
@@ -87,17 +98,12 @@ def peaks(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[
 
 def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
     """Friction was steady: half-sums of successive strokes show the same gravity torque."""
-    torque = [
-        recording.tau[constant_velocity(recording, measurement, k), measurement.index]
-        for k in range(measurement.n_strokes)
-    ]
-    torque = [values[np.isfinite(values)] for values in torque]
-    if len(torque) < 3 or any(len(values) < 2 for values in torque):
+    found = _torques(recording, measurement)
+    if found is None or len(found[0]) < 3:
         return
-    means = np.array([values.mean() for values in torque])
+    means, _, noise = found
     half_sums = (means[1:] + means[:-1]) / 2
     friction = float(np.abs(np.diff(means)).mean() / 2)
-    noise = max(float(values.std() / np.sqrt(len(values))) for values in torque)
     spread = float(np.ptp(half_sums))
     # half-sums may differ by a twentieth of the friction level, and by chance
     bound = 0.05 * friction + 4 * noise
@@ -117,17 +123,11 @@ def opposed(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
 
     Half the difference of two successive strokes is friction, for both pass the same places.
     """
-    torque = [
-        recording.tau[constant_velocity(recording, measurement, k), measurement.index]
-        * (1.0 if measurement.profile(k).end > measurement.profile(k).start else -1.0)
-        for k in range(measurement.n_strokes)
-    ]
-    torque = [values[np.isfinite(values)] for values in torque]
-    if len(torque) < 2 or any(len(values) < 2 for values in torque):
+    found = _torques(recording, measurement)
+    if found is None or len(found[0]) < 2:
         return
-    means = np.array([values.mean() for values in torque])
-    frictions = (means[1:] + means[:-1]) / 2
-    noise = max(float(values.std() / np.sqrt(len(values))) for values in torque)
+    means, directions, noise = found
+    frictions = (means * directions)[1:] / 2 + (means * directions)[:-1] / 2
     if frictions.max() < -SIGNIFICANT * noise:
         unit, friction = robot.torque_unit(measurement.index), float(frictions.mean())
         yield Finding(
@@ -138,6 +138,24 @@ def opposed(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
             friction,
             0.0,
         )
+
+
+def _torques(recording: Recording, measurement: Strokes) -> tuple[Array, Array, float] | None:
+    """Return mean torques at constant velocity, directions, and the largest noise of a mean.
+
+    None where a stroke has too few samples.
+    """
+    profiles = [measurement.profile(stroke) for stroke in range(measurement.n_strokes)]
+    torque = [
+        recording.tau[constant_velocity(recording, measurement, stroke), measurement.index]
+        for stroke in range(measurement.n_strokes)
+    ]
+    torque = [values[np.isfinite(values)] for values in torque]
+    if any(len(values) < 2 for values in torque):
+        return None
+    means = np.array([values.mean() for values in torque])
+    directions = np.array([1.0 if each.end > each.start else -1.0 for each in profiles])
+    return means, directions, max(float(v.std() / np.sqrt(len(v))) for v in torque)
 
 
 def stuck(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
@@ -201,10 +219,12 @@ def _peak(
     # an accelerating stroke has to reach nine tenths of its profile's highest speed
     wanted = 0.9 * _ideal_velocity(profile, round(recording.period, 9))
     if reached < wanted:
+        even = _evenly(recording).time[span]
+        paced = _highest_velocity(even, recording.q[span, axis], recording.period) >= wanted
         yield Finding(
             check,
             f"{name}: highest velocity {reached:.3g} {unit}, must be at least {wanted:.3g} {unit};"
-            " check the drive's velocity and acceleration units and limits",
+            f" {PACING if paced else UNITS}",
             reached,
             wanted,
         )
@@ -228,6 +248,13 @@ def _highest_velocity(time: Array, q: Array, period: float) -> float:
     if len(speeds) < RUNNING:
         return float(np.max(speeds, initial=0.0))
     return float(np.median(sliding_window_view(speeds, RUNNING), axis=1).max())
+
+
+def _evenly(recording: Recording) -> Recording:
+    """Return a recording as if every SYNC had come at its period, as in lock-step."""
+    period = float(np.median(np.diff(recording.time)))
+    time: Array = period * np.arange(recording.n_samples, dtype=np.float64)
+    return replace(recording, time=time)
 
 
 def _mean_velocity(recording: Recording, measurement: Strokes, window: Indices) -> float:

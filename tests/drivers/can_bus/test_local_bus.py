@@ -70,6 +70,22 @@ def test_a_frame_goes_to_all_others_on_the_channel_and_not_back(
     assert elsewhere.recv(0) is None
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel stamps frames on Linux alone")
+def test_a_frame_bears_the_instant_at_which_it_was_sent_however_late_it_is_received(
+    join: Callable[..., can.BusABC],
+) -> None:
+    sender, receiver = join(), join()
+    sender.send(frame())
+    assert receiver.recv(1.0) is not None  # they know each other
+    before = time.time()
+    sender.send(frame())
+    after = time.time()
+    time.sleep(0.02)
+    received = receiver.recv(1.0)
+    assert received is not None
+    assert before - 1e-5 <= received.timestamp <= after + 1e-5
+
+
 def test_own_frames_come_back_on_request(join: Callable[..., can.BusABC]) -> None:
     bus = join(receive_own_messages=True)
     bus.send(frame())

@@ -37,7 +37,13 @@ class Bench:
             dispatch=self.passed_on.append,
             send_message=lambda cob_id, data: self.sent.append((cob_id, data)),
         )
-        clock: Any = SimpleNamespace(synchronous=True, sent=self.tick, passed_over=0)
+        clock: Any = SimpleNamespace(
+            synchronous=True,
+            sending=lambda: None,
+            sent=self.tick,
+            passed_over=0,
+            uncertain=False,
+        )
         drives: Any = [
             SimpleNamespace(
                 inputs=Inputs(received(axis), received(axis), fed_forward(axis)),

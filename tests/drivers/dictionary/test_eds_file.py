@@ -13,6 +13,7 @@ from checked_files.yaml_file import FileError
 from drivers.canopen.eds_file import parse_eds, read_eds
 from drivers.canopen.rules import RULES
 from drivers.dictionary.review import review
+from drivers.operator_tools.draft_hints import also_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -119,6 +120,17 @@ def test_harmless_habits_change_nothing(habit: Callable[[str], bytes]) -> None:
     assert found.current.declared.index == 0x6078
 
 
+def test_default_and_limits_of_a_real_number_are_kept() -> None:
+    text = sheet() + (
+        "\n[2345]\nParameterName=Torque constant\nDataType=0x0008\nAccessType=rw\n"
+        "DefaultValue=0.0365\nLowLimit=0\nHighLimit=1.5e1\n"
+    )
+    found = parsed(text).find(0x2345)
+    assert found is not None
+    assert (found.type, found.reals) == ("f32", (None, 0.0365, 0.0, 15.0))
+    assert "0.0365 by default" in also_named(parsed(text), "torque_constant")
+
+
 def test_a_section_that_stands_twice_is_merged_and_noted() -> None:
     found = parsed(sheet() + "\n[6041]\nDataType=0x0006\nDefaultValue=64\n")
     assert found.notes == ("stands twice and was merged: [6041]",)
@@ -133,9 +145,10 @@ def test_a_section_that_contradicts_itself_is_refused_when_it_is_needed() -> Non
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("DataType", "0xZZ", "'0xZZ' is no number"),
+        ("DataType", "0xZZ", "DataType: '0xZZ' is no number"),
+        ("DataType", "UNSIGNED32", "DataType: 'UNSIGNED32' is no number; state 0x0007"),
         ("AccessType", "sometimes", "AccessType=sometimes is none of const, ro"),
-        ("DefaultValue", "many", "'many' is no number"),
+        ("DefaultValue", "many", "DefaultValue: 'many' is no number"),
         ("DefaultValue", "0x1FFFFFFFF", "does not fit 32 bits"),
     ],
 )

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from checked_files.yaml_file import FileError
+from drivers.cia402 import objects
 from drivers.dictionary.review import review
 from drivers.ethercat.esi_file import read_esi
 from drivers.ethercat.rules import RULES
+from drivers.operator_tools.draft_hints import acceleration_unit, velocity_unit
 from hil.cli import app
 from sim_plant.__main__ import app as plant
 
@@ -120,3 +122,41 @@ def test_a_drives_file_is_drafted(tmp_path: Path) -> None:
     text = output.read_text()
     assert text.count("product: 0x402") == 2
     assert "bitrate: 1000000" in text
+
+
+UNITS = """
+<EtherCATInfo><Vendor><Id>#x29C</Id></Vendor><Descriptions><Devices><Device>
+<Type ProductCode="#x10" RevisionNo="2">Drive</Type><Profile><ProfileNo>402</ProfileNo><Dictionary>
+<DataTypes/><Objects>
+ <Object><Index>#x6064</Index><Name>Position</Name><Type>DINT</Type>
+  <Info><Unit>#x00B50000</Unit></Info><Flags><Access>ro</Access></Flags></Object>
+ <Object><Index>#x6081</Index><Name>Velocity</Name><Type>UDINT</Type>
+  <Info><Unit>#xFFB44700</Unit></Info><Flags><Access>rw</Access></Flags></Object>
+ <Object><Index>#x6083</Index><Name>Acceleration</Name><Type>UDINT</Type>
+  <Info><Unit>#x00B55700</Unit></Info><Flags><Access>rw</Access></Flags></Object>
+</Objects></Dictionary></Profile>
+<RxPdo><Index>#x1600</Index><Entry><Index>#x6040</Index><SubIndex>0</SubIndex><BitLen>16</BitLen>
+ <Name>Controlword</Name><DataType>UINT</DataType></Entry><Entry><Index>0</Index><BitLen>8</BitLen>
+ </Entry></RxPdo>
+<TxPdo><Index>#x1A00</Index><Entry><Index>#x6041</Index><SubIndex>0</SubIndex><BitLen>16</BitLen>
+ <Name>Statusword</Name><DataType>UINT</DataType></Entry></TxPdo>
+</Device></Devices></Descriptions></EtherCATInfo>
+"""
+
+
+def test_units_of_objects_fill_the_draft_and_what_default_pdos_carry_is_there(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "units.xml"
+    path.write_text(UNITS)
+    found = read_esi(path)
+    assert velocity_unit(found).value == "0.1 rpm"
+    assert acceleration_unit(found).value == "inc/s^2"
+    assert found.value(objects.POSITION_UNIT) == 0x00B50000
+    assert "states the unit of 6081 as FFB44700h: taken as 60A9" in found.notes
+    control, status = found.find(0x6040), found.find(0x6041)
+    assert control is not None
+    assert status is not None
+    assert (control.type, control.writable, control.mappable) == ("u16", True, True)
+    assert (status.type, status.writable, status.mappable) == ("u16", False, True)
+    assert found.find(0) is None

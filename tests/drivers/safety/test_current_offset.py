@@ -49,3 +49,11 @@ def test_only_readings_that_came_count(flag: SampleFlag) -> None:
     assert found([700] * 8 + [0] * 2, [flag] * 8 + [0] * 2) == []
     (message,) = found([0] * 8 + [70] * 2, [flag] * 8 + [0] * 2)
     assert "reads 7 N m" in message
+
+
+def test_an_axis_that_somebody_else_switched_on_says_nothing_of_its_sensor() -> None:
+    bus = FakeFieldbus(len(AXES))
+    bus.currents, bus.words = (0, 700, 0), (0x0240, 0x0237, 0x0240)
+    assert offsets(bus, axes_of(AXES), lambda: None, "after power-off") == []
+    bus.words = (0x0240, 0x0240, 0x0240)
+    assert len(offsets(bus, axes_of(AXES), lambda: None, "after power-off")) == 1

@@ -17,7 +17,7 @@ class Server:
     """A drive by its name."""
 
     def __init__(self, label: str) -> None:
-        self.label = label
+        self.label, self.node = label, int(label.rsplit(maxsplit=1)[-1])
 
 
 class Drives:

@@ -5,62 +5,29 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import any_clock
 import numpy as np
 import pytest
+from any_clock import FRICTION, GRAVITY, INERTIA, PERIOD, ROBOT, WAVE, followed, of
 
 from drivers.drive_bus import SampleFlag, Tripped
 from hil.measuring.checks.encoder_jumps import refuse_jumps
 from hil.measuring.checks.recording_checks import check
 from hil.measuring.checks.stroke_checks import constant_velocity
-from hil.model.robot import load_robot
-from hil.planning.measurement import Friction, Gravity, Inertia
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
-from hil.planning.trajectory import Trajectory
-from hil.runs.recording import Recording
+from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:
     from hil.planning.strokes import Strokes
+    from hil.planning.trajectory import Trajectory
+    from hil.runs.recording import Recording
 
-PERIOD = 0.004
-ROBOT = load_robot("manutec-r15")
-SLOW = {"id": "m", "axis": 1, "q": (0.0, 0.0), "stroke": 0.4, "velocity": 0.4, "acceleration": 8.0}
-STROKES = [Gravity(**SLOW, cycles=2), Friction(**SLOW, cycles=2), Inertia(**SLOW, cycles=2)]
-GRAVITY = STROKES[0]
-WAVE = Trajectory(
-    id="t",
-    q=(0.0, 0.0),
-    period=4.0,
-    sine=((0.4, -0.2), (0.2, -0.1)),
-    cosine=((0.2, -0.05), (0.4, -0.1)),
-)
-
-
-def of(q: np.ndarray, stroke: np.ndarray) -> Recording:
-    """A recording of these positions (n, 2), with friction and noise."""
-    velocity = np.gradient(q, PERIOD, axis=0)
-    noise = np.random.default_rng(3).normal(0, 1.0, q.shape)
-    return Recording(
-        time=PERIOD * np.arange(len(q)),
-        q=q,
-        tau=100 * np.tanh(velocity / 0.02) + noise,
-        flags=np.zeros(q.shape, dtype=np.uint8),
-        stroke=stroke.astype(np.int16),
-        partner_stroke=np.full(len(q), -1, dtype=np.int16),
-    )
+STROKES = [GRAVITY, FRICTION, INERTIA]
 
 
 def carried_out(measurement: Strokes) -> Recording:
-    """The strokes of a measurement, exactly as planned."""
-    profiles = [measurement.profile(k) for k in range(measurement.n_strokes)]
-    times = [np.arange(0.0, profile.duration, PERIOD) for profile in profiles]
-    q = np.concatenate([p.q(t) for p, t in zip(profiles, times, strict=True)])
-    stroke = np.concatenate([np.full(len(t), k) for k, t in enumerate(times)])
-    return of(np.column_stack([q, np.zeros(len(q))]), stroke)
-
-
-def followed() -> Recording:
-    path = WAVE.path(PERIOD)
-    return of(path, np.zeros(len(path)))
+    """The strokes of a measurement, exactly as planned, without rests."""
+    return any_clock.carried_out(measurement, rests=0)
 
 
 def found(recording: Recording, measurement: Strokes | Trajectory = GRAVITY) -> set[str]:
@@ -84,11 +51,27 @@ def test_strokes_as_planned_may_be_used_and_at_a_tenth_less_speed_may_not(
     assert "velocity" not in found(replace(sound, q=0.96 * sound.q), measurement)
 
 
+@pytest.mark.parametrize("measurement", STROKES, ids=lambda m: m.kind)
+def test_a_velocity_that_is_off_for_syncs_that_came_late_names_the_pacing(
+    measurement: Strokes,
+) -> None:
+    sound = carried_out(measurement)
+    late = PERIOD * np.cumsum(np.arange(sound.n_samples) % 5 == 0)
+    for recording, pacing in (
+        (replace(sound, time=sound.time + late), True),
+        (replace(sound, q=0.8 * sound.q), False),
+    ):
+        off = [f for f in check(recording, measurement, ROBOT) if f.check == "velocity"]
+        assert off
+        assert {"--pacing lock-step" in finding.message for finding in off} == {pacing}
+        assert {"velocity and acceleration units" in f.message for f in off} == {not pacing}
+
+
 @pytest.mark.parametrize(("share", "findings"), [(0.9, {"window"}), (1.1, set())])
 def test_constant_velocity_must_last(share: float, findings: set[str]) -> None:
     ramp = 0.4**2 / 8.0 / 2
     stroke = 2 * ramp + 0.4 * (MARGIN + share * SHORTEST_WINDOW)
-    short = Gravity(**{**SLOW, "stroke": stroke}, cycles=2)
+    short = GRAVITY.model_copy(update={"stroke": stroke})
     assert found(carried_out(short), short) & {"window"} == findings
 
 
@@ -138,6 +121,28 @@ def test_doubled_and_late_telegrams_may_be_one_in_a_hundred(flag: SampleFlag) ->
     assert found(flagged(sound, flag, 0.015)) == {"telegrams"}
 
 
+@pytest.mark.parametrize(("every", "cause"), [(8, "every 8. SYNC: set its inhibit time"), (0, "")])
+def test_a_drive_that_answers_now_and_then_by_rule_names_its_inhibit_time(
+    every: int, cause: str
+) -> None:
+    sound = carried_out(GRAVITY)
+    rng = np.random.default_rng(4)
+    gone = np.arange(sound.n_samples) % every > 0 if every else rng.random(sound.n_samples) < 0.5
+    q, tau, flags = sound.q.copy(), sound.tau.copy(), sound.flags.copy()
+    q[gone, 1], tau[gone, 1], flags[gone, 1] = np.nan, np.nan, SampleFlag.MISSING
+    spoilt = replace(sound, q=q, tau=tau, flags=flags)
+    (gaps,) = [f for f in check(spoilt, GRAVITY, ROBOT) if f.check == "gaps"]
+    assert (cause or "check wiring, termination") in gaps.message
+    assert ("inhibit" in gaps.message) is bool(every)
+
+
+def test_a_tenth_of_the_instants_may_be_uncertain_and_no_more() -> None:
+    sound = carried_out(GRAVITY)
+    assert found(flagged(sound, SampleFlag.UNTIMED, 0.09)) == set()
+    assert found(flagged(sound, SampleFlag.UNTIMED, 0.11)) == {"timing"}
+    assert not flagged(sound, SampleFlag.UNTIMED, 0.5).fresh[:10].any()
+
+
 def test_a_sync_is_left_out_where_the_next_is_nearer_to_its_instant() -> None:
     sound = carried_out(GRAVITY)
     for late, findings in ((0.4, set()), (0.7, {"gaps"})):
@@ -148,7 +153,7 @@ def test_a_sync_is_left_out_where_the_next_is_nearer_to_its_instant() -> None:
 
 def test_steps_of_a_coarse_encoder_are_no_jump_and_larger_ones_are() -> None:
     n, step = 1000, 1e-3
-    creeping = of(np.zeros((n, 2)), np.zeros(n))
+    creeping = of(np.zeros((n, 2)), np.zeros(n), np.full(n, IDLE))
     for counts, resolution, jumps in ((1, step, False), (1, 0.0, True), (7, step, True)):
         q = creeping.q.copy()
         q[:, 0] = counts * step * (np.arange(n) // 250)

@@ -14,6 +14,7 @@ import pytest
 from inflating import inflated
 from small_run import as_on_hardware, empty_plots, identified_run
 
+from drivers.drive_bus import SampleFlag
 from hil import cli
 from hil.errors import NotIdentifiable
 from hil.estimation.estimate import LeftOut
@@ -265,6 +266,19 @@ class TestAdvice:
         assert "% of the torque of joint" in item.reason
         assert re.search(r"more inertia measurements of axis [45], such as i\d\d", item.remedy)
         assert item.word == "doubtful"
+
+    @pytest.mark.parametrize(("share", "word"), [(0.005, None), (0.05, "good"), (0.15, "doubtful")])
+    def test_uncertain_instants_name_the_timing(self, folder, found, share, word):
+        campaign = []
+        for each in folder:
+            flags = each.recording.flags.copy()
+            flags[: round(share * len(flags)), 0] |= np.uint8(SampleFlag.UNTIMED)
+            recording = replace(each.recording, flags=flags)
+            campaign.append(replace(each, recording=recording))
+        item = self.advised(folder, found["improved"], campaign).get("timing")
+        assert (item and item.word) == word
+        if item:
+            assert f"{100 * share:.1f}% of all samples are uncertain" in item.reason
 
     def test_few_degrees_of_freedom_alone_ask_for_nothing(self, folder, found):
         """Their interval is as wide as it must be; whether it is too wide shows in the torques."""

@@ -391,10 +391,13 @@ def test_a_folder_that_a_killed_process_began_is_removed_by_the_next(tmp_path: P
     abandoned = tmp_path / ".run.0123abcd.part"
     (abandoned / "recordings").mkdir(parents=True)
     others = [tmp_path / ".other.0123abcd.part", tmp_path / ".run.part"]
-    for other in others:
+    forgotten = tmp_path / ".elsewhere.0123abcd.part"
+    for other in (*others, forgotten):
         other.mkdir()
+    os.utime(forgotten, (0, 0))
     with whole_folder(tmp_path / "run") as part:
         assert not abandoned.exists()
+        assert not forgotten.exists()
         with whole_folder(tmp_path / "run"):
             assert part.exists()  # a process at work holds a lock on it
         (tmp_path / "run").rmdir()

@@ -1,0 +1,80 @@
+"""Instants of SYNCs: in the middle of `send`, flagged where that took long, kept by the plant."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from drivers.ethercat.reference_clock import ReferenceClock
+from drivers.sync_clock import CERTAIN, LockStep, WallClock
+from sim_plant.serving import wall_clock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PERIOD = 0.004
+
+
+class Host:
+    """A computer whose time passes as it is told."""
+
+    def __init__(self) -> None:
+        self.time = 100.0
+
+    def __call__(self) -> float:
+        return self.time
+
+
+def sent(clock: WallClock, host: Host, took: float) -> float:
+    """Let a SYNC be sent in a call that takes `took` [s]; return its instant."""
+    host.time += clock.due()
+    clock.sending()
+    host.time += took
+    return clock.sent()
+
+
+def test_a_sync_is_timed_in_the_middle_of_what_sending_took() -> None:
+    host = Host()
+    clock = WallClock(PERIOD, clock=host)
+    instants = [sent(clock, host, took) for took in (0.0, 0.0002, 0.0)]
+    assert np.diff(instants) == pytest.approx([PERIOD + 0.0001, PERIOD - 0.0001])
+
+
+@pytest.mark.parametrize(("share", "uncertain"), [(1.9, False), (2.1, True), (40.0, True)])
+def test_a_sync_whose_sending_was_interrupted_is_uncertain(share: float, uncertain: bool) -> None:
+    host = Host()
+    clock = WallClock(PERIOD, clock=host)
+    sent(clock, host, share * CERTAIN * PERIOD)
+    assert clock.uncertain is uncertain
+    sent(clock, host, 0.0)
+    assert not clock.uncertain
+
+
+def test_lock_step_and_clocks_of_drives_are_never_uncertain() -> None:
+    host = Host()
+    step = LockStep(PERIOD, synchronous=True)
+    step.sending()
+    step.sent()
+    assert not step.uncertain
+    reference = ReferenceClock(PERIOD, host=host)
+    reference.begin(0, host())
+    sent(reference, host, 0.5 * PERIOD)
+    assert not reference.uncertain
+
+
+def test_a_plant_passes_time_to_the_stamp_of_a_frame_and_never_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    host = Host()
+    monkeypatch.setattr(wall_clock.time, "monotonic", host)
+    monkeypatch.setattr(wall_clock.time, "time", lambda: host.time + 1e3)
+    wall = wall_clock.WallClock()
+    elapse: Callable[..., float] = wall.elapsed
+    host.time += 0.010
+    assert elapse(1e3 + 100.004) == pytest.approx(0.004)  # it waited for 6 ms
+    assert elapse() == pytest.approx(0.006)
+    assert elapse(1e3 + 100.003) == 0.0  # the plant is past that already
+    host.time += 0.005
+    assert elapse(1e9) == pytest.approx(0.005)  # a stamp of another clock
