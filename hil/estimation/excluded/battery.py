@@ -214,10 +214,7 @@ class Battery:
         """Mean square that is left of each channel, shape (n_channels,)."""
         self.misfit = float(self._counts @ np.log(self.left))
         """Differences of which are chi squares."""
-        self._pieces = [
-            (slice(a, b), Q[a:b], _enlarging(Q[a:b]))
-            for a, b in pairwise([*self._starts.tolist(), len(y)])
-        ]
+        self._pieces = [slice(a, b) for a, b in pairwise([*self._starts.tolist(), len(y)])]
         self.shares = self._by_group(D**2)
         """Of the groups in the information, shape (n_groups, n_columns)."""
 
@@ -225,8 +222,8 @@ class Battery:
     def _enlarged(self) -> Array:
         """(1 - Q_k Q_k')^(-1/2) of all groups times the residual and all columns."""
         found = np.column_stack([self._residual, self._left])
-        for at, Q, M in self._pieces:
-            found[at] += Q @ (M @ (Q.T @ found[at]))
+        for at in self._pieces:
+            found[at] = _enlarge(self._Q[at], found[at])
         return found
 
     def _by_group(self, rows: Array) -> Array:
@@ -359,7 +356,7 @@ class Battery:
         # of D - U U'D all inner products within groups, from those of D and U
         beside = np.column_stack([enlarged, U])
         with_D, with_U = (
-            np.stack([x[rows].T @ beside[rows] for rows, *_ in self._pieces]) for x in (D, U)
+            np.stack([x[rows].T @ beside[rows] for rows in self._pieces]) for x in (D, U)
         )
         with_D = with_D[:, other]
         scores = with_D[..., 0] - with_U[..., 0] @ along
@@ -510,9 +507,11 @@ def _freedom(products: Array) -> float:
     return float(len(products) ** 2 / np.sum((products / np.outer(length, length)) ** 2))
 
 
-def _enlarging(Q: Array) -> Array:
-    """M of (1 - QQ')^(-1/2) = 1 + Q M Q', of one group."""
-    values, vectors = np.linalg.eigh(Q.T @ Q)
+def _enlarge(Q: Array, x: Array) -> Array:
+    """Multiply rows `x` of one group by (1 - QQ')^(-1/2), from the smaller of QQ' and Q'Q."""
+    wide = len(Q) < Q.shape[1]
+    values, vectors = np.linalg.eigh(Q @ Q.T if wide else Q.T @ Q)
     factor = 1.0 / np.sqrt(np.clip(1.0 - values, LEVERAGE, 1.0)) - 1.0
-    scaled = factor / np.maximum(values, np.finfo(float).eps)
-    return np.asarray((vectors * scaled) @ vectors.T)
+    if not wide:
+        vectors, factor = Q @ vectors, factor / np.maximum(values, np.finfo(float).eps)
+    return np.asarray(x + (vectors * factor) @ (vectors.T @ x))
