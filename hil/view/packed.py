@@ -35,7 +35,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-from ctypes import c_double, c_int64
+from ctypes import CDLL, c_double, c_int64
 from dataclasses import dataclass
 from itertools import chain, repeat
 from typing import TYPE_CHECKING
@@ -47,7 +47,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KINDS, ElementKind
 
 try:
-    _LIBRARY = library(__file__, "_simplify")
+    _LIBRARY: CDLL | None = library(__file__, "_simplify")
 except ModuleNotFoundError:
     _LIBRARY = None
 

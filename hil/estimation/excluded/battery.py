@@ -161,11 +161,12 @@ class Battery:
         self.unchanged = unchanged or {}
         """Omega of each cause, where unchanged recordings show it."""
         e = evidence
-        rows = e.without_friction(np.hstack([e.torque[:, None], e.X, e.own, columns.values]))
         self._order = order = np.argsort(e.group, kind="stable")
-        cut = np.cumsum([1, e.X.shape[1], e.own.shape[1]])
-        self._y, self._X, self._own, D = np.split(rows[order], cut, axis=1)
-        self._D = np.asfortranarray(D)  # few columns of many are read, again and again
+        self._y, self._X, self._own = (
+            e.without_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
+        )
+        # few columns of many are read, again and again
+        self._D = np.asfortranarray(e.without_friction(columns.values)[order])
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
         self._axis = np.array([name.axis for name in columns.names])
@@ -199,7 +200,7 @@ class Battery:
         root = np.sqrt(self.weights)[self._channel]
         Q = (Z * root[:, None]) @ inverse_root(regression.normal.information)
         y, D = self._y[:, 0] * root, self._D * root[:, None]
-        self._Q, self._weighted = Q, D.copy()
+        self._Q, self._root = Q, root
         self._residual = y - Q @ (Q.T @ y)
         before = np.einsum("ij,ij->j", D, D)
         D -= Q @ (Q.T @ D)
@@ -217,6 +218,11 @@ class Battery:
         self._pieces = [slice(a, b) for a, b in pairwise([*self._starts.tolist(), len(y)])]
         self.shares = self._by_group(D**2)
         """Of the groups in the information, shape (n_groups, n_columns)."""
+
+    @property
+    def _weighted(self) -> Array:
+        """All columns, weighted, shape (n, n_columns)."""
+        return np.asarray(self._D * self._root[:, None])
 
     @cached_property
     def _enlarged(self) -> Array:
@@ -391,13 +397,13 @@ class Battery:
         part : ndarray of int, shape (n,)
             Part of each row of the evidence, from 0.
         """
-        part = part[self._order]
+        part, weighted = part[self._order], self._weighted
         drops: dict[Key, list[tuple[float, int]]] = {key: [] for key in self.columns.tests}
         every, n_parts = np.zeros(len(self.columns.names)), int(part.max()) + 1
         seen = np.zeros(len(every))
         for k in range(n_parts):
             rows = part == k
-            D, Q = self._weighted[rows], self._Q[rows]
+            D, Q = weighted[rows], self._Q[rows]
             left = D - Q @ (Q.T @ D)  # its rows of other parts are -Q Q_k'D
             beside = D.T @ left
             scores, information = D.T @ self._residual[rows], np.diag(beside)
