@@ -27,6 +27,7 @@ BESIDE := $(shell expr $$(getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2) + 1)
 MADE := $(VENV)/made
 RUNTIME := $(VENV)/installed
 DEV := $(VENV)/installed-dev
+MACHINE_CODE := $(wildcard hil/*/*.c)
 
 help:
 	@echo 'make demo     measure, identify and report on the virtual manutec-r15, into runs/'
@@ -161,14 +162,14 @@ $(MADE):
 	@'$(PYTHON)' -m venv $(VENV)
 	@touch $@
 
-$(RUNTIME): pyproject.toml requirements/run.txt | $(MADE)
+$(RUNTIME): pyproject.toml $(MACHINE_CODE) requirements/run.txt | $(MADE)
 	@echo 'installing what it needs into $(VENV), once'
 	@{ $(PIP) install $(HASHED)/uv.txt && $(UV) $(HASHED)/run.txt; } 2>/dev/null || \
 		$(PIP) install $(HASHED)/run.txt
 	@$(UV) $(ITSELF) 2>/dev/null || $(PIP) install $(ITSELF)
 	@touch $@
 
-$(DEV): pyproject.toml requirements/dev.txt | $(MADE)
+$(DEV): pyproject.toml $(MACHINE_CODE) requirements/dev.txt | $(MADE)
 	@echo 'installing it and its checks into $(VENV); half a minute, once'
 	@{ $(PIP) install $(HASHED)/uv.txt && $(UV) $(HASHED)/dev.txt; } 2>/dev/null || \
 		$(PIP) install $(HASHED)/dev.txt

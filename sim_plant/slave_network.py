@@ -24,7 +24,7 @@ from sim_plant.timed_network import TimedNetwork
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from sim_plant.canopen.pdo import Report
+    from sim_plant.canopen.pdo import Report, Rpdo
     from sim_plant.machine_protocol import Machine
 
 Clock: TypeAlias = Literal["sync", "wall"]
@@ -44,12 +44,13 @@ CanFrame: TypeAlias = tuple[float, int, bytes]
 
 
 class _Synced(NamedTuple):
-    """What a SYNC sets off: actions first, then reports.
+    """What a SYNC sets off: actions first, RPDOs that wait among them, then reports.
 
     `block` packs all reports at once; None if some show what no axis's image holds.
     """
 
     actions: list[Callable[[], None]]
+    rpdos: list[Rpdo]
     reports: list[Report]
     block: FrameBlock | None
 
@@ -109,6 +110,11 @@ class SlaveNetwork(TimedNetwork):
 
     def receive(self, identifier: int, data: bytes) -> list[CanFrame]:
         """Take a data frame with 11-bit identifier; return what the drives send."""
+        sent = self.answer(identifier, data)
+        return self._frames_of(sent) if isinstance(sent, bytes) else sent
+
+    def answer(self, identifier: int, data: bytes) -> list[CanFrame] | bytes:
+        """Do as `receive`; all that answers a SYNC may come as one block of `FRAME`."""
         if self._stale:
             self._wire()
         synced = (self._counted if data else self._synced).get(identifier)
@@ -134,16 +140,22 @@ class SlaveNetwork(TimedNetwork):
         self._latch()
         return self._take()
 
-    def _sync(self, synced: _Synced) -> list[CanFrame]:
+    def _sync(self, synced: _Synced) -> list[CanFrame] | bytes:
         if self._clock == "sync":
             self._advance(self.cycle)
-        actions, reports, block = synced
+        actions, rpdos, reports, block = synced
+        for rpdo in rpdos:
+            if rpdo.pending is not None:
+                actions = [*(each.act_on_sync for each in rpdos), *actions]
+                break
         if block is None:
             self._latch()
         elif news := block.latch(self._machine.read()):
             self._attend(news)
             block.pack()
         if not (block is None or actions or self._event_actions or self._present or self._stale):
+            if not self._past:
+                return block.frames
             past, self._past = self._past, []
             return past + self._frames_of(block.frames)
         for act in actions:
@@ -208,6 +220,7 @@ class SlaveNetwork(TimedNetwork):
     def _on_sync(self, *, counter: bool) -> dict[int, _Synced]:
         """What a SYNC with or without counter sets off, by its identifier."""
         actions: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
+        rpdos: defaultdict[int, list[Rpdo]] = defaultdict(list)
         reports: defaultdict[int, list[Report]] = defaultdict(list)
         for node in self.nodes:
             number, expected = node.sync_identifier, node.sync_counter.expected
@@ -217,9 +230,12 @@ class SlaveNetwork(TimedNetwork):
                 )
             if counter or not expected:
                 actions[number] += node.sync_actions()
+                rpdos[number] += node.sync_rpdos()
                 reports[number] += node.sync_reports()
         return {
-            number: _Synced(actions[number], reports[number], self._block(reports[number]))
+            number: _Synced(
+                actions[number], rpdos[number], reports[number], self._block(reports[number])
+            )
             for number in actions
         }
 

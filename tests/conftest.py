@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import os
 import signal
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -258,17 +256,6 @@ def _signals_as_by_default() -> None:
     for name in ("SIGHUP", "SIGTERM"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_DFL)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _compiled() -> None:
-    """Load what is compiled of the robot's equations at once.
-
-    Else the first million rows of a process are NumPy's: they take an identification twice as long,
-    and round differently, so that results would depend on which tests ran before.
-    """
-    with contextlib.suppress(ModuleNotFoundError):
-        import_module("hil.model.recursion")
 
 
 @pytest.fixture(scope="session", autouse=True)

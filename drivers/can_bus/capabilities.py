@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, cast
 
 from can.interfaces.socketcan import SocketcanBus
 
@@ -18,6 +18,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import can
+
+
+class BlockSource(Protocol):
+    """A bus that hands over all frames that answer a SYNC at once."""
+
+    def recv_block(self) -> bytes | None:
+        """Return all frames that wait, as ``struct can_frame``; None where they wait singly."""
+
+    def put_back(self, block: bytes) -> None:
+        """Have the frames of the block received last wait singly."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +44,15 @@ class Capabilities:
         The time that it goes by [s].
     until_next_sent : callable, optional
         Of a recorded session: how long until the next frame was sent [s].
+    blocks : BlockSource, optional
+        Where frames are received by the block.
     """
 
     lock_step: bool = False
     kernel_sync: bool = False
     clock: Callable[[], float] = time.perf_counter
     until_next_sent: Callable[[], float] | None = None
+    blocks: BlockSource | None = None
 
     @property
     def recorded(self) -> bool:
@@ -55,4 +68,5 @@ def capabilities_of(bus: can.BusABC) -> Capabilities:
         kernel_sync=isinstance(bus, SocketcanBus),
         clock=getattr(bus, "clock", time.perf_counter),
         until_next_sent=getattr(bus, "until_next_sent", None),
+        blocks=cast("BlockSource", bus) if hasattr(bus, "recv_block") else None,
     )

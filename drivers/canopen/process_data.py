@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 
 import can
 
+from drivers.can_bus.capabilities import capabilities_of
+from drivers.can_bus.frame_block import FrameBlock
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.cia402.set_point import ENABLED
@@ -70,6 +72,7 @@ class SyncProcessData(ProcessData):
         self._network = network
         self._in_lock_step = clock.synchronous
         self._receive = network.channel.recv
+        self._blocks = capabilities_of(network.channel).blocks if clock.synchronous else None
         self._wanted = [(STATUSWORD, POSITION, drive.current.entry) for drive in axes]
         self._slots: dict[int, int] = {}
         self.wire(communications)
@@ -93,6 +96,8 @@ class SyncProcessData(ProcessData):
         self._axis_of = [axis for axis, _ in pdos]
         order = self._order(pdos)
         self._unpack = unpacking("<" + "".join(layouts), order)
+        self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
+        self._last_block = b""
         self._last: list[Data] = [bytes(size) for size in self._sizes]
         self._owed: dict[int, int] = {}
         self._doubt: dict[int, int] = {}
@@ -151,7 +156,7 @@ class SyncProcessData(ProcessData):
         instant = clock.sent()
         self.untimed = clock.uncertain
         try:
-            values = self._unpack(b"".join(self._collected(clock)))
+            values = self._of_block() or self._unpack(b"".join(self._collected(clock)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
         self._pass_to(instant)
@@ -187,12 +192,23 @@ class SyncProcessData(ProcessData):
         self._clock.sent()
         self._network.pump(0.0)
 
+    def _of_block(self) -> tuple[int, ...] | None:
+        """Return the values of all answers where they came as one block and nothing is owed."""
+        if self._blocks is None or self._owed or (block := self._blocks.recv_block()) is None:
+            return None
+        values = self._block.unpack(block)
+        if values is None:
+            self._blocks.put_back(block)
+        else:
+            self._last_block = block
+        return values
+
     def _collected(self, clock: SyncClock) -> list[Data]:
         """Return what each frame brought, or brought last."""
         frames, missing = self._collect(clock)
         if missing or self._owed:
             self._fill(frames)
-        self._last = frames
+        self._last, self._last_block = frames, b""
         return frames
 
     def _collect(self, clock: SyncClock) -> tuple[list[Data], int]:
@@ -224,6 +240,9 @@ class SyncProcessData(ProcessData):
         return frames, missing
 
     def _fill(self, frames: list[Data]) -> None:
+        if self._last_block:
+            self._last = [*self._block.data(self._last_block)]
+            self._last_block = b""
         for slot, data in enumerate(frames):
             if not data:
                 frames[slot] = self._last[slot]

@@ -9,6 +9,7 @@ but the drives sees that; as they answer each alike, their answers vary by no le
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -106,8 +107,8 @@ class StopwatchBus(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """All of the inner bus's."""
-        return capabilities_of(self._inner)
+        """All of the inner bus's but blocks, whose frames would not be noted."""
+        return replace(capabilities_of(self._inner), blocks=None)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -32,9 +31,6 @@ from hil.estimation.options import DEFAULTS
 from hil.least_squares.balance import balanced
 from hil.least_squares.layout import embedded
 from hil.model.base_parameters import base_parameters
-
-with suppress(ModuleNotFoundError):  # there may be no Numba
-    from hil.model import recursion  # noqa: F401 - compiled from the first: rows are needed by million
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

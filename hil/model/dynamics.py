@@ -1,8 +1,9 @@
 """Inverse dynamics, linear in the base parameters: A(q, qd, qdd) p of eq. (6).
 
 Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c + g and the inverse
-dynamics agree to rounding. What is compiled of it is loaded when there is enough to do; until then
-the same equations are evaluated by NumPy (`model.recursion_by_arrays`). Base parameters enter in
+dynamics agree to rounding. Where it could not be compiled, NumPy evaluates the same equations
+(`model.recursion_by_arrays`); which of both does so never changes in a process. Base parameters
+enter in
 the standard parameters that head their groups, all others being zero (`base_parameters`), so that a
 robot costs no more than the parameters that it has. Besides rigid bodies there are springs and what
 of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
@@ -13,8 +14,6 @@ have the same leading axes: none for a single sample. Torques in N m (forces in 
 
 from __future__ import annotations
 
-import math
-import sys
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -26,9 +25,13 @@ from hil.model.added_parameters import added_inertias, added_loads
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import cos_sin
 
+try:
+    from hil.model import recursion
+except ModuleNotFoundError:
+    recursion = None  # type: ignore[assignment]
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from types import ModuleType
 
     from numpy.typing import ArrayLike
 
@@ -36,12 +39,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
+_recursion: Any = recursion or recursion_by_arrays
 _CHUNK = 2048
 """Samples at a time, so that intermediate values stay in the cache."""
-_UNCOMPILED = 5_000_000
-"""Rows that a process computes before it loads the compiled recursion: each takes 0.15 to 0.2 us
-more than with it, which takes 0.7 s to load. Of torques a sample is one row (0.12 to 0.3 us): one
-pass gives those of all joints."""
 
 
 def regressor(
@@ -92,11 +92,10 @@ def regressors(
     moved = [_samples(robot, q, *each) for each in rates]
     at = moved[0][0]
     every = np.empty((len(moved), at.size // robot.n_joints, rows.size, model.kinds.size))
-    way = _recursion(math.prod(every.shape[:-1]))
-    pull = robot.gravity if gravity is None else np.asarray(gravity, dtype=np.float64)
-    for part, states in _chunks(model, way, at, [each[1:] for each in moved]):
+    pull = robot.gravity if gravity is None else np.ascontiguousarray(gravity, dtype=np.float64)
+    for part, states in _chunks(model, at, [each[1:] for each in moved]):
         for state, flat in zip(states, every[:, part], strict=True):
-            way.columns(state, model.chain, pull, model.kinds, model.links, rows, flat)
+            _recursion.columns(state, model.chain, pull, model.kinds, model.links, rows, flat)
     found = []
     for flat, (_, _, qdd) in zip(every, moved, strict=True):
         A = flat if model.mixing is None else flat @ model.mixing
@@ -191,40 +190,16 @@ def _torques(
     q, qd, qdd = _samples(robot, q, qd, qdd)
     values = model.placement @ p[:n_links]
     flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
-    # whoever asks for a single sample is in a loop, which must not wait later on
-    way = _recursion(len(flat) if q.ndim > 1 else _UNCOMPILED)
-    for part, (state,) in _chunks(model, way, q, [(qd, qdd)]):
-        way.torques(state, model.chain, gravity, model.kinds, model.links, values, flat[part])
+    for part, (state,) in _chunks(model, q, [(qd, qdd)]):
+        _recursion.torques(
+            state, model.chain, gravity, model.kinds, model.links, values, flat[part]
+        )
     if n_added:
         own = p[n_links:]
         flat += qdd.reshape(flat.shape) @ np.tensordot(own, model.inertias, 1)
         if gravity is not _WEIGHTLESS:
             flat += added_loads(robot, q.reshape(flat.shape))[..., model.added] @ own
     return flat.reshape(q.shape)
-
-
-class _Uncompiled:
-    """Rows that this process has computed without compiled code."""
-
-    rows = 0
-
-
-def _recursion(rows: int) -> ModuleType:
-    """Recursion that takes less time for `rows` more of them."""
-    _Uncompiled.rows += rows + 1000  # a call by itself takes as long as so many rows
-    if _Uncompiled.rows > _UNCOMPILED or "hil.model.recursion" in sys.modules:
-        return _compiled()
-    return recursion_by_arrays
-
-
-@lru_cache(maxsize=1)
-def _compiled() -> ModuleType:
-    """Load what is compiled; the same by arrays where Numba is not there for this Python."""
-    try:
-        from hil.model import recursion  # noqa: PLC0415 - takes a second
-    except ModuleNotFoundError:
-        return recursion_by_arrays
-    return recursion
 
 
 def _rows(robot: Robot, joints: Sequence[int] | None) -> Integers:
@@ -250,13 +225,13 @@ def _samples(
 
 
 def _chunks(
-    model: _Model, way: ModuleType, q: Array, rates: Sequence[tuple[Array, Array]]
+    model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]
 ) -> Iterator[tuple[slice, Iterator[Any]]]:
     """Yield the samples in parts, with the state by each of `rates` as a recursion takes it."""
     n_joints = model.revolute.size
     q = q.reshape(-1, n_joints)
     flat = [(qd.reshape(-1, n_joints), qdd.reshape(-1, n_joints)) for qd, qdd in rates]
-    states = _components if way is recursion_by_arrays else _states
+    states = _components if _recursion is recursion_by_arrays else _states
     for first in range(0, len(q), _CHUNK):
         part = slice(first, first + _CHUNK)
         yield part, states(model, q[part], [(qd[part], qdd[part]) for qd, qdd in flat])

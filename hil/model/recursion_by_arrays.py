@@ -1,8 +1,7 @@
 """The Newton-Euler recursion with NumPy's arrays, without a compiler.
 
 Equations and their order are those of `hil.model.recursion`, so that regressors are the same to the
-last bit; torques come from a pass inwards. Loading what is compiled there takes longer than a few
-million rows take here.
+last bit; torques come from a pass inwards.
 """
 
 from __future__ import annotations

@@ -77,17 +77,17 @@ class Trapezoid:
     def motion(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """q, qd and qdd at times `t` (any shape) since the start; at rest outside the move."""
         times = np.asarray(t, dtype=float)
-        begin, end = self.window
+        (begin, end), duration, peak = self.window, self.duration, self.peak
         # time spent so far in the first ramp, the cruise and the last ramp [s]
-        first, third = np.clip(times, 0, begin), np.clip(times - end, 0, self.duration - end)
+        first, third = np.clip(times, 0, begin), np.clip(times - end, 0, duration - end)
         second = np.clip(times - begin, 0, end - begin)
         way = (
             self.acceleration * first**2 / 2
-            + self.peak * (second + third)
+            + peak * (second + third)
             - self.acceleration * third**2 / 2
         )
         rising = (times >= 0) & (times < begin)
-        falling = (times >= end) & (times < self.duration)
+        falling = (times >= end) & (times < duration)
         rate = self._sign * self.acceleration
         q, qd = self.start + self._sign * way, rate * (first - third)
         return q, qd, rate * (rising.astype(float) - falling)

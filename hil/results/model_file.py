@@ -9,6 +9,7 @@ degrees of freedom that explain them.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import isclose
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -246,6 +247,12 @@ class ModelFile(FileModel):
         return yaml.dump(content, Dumper=_Dumper, sort_keys=False, width=200)
 
 
+@lru_cache(maxsize=1)
+def _parsed(text: str, path: str) -> ModelFile:
+    """Parse a model's file once for all who ask for one and the same: that takes half a second."""
+    return parse_yaml(text, ModelFile, path)
+
+
 def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
     """Read a model's file and refuse one that was cut off or edited, by its first problem.
 
@@ -259,7 +266,7 @@ def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
     remedy = f"write the file anew with: hil identify {path.parent}"
     text = read_text(path)
     try:
-        kept = parse_yaml(text, ModelFile, str(path))
+        kept = _parsed(text, str(path))
     except FileError as error:
         first, *_ = str(error).splitlines()
         raise FileError(f"{first}, or {remedy}") from error

@@ -35,21 +35,28 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from ctypes import CDLL, c_double, c_int64
 from dataclasses import dataclass
 from itertools import chain, repeat
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.machine_code import library, pointer
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KINDS, ElementKind
+
+try:
+    _LIBRARY: CDLL | None = library(__file__, "_simplify")
+except ModuleNotFoundError:
+    _LIBRARY = None
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from numpy.typing import ArrayLike
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.planning.measurement import RecordedMotion
 
 
@@ -159,23 +166,31 @@ def simplified(time: Array, value: Array, tolerance: float) -> Track:
     to sample; where none is left, the sample before becomes the next knot (the swinging door).
     """
     finite = np.isfinite(value)
-    t, x = time[finite].tolist(), value[finite].tolist()
-    kept, low, high = [0], -np.inf, np.inf
+    t, x = (np.asarray(each[finite], dtype=np.float64) for each in (time, value))
+    if not len(t):
+        return Track(t, x)
+    kept = np.zeros(len(t), dtype=bool)
+    if _LIBRARY is None:
+        swinging_door(t.tolist(), x.tolist(), tolerance, kept)
+    else:
+        arguments = pointer(t), pointer(x), c_int64(len(t)), c_double(tolerance), pointer(kept)
+        _LIBRARY.swinging_door(*arguments)
+    return Track(t[kept], x[kept])
+
+
+def swinging_door(t: list[float], x: list[float], tolerance: float, kept: Mask) -> None:
+    """Mark the samples that `simplified` keeps; ``simplify.c`` does the same."""
+    begin, low, high = 0, -np.inf, np.inf
+    kept[[0, -1]] = True
     for i in range(1, len(t)):
-        begin = kept[-1]
         way = t[i] - t[begin]
-        if way <= 0 or low <= (x[i] - x[begin]) / way <= high:
-            pass
-        else:
+        if way > 0 and not low <= (x[i] - x[begin]) / way <= high:
             begin, low, high = i - 1, -np.inf, np.inf
-            kept.append(begin)
+            kept[begin] = True
             way = t[i] - t[begin]
         if way > 0:
             low = max(low, (x[i] - tolerance - x[begin]) / way)
             high = min(high, (x[i] + tolerance - x[begin]) / way)
-    kept.append(len(t) - 1)
-    chosen = np.unique(np.array(kept)[np.array(kept) >= 0])
-    return Track(np.array(t)[chosen], np.array(x)[chosen])
 
 
 def with_holes(time: Array, value: Array, tolerance: float) -> Track:

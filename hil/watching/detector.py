@@ -27,7 +27,6 @@ seen. Of an axis that has not moved yet nothing is known, so nothing is seen.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -38,9 +37,6 @@ from hil.model.motors import motor_torque
 from hil.watching.friction import FrictionLevel, FrictionTables, columns_of
 from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import Turning
-
-with suppress(ModuleNotFoundError):  # there may be no Numba
-    from hil.model import recursion  # noqa: F401 - compiled before the first sample, which cannot wait
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

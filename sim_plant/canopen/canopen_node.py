@@ -158,11 +158,18 @@ class CanopenNode:
         return routes
 
     def sync_actions(self) -> list[Callable[[], None]]:
-        """What to do on SYNC in the present state: RPDOs take effect, TPDOs may be sent."""
-        pdos: list[Rpdo | Tpdo] = [*self._rpdos, *self._tpdos] if self._operational else []
+        """Return what is done at each SYNC in the present state: TPDOs may be sent."""
+        tpdos = self._tpdos if self._operational else []
         return [
-            pdo.act_on_sync for pdo in pdos if pdo.enabled and pdo.on_sync and not pdo.on_every_sync
+            pdo.act_on_sync
+            for pdo in tpdos
+            if pdo.enabled and pdo.on_sync and not pdo.on_every_sync
         ]
+
+    def sync_rpdos(self) -> list[Rpdo]:
+        """Return the RPDOs that take effect at SYNC in the present state, if a frame came."""
+        rpdos = self._rpdos if self._operational else []
+        return [rpdo for rpdo in rpdos if rpdo.enabled and rpdo.on_sync]
 
     def sync_reports(self) -> list[Report]:
         """Return the TPDOs that answer every SYNC in the present state."""

@@ -107,7 +107,7 @@ class Rpdo(Pdo):
         emergencies: Emergencies,
     ) -> None:
         self._emergencies = emergencies
-        self._pending: bytes | None = None
+        self.pending: bytes | None = None
         super().__init__(dictionary, number, 0x1400, rewired)
 
     def _load(self) -> None:
@@ -122,19 +122,19 @@ class Rpdo(Pdo):
         if len(data) > self._size:
             self._emergencies.report(ErrorCode.PDO_TOO_LONG)
         if self.on_sync:
-            self._pending = data
+            self.pending = data
         else:
             self._apply(data)
 
     def act_on_sync(self) -> None:
         """Let what came since the last SYNC take effect."""
-        data, self._pending = self._pending, None
+        data, self.pending = self.pending, None
         if data is not None and len(data) >= self._size:
             self._apply(data)
 
     def stop(self) -> None:
         """Forget what has not taken effect."""
-        self._pending = None
+        self.pending = None
 
     def _apply(self, data: bytes) -> None:
         values = self._layout.unpack_from(data)

@@ -12,6 +12,7 @@ have to say to a frame is in the receive queue before `send` returns.
 from __future__ import annotations
 
 import queue
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from can.typechecking import AutoDetectedConfig, CanFilters, Channel
+
+    from sim_plant.serving.plant_channel import Block, Inbox
 
 CHANNEL = "manutec-r15"
 
@@ -61,7 +64,9 @@ class PlantBus(can.BusABC):
         receive_own_messages: bool = False,
         **options: Any,
     ) -> None:
-        self._inbox: queue.SimpleQueue[can.Message] = queue.SimpleQueue()
+        self._inbox: Inbox = queue.SimpleQueue()
+        self._singly: deque[can.Message] = deque()
+        self._block: Block = 0.0, b""
         self._echo = receive_own_messages
         self._plant: PlantChannel | None = open_channel(str(channel), self._inbox, options)
         self._direct = True
@@ -86,19 +91,43 @@ class PlantBus(can.BusABC):
         """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
         if self._direct:
             try:
-                return self._inbox.get_nowait()
+                return self._next(0.0)
             except queue.Empty:
                 if timeout == 0:
                     return None
         return super().recv(timeout)
 
+    def recv_block(self) -> bytes | None:
+        """Return all frames that wait, as ``struct can_frame``; None where they wait singly."""
+        if self._singly or not self._direct or self._inbox.qsize() != 1:
+            return None
+        item = self._inbox.get_nowait()
+        if isinstance(item, can.Message):
+            self._singly.append(item)
+            return None
+        self._block = item
+        return item[1]
+
+    def put_back(self, block: bytes) -> None:
+        """Have the frames of the block received last wait singly."""
+        if self._plant is not None and block is self._block[1]:
+            self._singly.extend(self._plant.messages(self._block))
+
+    def _next(self, timeout: float | None) -> can.Message:
+        while not self._singly:
+            item = self._inbox.get_nowait() if timeout == 0 else self._inbox.get(timeout=timeout)
+            if isinstance(item, can.Message):
+                return item
+            self._singly.extend(self._opened().messages(item))
+        return self._singly.popleft()
+
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         self._opened()
         try:
-            message = self._inbox.get(timeout=None if timeout is None else max(0.0, timeout))
+            message = self._next(None if timeout is None else max(0.0, timeout))
             # recv(0) of the base class would give up at the first frame that its filters drop
             while not self._matches_filters(message):
-                message = self._inbox.get_nowait()
+                message = self._next(0.0)
         except queue.Empty:
             return None, False
         return message, True

@@ -19,17 +19,19 @@ from sim_plant.faults.frame_faults import NotSent
 from sim_plant.serving.hand import Hand
 from sim_plant.serving.plant_options import PlantOptions
 from sim_plant.serving.wall_clock import TICK, WallClock
-from sim_plant.slave_network import SlaveNetwork
+from sim_plant.slave_network import FRAME, SlaveNetwork
 from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
     import queue
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Iterator
 
     from sim_plant.plant import Plant
     from sim_plant.slave_network import CanFrame
 
-    Inbox = queue.SimpleQueue[can.Message]
+    Block = tuple[float, bytes]
+    """When the wire is free for a block of frames [s], and the block."""
+    Inbox = queue.SimpleQueue[can.Message | Block]
 
 _channels: dict[str, PlantChannel] = {}
 _channels_lock = threading.Lock()
@@ -48,6 +50,10 @@ class PlantChannel:
         self._hand = None if options.hand is None else Hand(options.hand, machine)
         self._durations = [(47 + 8 * n) / options.bitrate for n in range(9)]
         self._wire_free = 0.0
+        self._of_blocks: dict[bytes, float] = {}
+        network = self._network
+        answer = network.answer if isinstance(network, SlaveNetwork) else network.receive
+        self._answer: Callable[[int, bytes], list[CanFrame] | bytes] = answer
         self._stop = threading.Event()
         self._follower = threading.Thread(target=self._follow_wall, name=name, daemon=True)
 
@@ -81,7 +87,11 @@ class PlantChannel:
                 if message.is_remote_frame:
                     self._deliver(network.receive_remote(message.arbitration_id))
                 else:
-                    self._deliver(network.receive(message.arbitration_id, bytes(message.data)))
+                    frames = self._answer(message.arbitration_id, bytes(message.data))
+                    if isinstance(frames, bytes):
+                        self._deliver_block(frames)
+                    else:
+                        self._deliver(frames)
             except NotSent as refused:
                 self._deliver(refused.frames)
                 raise
@@ -109,6 +119,23 @@ class PlantChannel:
             for inbox in inboxes:
                 inbox.put(_message(free, identifier, data, name))
         self._wire_free = free
+
+    def _deliver_block(self, block: bytes) -> None:
+        """Put the frames of one instant into all inboxes; whoever reads one takes it apart."""
+        now, sizes = self._network.time, block[4 :: FRAME.size]
+        start = self._wire_free if self._wire_free > now else now
+        if sizes not in self._of_blocks:
+            self._of_blocks[sizes] = sum(self._durations[size] for size in sizes)
+        self._wire_free = start + self._of_blocks[sizes]
+        for inbox in self.inboxes:
+            inbox.put((start, block))
+
+    def messages(self, block: Block) -> Iterator[can.Message]:
+        """Take a block apart."""
+        free, frames = block
+        for identifier, size, data in FRAME.iter_unpack(frames):
+            free += self._durations[size]
+            yield _message(free, identifier, data[:size], self.name)
 
     def _occupy(self, time: float, size: int) -> float:
         """End of a frame that is ready at `time`: the wire carries one after the other."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -49,7 +50,9 @@ def tracked() -> set[str]:
 def test_it_holds_all_files_of_the_packages_and_no_others(wheel: Path) -> None:
     """Templates, robots, plants, data sheets and the scripts of the page among them."""
     held = {name for name in ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    assert held == tracked()
+    built = {name for name in held if re.fullmatch(r"hil/.*\.(so|pyd)", name)}
+    assert built or not shutil.which("cc")
+    assert held - built == {name for name in tracked() if not name.endswith(".c")}
     assert {"hil/robots/manutec-r15.yaml", "hil/view/assets/view.js"} <= held
 
 

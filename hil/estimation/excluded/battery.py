@@ -164,11 +164,12 @@ class Battery:
         self.unchanged = unchanged or {}
         """Omega of each cause, where unchanged recordings show it."""
         e = evidence
-        rows = e.without_friction(np.hstack([e.torque[:, None], e.X, e.own, columns.values]))
         self._order = order = np.argsort(e.group, kind="stable")
-        cut = np.cumsum([1, e.X.shape[1], e.own.shape[1]])
-        self._y, self._X, self._own, D = np.split(rows[order], cut, axis=1)
-        self._D = np.asfortranarray(D)  # few columns of many are read, again and again
+        self._y, self._X, self._own = (
+            e.without_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
+        )
+        # few columns of many are read, again and again
+        self._D = np.asfortranarray(e.without_friction(columns.values)[order])
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
         self._axis = np.array([name.axis for name in columns.names])
@@ -207,7 +208,7 @@ class Battery:
         root = np.sqrt(self.weights)[self._channel]
         Q = (Z * root[:, None]) @ inverse_root(regression.normal.information)
         y, D = self._y[:, 0] * root, self._D * root[:, None]
-        self._Q, self._weighted = Q, D.copy()
+        self._Q, self._root = Q, root
         self._residual = y - Q @ (Q.T @ y)
         before = np.einsum("ij,ij->j", D, D)
         D -= Q @ (Q.T @ D)
@@ -222,19 +223,21 @@ class Battery:
         """Mean square that is left of each channel, shape (n_channels,)."""
         self.misfit = float(self._counts @ np.log(self.left))
         """Differences of which are chi squares."""
-        self._pieces = [
-            (slice(a, b), Q[a:b], _enlarging(Q[a:b]))
-            for a, b in pairwise([*self._starts.tolist(), len(y)])
-        ]
+        self._pieces = [slice(a, b) for a, b in pairwise([*self._starts.tolist(), len(y)])]
         self.shares = self._by_group(D**2)
         """Of the groups in the information, shape (n_groups, n_columns)."""
+
+    @property
+    def _weighted(self) -> Array:
+        """All columns, weighted, shape (n, n_columns)."""
+        return np.asarray(self._D * self._root[:, None])
 
     @cached_property
     def _enlarged(self) -> Array:
         """(1 - Q_k Q_k')^(-1/2) of all groups times the residual and all columns."""
         found = np.column_stack([self._residual, self._left])
-        for at, Q, M in self._pieces:
-            found[at] += Q @ (M @ (Q.T @ found[at]))
+        for at in self._pieces:
+            found[at] = _enlarge(self._Q[at], found[at])
         return found
 
     def _by_group(self, rows: Array) -> Array:
@@ -367,7 +370,7 @@ class Battery:
         # of D - U U'D all inner products within groups, from those of D and U
         beside = np.column_stack([enlarged, U])
         with_D, with_U = (
-            np.stack([x[rows].T @ beside[rows] for rows, *_ in self._pieces]) for x in (D, U)
+            np.stack([x[rows].T @ beside[rows] for rows in self._pieces]) for x in (D, U)
         )
         with_D = with_D[:, other]
         scores = with_D[..., 0] - with_U[..., 0] @ along
@@ -402,13 +405,13 @@ class Battery:
         part : ndarray of int, shape (n,)
             Part of each row of the evidence, from 0.
         """
-        part = part[self._order]
+        part, weighted = part[self._order], self._weighted
         drops: dict[Key, list[tuple[float, int]]] = {key: [] for key in self.columns.tests}
         every, n_parts = np.zeros(len(self.columns.names)), int(part.max()) + 1
         seen = np.zeros(len(every))
         for k in range(n_parts):
             rows = part == k
-            D, Q = self._weighted[rows], self._Q[rows]
+            D, Q = weighted[rows], self._Q[rows]
             left = D - Q @ (Q.T @ D)  # its rows of other parts are -Q Q_k'D
             beside = D.T @ left
             scores, information = D.T @ self._residual[rows], np.diag(beside)
@@ -518,9 +521,11 @@ def _freedom(products: Array) -> float:
     return float(len(products) ** 2 / np.sum((products / np.outer(length, length)) ** 2))
 
 
-def _enlarging(Q: Array) -> Array:
-    """M of (1 - QQ')^(-1/2) = 1 + Q M Q', of one group."""
-    values, vectors = np.linalg.eigh(Q.T @ Q)
+def _enlarge(Q: Array, x: Array) -> Array:
+    """Multiply rows `x` of one group by (1 - QQ')^(-1/2), from the smaller of QQ' and Q'Q."""
+    wide = len(Q) < Q.shape[1]
+    values, vectors = np.linalg.eigh(Q @ Q.T if wide else Q.T @ Q)
     factor = 1.0 / np.sqrt(np.clip(1.0 - values, LEVERAGE, 1.0)) - 1.0
-    scaled = factor / np.maximum(values, np.finfo(float).eps)
-    return np.asarray((vectors * scaled) @ vectors.T)
+    if not wide:
+        vectors, factor = Q @ vectors, factor / np.maximum(values, np.finfo(float).eps)
+    return np.asarray(x + (vectors * factor) @ (vectors.T @ x))

@@ -196,11 +196,34 @@ def measured(
     prepared : sequence of (ParameterMotion, Signals)
         What the solver is of.
     """
-    stacked = [(s, list(axes)) for s, axes in solver.stacked]
-    for motion, s in prepared:
-        for axis in set(range(robot.n_joints)) - set(motion.moved):
-            stacked += [(s, [each]) for each in _unasked(robot, s, axis)]
-    several = -(-FEWEST_GROUPS // max(len({s for s, _ in solver.stacked}), 1))
+    unasked = [
+        (s, [each])
+        for motion, s in prepared
+        for axis in set(range(robot.n_joints)) - set(motion.moved)
+        for each in _unasked(robot, s, axis)
+    ]
+    return rows_of(robot, solver.stacked, solver.loaded, unasked)
+
+
+def rows_of(
+    robot: Robot,
+    asked: Sequence[tuple[Signals, Sequence[Stacked]]],
+    loaded: Mask,
+    unasked: Sequence[tuple[Signals, Sequence[Stacked]]] = (),
+) -> Evidence:
+    """Thin out the columns of axes that move, measurement by measurement.
+
+    Parameters
+    ----------
+    asked : sequence of (Signals, sequence of Stacked)
+        Axes that were to move.
+    loaded : ndarray of bool, shape (n_joints,)
+        Axes with friction of the load.
+    unasked : sequence of (Signals, sequence of Stacked)
+        Axes that moved besides.
+    """
+    stacked = [*asked, *unasked]
+    several = -(-FEWEST_GROUPS // max(len({s for s, _ in asked}), 1))
     # periods of a trajectory repeat what a law of friction misses of it, so they share their groups
     place = {s: k for k, s in enumerate(dict.fromkeys(s for s, _ in stacked))}
     parts = []
@@ -208,7 +231,7 @@ def measured(
         own = [(place[s], s, each) for s, axes in stacked for each in axes if each.axis == axis]
         own.sort(key=lambda part: part[1].time[0])  # later recordings lie in one piece
         step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
-        parts += [_part(robot, s, each, step, k, several, solver.loaded) for k, s, each in own]
+        parts += [_part(robot, s, each, step, k, several, loaded) for k, s, each in own]
     evidence = gathered(parts)
     limits = [
         limit_or_reached(limit, evidence.recorded[evidence.axis == axis])

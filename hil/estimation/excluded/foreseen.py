@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotIdentifiable
+from hil.estimation.condensed import stack
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.columns import columns
-from hil.estimation.excluded.evidence import measured
+from hil.estimation.excluded.evidence import rows_of
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded
 from hil.estimation.signals import signals
-from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.planning.measurement import shows_parameters
@@ -31,11 +31,13 @@ from hil.planning.timetable import timetable
 from hil.runs.recording import IDLE, Recording
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
-    from hil.estimation.signals import Prepared
+    from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMeasurement
+    from hil.planning.measurement import ParameterMeasurement, ParameterMotion
     from hil.planning.plan import Plan
     from hil.planning.prediction.noise import Noise
 
@@ -63,15 +65,8 @@ def foreseen_tests(
     plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0
 ) -> tuple[Battery, int] | None:
     """Tests of all causes in what a plan will record, and how many there are; see `foreseen`."""
-    rng, time, prepared = np.random.default_rng(seed), 0.0, []
-    for entry in timetable(plan, robot, plan.measurements):
-        time += entry.travel
-        if shows_parameters(entry.measurement):
-            made = recorded(robot, entry.measurement, plan.sample_period, noise, p, rng, time)
-            prepared.append((entry.measurement, signals(made)))
-        time += entry.duration
     try:
-        evidence = expected_evidence(robot, prepared)
+        evidence = expected_evidence(robot, _expected(plan, robot, noise, p, seed))
     except NotIdentifiable:
         return None
     every = columns(robot, p, evidence)
@@ -79,7 +74,22 @@ def foreseen_tests(
     return battery, sum(bool(battery.visible[at].any()) for at in every.tests.values())
 
 
-def expected_evidence(robot: Robot, prepared: Prepared) -> Evidence:
+def _expected(
+    plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int
+) -> Iterator[tuple[ParameterMeasurement, Signals]]:
+    """Yield what a plan will record, one measurement after the other."""
+    rng, time = np.random.default_rng(seed), 0.0
+    for entry in timetable(plan, robot, plan.measurements):
+        time += entry.travel
+        if shows_parameters(entry.measurement):
+            made = recorded(robot, entry.measurement, plan.sample_period, noise, p, rng, time)
+            yield entry.measurement, signals(made)
+        time += entry.duration
+
+
+def expected_evidence(
+    robot: Robot, prepared: Iterable[tuple[ParameterMotion, Signals]]
+) -> Evidence:
     """Rows of expected recordings: recordings alone show whether a load has friction.
 
     Raises
@@ -87,9 +97,13 @@ def expected_evidence(robot: Robot, prepared: Prepared) -> Evidence:
     NotIdentifiable
         None of them shows anything.
     """
-    solver = SimultaneousFit(robot, prepared)
-    solver.loaded = np.zeros(robot.n_joints, dtype=bool)
-    return measured(robot, solver, prepared)
+    stacked = []
+    for motion, s in prepared:
+        stacked += [(s, axes) for axes in stack(robot, motion, s)]
+        s.kept.clear()  # of all samples; the rows are some of them
+    if not stacked:
+        raise NotIdentifiable("no measurement is long enough to show parameters")
+    return rows_of(robot, stacked, np.zeros(robot.n_joints, dtype=bool))
 
 
 def recorded(

@@ -1,7 +1,8 @@
-"""Where Numba is not there, recordings are imported, identified, validated and reported as well.
+"""Without Numba and without compiled recursion, recordings are imported and identified as well.
 
-Its absence is that of a Python for which it has no wheel yet: nothing of it can be imported, and no
-package of that name is installed.
+The absence of Numba is that of a Python for which it has no wheel yet: nothing of it can be
+imported, and no package of that name is installed. The absence of the compiled recursion is that of
+a machine without C compiler.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[3]
 ABSENT = """
 import importlib.metadata, sys
-sys.modules["numba"] = sys.modules["llvmlite"] = None
+sys.modules["numba"] = sys.modules["llvmlite"] = sys.modules["hil.model.recursion"] = None
 found = importlib.metadata.version
 def version(name):
     if name == "numba":

@@ -1,0 +1,222 @@
+/* The Newton-Euler recursion: one pass outwards gives every column of the regressor.
+
+For each sample the pass carries from link to link the motion of the frame (angular velocity w,
+angular acceleration u, acceleration a of the origin less gravity) and, seen in that frame, the axes
+of the joints before. The wrench about the origin that one unit of a standard parameter needs to
+follow that motion is
+
+    inertia I        n = I u + w x I w    f = 0
+    first moment s   n = s x a            f = u x s + w x (w x s)
+    mass             n = 0                f = a
+
+and its torque on joint i is the product with that joint's axis (angular z, linear z x arm; for a
+prismatic joint linear z alone). So no pass inwards is needed, only the columns of those standard
+parameters that carry base parameters are computed, and single rows come cheap. `torques` goes the
+same way but weighs the wrenches of a link with given values before the product.
+
+Samples go through in blocks of LANES, a vector per component. Nothing is reordered or contracted,
+so each processor gives the same bits, and those of hil/model/recursion_by_arrays.py. `state` has
+the shape (5, n, joints): cosine and sine of the angle about each joint's axis, shift along it,
+velocity, acceleration; `chain` (joints, 4): cos(alpha), sin(alpha), d, 1 for a revolute or 0 for a
+prismatic joint. */
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LANES 4
+typedef double V __attribute__((vector_size(LANES * sizeof(double))));
+typedef int64_t I __attribute__((vector_size(LANES * sizeof(int64_t))));
+typedef struct { V x, y, z; } Vector;
+typedef struct { Vector w, u, a; } Motion;
+typedef struct { Vector turn, slide; } Axis;
+typedef struct { V c, s, shift, qd, qdd; } Joint;
+
+#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
+#define FOR_ANY_PROCESSOR __attribute__((target_clones("avx2", "default")))
+#else
+#define FOR_ANY_PROCESSOR
+#endif
+#define PART static inline __attribute__((always_inline))
+
+PART V all(double x) { return x - (V){0}; }
+
+PART V product(const Vector *a, const Vector *b) { return a->x * b->x + a->y * b->y + a->z * b->z; }
+
+/* Turn a vector of frame j-1 into frame j. */
+PART Vector turned(double ca, double sa, const Joint *now, const Vector *v) {
+    V h = ca * v->y + sa * v->z;
+    return (Vector){now->c * v->x + now->s * h, now->c * h - now->s * v->x, ca * v->z - sa * v->y};
+}
+
+PART Joint gathered(const double *state, int64_t n, int64_t joints, int64_t first, int64_t count,
+                    int64_t joint) {
+    Joint now;
+    V *parts = (V *)&now;
+    for (int k = 0; k < 5; k++)
+        for (int i = 0; i < LANES; i++)  /* lanes beyond the end repeat the first one */
+            parts[k][i] = state[(k * n + first + (i < count ? i : 0)) * joints + joint];
+    return now;
+}
+
+/* Go from link to link: turn the motion into its frame, add the joint's own. */
+PART void carry_motion(const double *joint, const Joint *now, Motion *m) {
+    double ca = joint[0], sa = joint[1], d = joint[2], revolute = joint[3];
+    Vector w = m->w, u = m->u;
+    V px = all(d), py = -sa * now->shift, pz = ca * now->shift;
+    V xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z, xy = w.x * w.y, xz = w.x * w.z, yz = w.y * w.z;
+    Vector a = {m->a.x + (-(yy + zz) * px + (xy - u.z) * py + (xz + u.y) * pz),
+                m->a.y + ((xy + u.z) * px - (xx + zz) * py + (yz - u.x) * pz),
+                m->a.z + ((xz - u.y) * px + (yz + u.x) * py - (xx + yy) * pz)};
+    w = turned(ca, sa, now, &w), u = turned(ca, sa, now, &u), a = turned(ca, sa, now, &a);
+    V spin = revolute * now->qd, slide = (1.0 - revolute) * 2.0 * now->qd;
+    m->w = (Vector){w.x, w.y, w.z + spin};
+    m->u = (Vector){u.x + w.y * spin, u.y - w.x * spin, u.z + revolute * now->qdd};
+    m->a = (Vector){a.x + w.y * slide, a.y - w.x * slide, a.z + (1.0 - revolute) * now->qdd};
+}
+
+PART void carry_axis(const double *joint, const Joint *now, Axis *axis) {
+    double ca = joint[0], sa = joint[1], d = joint[2];
+    V px = all(d), py = -sa * now->shift, pz = ca * now->shift;
+    Vector t = axis->turn, s = axis->slide;
+    s.x += t.y * pz - t.z * py;
+    s.y += t.z * px - t.x * pz;
+    s.z += t.x * py - t.y * px;
+    axis->turn = turned(ca, sa, now, &t);
+    axis->slide = turned(ca, sa, now, &s);
+}
+
+PART Axis new_axis(double revolute) {
+    return (Axis){{all(0), all(0), all(revolute)}, {all(0), all(0), all(1.0 - revolute)}};
+}
+
+PART Motion at_rest(const double *gravity) {
+    Motion m;
+    memset(&m, 0, sizeof m);
+    m.a = (Vector){all(-gravity[0]), all(-gravity[1]), all(-gravity[2])};
+    return m;
+}
+
+/* Moment and force that one unit of a standard parameter of place `kind` in eq. (4) needs. */
+PART void unit_wrench(int64_t kind, const Motion *m, Vector *moment, Vector *force) {
+    Vector w = m->w, u = m->u, a = m->a, n = {all(0), all(0), all(0)}, f = n;
+    V zero = all(0);
+    switch (kind) {
+    case 0: n = (Vector){u.x, w.x * w.z, -w.x * w.y}; break;
+    case 1: n = (Vector){u.y - w.x * w.z, u.x + w.y * w.z, w.x * w.x - w.y * w.y}; break;
+    case 2: n = (Vector){u.z + w.x * w.y, w.z * w.z - w.x * w.x, u.x - w.y * w.z}; break;
+    case 3: n = (Vector){-w.y * w.z, u.y, w.x * w.y}; break;
+    case 4: n = (Vector){w.y * w.y - w.z * w.z, u.z - w.x * w.y, u.y + w.x * w.z}; break;
+    case 5: n = (Vector){w.y * w.z, -w.x * w.z, u.z}; break;
+    case 6:
+        n = (Vector){zero, -a.z, a.y};
+        f = (Vector){-w.y * w.y - w.z * w.z, w.x * w.y + u.z, w.x * w.z - u.y};
+        break;
+    case 7:
+        n = (Vector){a.z, zero, -a.x};
+        f = (Vector){w.x * w.y - u.z, -w.x * w.x - w.z * w.z, w.y * w.z + u.x};
+        break;
+    case 8:
+        n = (Vector){-a.y, a.x, zero};
+        f = (Vector){w.x * w.z + u.y, w.y * w.z - u.x, -w.x * w.x - w.y * w.y};
+        break;
+    default: f = a;
+    }
+    *moment = n, *force = f;
+}
+
+#define MIX(a, b, ...) __builtin_shuffle(a, b, (I){__VA_ARGS__})
+
+/* Write `size` vectors so that each lane's values lie in one piece, `count` pieces. */
+PART void scatter(const V *tile, int64_t size, int64_t count, double *out) {
+    int64_t m = 0;
+#ifndef __clang__
+    for (; count == LANES && m + 4 <= size; m += 4) {
+        const V *t = tile + m;
+        V a = MIX(t[0], t[1], 0, 4, 2, 6), b = MIX(t[0], t[1], 1, 5, 3, 7);
+        V c = MIX(t[2], t[3], 0, 4, 2, 6), d = MIX(t[2], t[3], 1, 5, 3, 7);
+        V lanes[4] = {MIX(a, c, 0, 1, 4, 5), MIX(b, d, 0, 1, 4, 5),
+                      MIX(a, c, 2, 3, 6, 7), MIX(b, d, 2, 3, 6, 7)};
+        for (int h = 0; h < LANES; h++) memcpy(out + h * size + m, lanes + h, sizeof(V));
+    }
+#endif
+    for (; m < size; m++)
+        for (int64_t i = 0; i < count; i++) out[i * size + m] = tile[m][i];
+}
+
+/* Torque on the joints `rows` (rising) per unit of standard parameters, into out (n, rows, columns).
+   `kinds`, `links`: place in eq. (4) and link of each column; links never decrease. Returns 0, or 1
+   where memory is short. */
+FOR_ANY_PROCESSOR
+int columns(const double *state, const double *chain, const double *gravity, const int64_t *kinds,
+            const int64_t *links, const int64_t *rows, int64_t n, int64_t joints, int64_t n_columns,
+            int64_t n_rows, double *out) {
+    int64_t size = n_rows * n_columns;
+    V *tile;
+    if (posix_memalign((void **)&tile, sizeof(V), (size + 6 * n_rows) * sizeof(V))) return 1;
+    Axis *axes = (Axis *)(tile + size);
+    memset(tile, 0, size * sizeof(V));  /* a joint knows nothing of the links before it */
+    for (int64_t first = 0; first < n; first += LANES) {
+        int64_t count = n - first < LANES ? n - first : LANES, column = 0, moving = 0;
+        Motion motion = at_rest(gravity);
+        for (int64_t link = 0; link < joints; link++) {
+            const double *joint = chain + 4 * link;
+            Joint now = gathered(state, n, joints, first, count, link);
+            carry_motion(joint, &now, &motion);
+            for (int64_t k = 0; k < moving; k++) carry_axis(joint, &now, axes + k);
+            if (moving < n_rows && rows[moving] == link) axes[moving++] = new_axis(joint[3]);
+            for (; column < n_columns && links[column] == link; column++) {
+                Vector moment, force;
+                unit_wrench(kinds[column], &motion, &moment, &force);
+                V *at = tile + column;
+                if (kinds[column] < 6)
+                    for (int64_t k = 0; k < moving; k++)
+                        at[k * n_columns] = product(&moment, &axes[k].turn);
+                else
+                    for (int64_t k = 0; k < moving; k++)
+                        at[k * n_columns] =
+                            product(&moment, &axes[k].turn) + product(&force, &axes[k].slide);
+            }
+        }
+        scatter(tile, size, count, out + first * size);
+    }
+    free(tile);
+    return 0;
+}
+
+/* Torque on all joints with standard parameters of given `values`, into out (n, joints). */
+FOR_ANY_PROCESSOR
+int torques(const double *state, const double *chain, const double *gravity, const int64_t *kinds,
+            const int64_t *links, const double *values, int64_t n, int64_t joints,
+            int64_t n_columns, double *out) {
+    V *tile;
+    if (posix_memalign((void **)&tile, sizeof(V), 7 * joints * sizeof(V))) return 1;
+    Axis *axes = (Axis *)(tile + joints);
+    for (int64_t first = 0; first < n; first += LANES) {
+        int64_t count = n - first < LANES ? n - first : LANES, column = 0;
+        Motion motion = at_rest(gravity);
+        memset(tile, 0, joints * sizeof(V));
+        for (int64_t link = 0; link < joints; link++) {
+            const double *joint = chain + 4 * link;
+            Joint now = gathered(state, n, joints, first, count, link);
+            carry_motion(joint, &now, &motion);
+            for (int64_t k = 0; k < link; k++) carry_axis(joint, &now, axes + k);
+            axes[link] = new_axis(joint[3]);
+            Axis total;
+            memset(&total, 0, sizeof total);
+            for (; column < n_columns && links[column] == link; column++) {
+                Vector moment, force;
+                unit_wrench(kinds[column], &motion, &moment, &force);
+                double value = values[column];
+                total.turn.x += value * moment.x, total.turn.y += value * moment.y;
+                total.turn.z += value * moment.z, total.slide.x += value * force.x;
+                total.slide.y += value * force.y, total.slide.z += value * force.z;
+            }
+            for (int64_t k = 0; k <= link; k++)
+                tile[k] += product(&total.turn, &axes[k].turn) + product(&total.slide, &axes[k].slide);
+        }
+        scatter(tile, joints, count, out + first * joints);
+    }
+    free(tile);
+    return 0;
+}
