@@ -208,7 +208,8 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
             if kind not in joints[-joint] and column.number not in taken:
                 joints[-joint][kind] = column
                 taken.add(column.number)
-    named = [(numbers, words.difference(numbers)) for _, words, numbers in kinds.get("position", ())]
+    positions = kinds.get("position", ())
+    named = [(numbers, words.difference(numbers)) for _, words, numbers in positions]
     whole = [names for names, joint in zip(named, joints, strict=True) if "torque" in joint]
     numbered, alike = ([names[k] for names in whole] for k in (0, 1))
     return [

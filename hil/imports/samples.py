@@ -140,7 +140,7 @@ def _with_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
         if (found := signed(recorded.round())) is not None:
             with_signs, words = found
             torques += np.outer(with_signs - recorded, efforts[joint])
-            yield f"torques of joint {joint + 1} are read as {words}, since they are smooth so alone"
+            yield f"torques of joint {joint + 1} are read as {words}: they are smooth so alone"
 
 
 def _file_blocks(

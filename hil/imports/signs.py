@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 LEAVES = 0.5
 """Share of the squared steps that the right reading leaves at most, of the plain one's and of the
-other's: a step through zero is of S or 2 S in these, and of as much as friction in the right one."""
+other's: a step through zero is of S or 2 S in these, and of as much as friction in the right."""
 LEAST, JUMPS = 64.0, 3
 """Numbers above which a bit can be a sign, and jumps that are no chance."""
 

@@ -21,11 +21,12 @@ _COMMENTS = ("%", "#", "//")
 _LOOKED_AT = 30
 _ABOVE = 5
 """Rows above the numbers in which the names may be: comments, types and units follow these."""
-_UNITS = set(
-    "- 1 % s ms us µs ns min rad deg ° m mm rad/s deg/s °/s rpm 1/min turns rev turns/s rev/s m/s"
-    " mm/s nm n*m n.m n a ma aeff arms v mv counts inc counts/s inc/s rad/s^2 rad/s2 m/s^2"
-    " m/s2".split()
-) | {""}
+_UNITS = {
+    "", "-", "1", "%", "s", "ms", "us", "µs", "ns", "min", "rad", "deg", "°", "m", "mm", "rad/s",
+    "deg/s", "°/s", "rpm", "1/min", "turns", "rev", "turns/s", "rev/s", "m/s", "mm/s", "nm", "n*m",
+    "n.m", "n", "a", "ma", "aeff", "arms", "v", "mv", "counts", "inc", "counts/s", "inc/s",
+    "rad/s^2", "rad/s2", "m/s^2", "m/s2",
+}  # fmt: skip
 _IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 

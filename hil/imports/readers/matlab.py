@@ -5,7 +5,7 @@ a structure array, ``q{2}`` an element of a cell array, ``data.q/1`` the first c
 Structure arrays and cells with more elements than each of these has numbers are one element a
 sample, as loops that append write them: ``log.q/1`` is a column over all of them.
 
-Variables that are tables or timetables are read with mat-io: ``log.q1``, ``log.Time`` in s, or in ns
+Variables that are tables or timetables are read with mat-io: ``log.q1``, ``log.Time`` in s, or ns
 where it is a date. Other objects are left out, and tables within structures: their layout is not
 public. So are text, functions, and variables without values, in whose place version 7.3 writes
 their size.
@@ -169,7 +169,7 @@ class _Contents:
             for name in self.tables:
                 words = self.left_out.get(name, _object(name, _TABLES[0]))
                 self.left_out[name] = f"{words}; or {remedy('recordings', 'mat-io')}"
-        except Exception:  # noqa: BLE001, S110 - what is not understood stays left out, by its class
+        except Exception:  # noqa: S110 - what is not understood stays left out, by its class
             pass
         for name, frame in found.items():
             if not hasattr(frame, "columns"):

@@ -1,8 +1,9 @@
 """Files of Parquet, and lines of JSON: columns of numbers, of instants, and of lists of numbers.
 
-Instants become nanoseconds. An object of JSON is a row, and what is nested in it a structure. A list column, as data sets of LeRobot have them, is one column for
-each of its elements, ``observation.state/1``; of a structure it is ``name.field``. A row whose list
-ends earlier lacks the number.
+Instants become nanoseconds. An object of JSON is a row, and what is nested in it a structure. A
+list column, as data sets of LeRobot have them, is one column for each of its elements,
+``observation.state/1``; of a structure it is ``name.field``. A row whose list ends earlier lacks
+the number.
 """
 
 from __future__ import annotations
@@ -181,9 +182,7 @@ def _within(column: Any, place: _Place) -> Any:
     import pyarrow.compute as pc  # noqa: PLC0415 - optional
 
     for step in place.steps:
-        column = (
-            _elements(column, step) if isinstance(step, int) else pc.struct_field(column, step)
-        )
+        column = _elements(column, step) if isinstance(step, int) else pc.struct_field(column, step)
     return column
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
-from hil.imports.tables import ArrayTable
+from hil.imports.readers.arrays import table_of
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.imports.map_file import Format
+    from hil.imports.tables import ArrayTable
 
     Place = tuple[str, ...]
 
@@ -59,11 +60,7 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
     if not columns:
         where = f"; it is no XML in line {error}" if error else ""
         raise FileError(f"{path}: has no elements that repeat, with numbers in them{where}")
-    table = ArrayTable(
-        path,
-        {name: (len(x), lambda part, x=x: x[part]) for name, x in columns.items()},
-        dict.fromkeys(found.words, "text"),
-    )
+    table = table_of(path, columns, dict.fromkeys(found.words, "text"))
     table.notes = found.notes
     return table
 

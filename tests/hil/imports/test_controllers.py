@@ -16,6 +16,7 @@ COLUMNS = table(4.0)
 T = COLUMNS["t"]
 PARTS = ("q1", "q2", "v1", "v2", "m1", "m2")
 Q1, Q2, V1, V2, M1, M2 = (COLUMNS[name] for name in PARTS)
+ROWS = list(zip(T.tolist(), *(COLUMNS[name].tolist() for name in PARTS), strict=True))
 
 
 def delimited(names, columns, delimiter=",", decimal=".", before="", units=None, quoted=False):
@@ -31,13 +32,8 @@ def delimited(names, columns, delimiter=",", decimal=".", before="", units=None,
     return before + out.getvalue()
 
 
-def with_joints(pattern, first=0):
-    """Names of positions, velocities and torques of two joints."""
-    return [pattern.format(part, joint) for part in ("q", "qd", "m") for joint in (first, first + 1)]
-
-
 def twincat():
-    head = "Name\tCell\r\nFile\tcell.csv\r\nStarttime of export\t133000000000000000\tMontag\r\n\r\n\r\n"
+    head = "Name\tCell\r\nFile\tcell.csv\r\nStarttime of export\t133000000000000000\r\n\r\n\r\n"
     names = ["Axis1.ActPos", "Axis2.ActPos", "Axis1.ActVelo", "Axis2.ActVelo", "Axis1.ActTorque",
              "Axis2.ActTorque"]  # fmt: skip
     settings = [("SymbolComment", ""), ("Data-Type", "REAL64"), ("SampleTime[ms]", "5"),
@@ -56,7 +52,9 @@ def codesys():
     text = "[key]; [value]\nVersion; 0x03050000\nName; Application.Trace\nEveryNCycles; 1\n"
     for k, (name, part) in enumerate(zip(names, PARTS, strict=True)):
         text += f"{k}.Variable; {name}\n{k}.Class; 14\n{k}.Data; \n"
-        text += "".join(f"; {t:.0f}; {x!r}\n" for t, x in zip(T * 1e6, COLUMNS[part].tolist()))
+        text += "".join(
+            f"; {t:.0f}; {x!r}\n" for t, x in zip(T * 1e6, COLUMNS[part].tolist(), strict=True)
+        )
     return text
 
 
@@ -73,8 +71,8 @@ def sinumerik():
     names = ("actPos_1", "actPos_2", "actVelo_1", "actVelo_2", "torque_1", "torque_2")
     signals = "".join(f'<dataSignal id="f{k}" name="{n}"/>' for k, n in enumerate(names, 1))
     rows = "".join(
-        "<rec time='{!r}' {}/>".format(t, " ".join(f"{n}='{x!r}'" for n, x in zip(names, row)))
-        for t, *row in zip(T.tolist(), *(COLUMNS[name].tolist() for name in PARTS))
+        f"<rec time='{t!r}' {' '.join(f'f{k}={str(x)!r}' for k, x in enumerate(row, 1))}/>"
+        for t, *row in ROWS
     )
     return f"<trace><traceData><dataFrame>{signals}{rows}</dataFrame></traceData></trace>"
 
@@ -120,7 +118,7 @@ def moteus():
     lines = [
         {"timestamp": t, "servos": [{"id": k + 1, "position": row[k], "velocity": row[2 + k],
                                      "torque": row[4 + k]} for k in (0, 1)]}
-        for t, *row in zip(T.tolist(), *(COLUMNS[name].tolist() for name in PARTS))
+        for t, *row in ROWS
     ]  # fmt: skip
     return "\n".join(map(json.dumps, lines))
 

@@ -34,7 +34,8 @@ def test_objects_of_json_are_rows_and_lists_in_them_joints(tmp_path, name):
 
 def test_numbers_that_come_later_or_are_missing_are_no_error(tmp_path):
     pytest.importorskip("pyarrow")
-    (tmp_path / "a.jsonl").write_text('{"t": 0, "q": [1]}\n{"t": 1}\n{"t": 2, "q": [0.5], "x": 7}\n')
+    lines = '{"t": 0, "q": [1]}\n{"t": 1}\n{"t": 2, "q": [0.5], "x": 7}\n'
+    (tmp_path / "a.jsonl").write_text(lines)
     found = read(tmp_path / "a.jsonl", "t", "q", "x")
     n = np.nan
     np.testing.assert_array_equal(found, [[0, 1, n], [1, n, n], [2, 0.5, 7]])

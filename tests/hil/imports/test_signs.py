@@ -39,7 +39,8 @@ def test_coded_torques_become_those_of_the_joint_and_are_stated(tmp_path, words,
 @pytest.mark.parametrize("words", CODES)
 def test_noise_and_friction_about_zero_hide_no_code(words):
     rng, t = np.random.default_rng(5), np.arange(4000) / 100
-    right = np.round(400 * np.sin(3 * t) + 200 * np.sign(np.cos(3 * t)) + 30 * rng.standard_normal(4000))
+    noise, friction = 30 * rng.standard_normal(4000), 200 * np.sign(np.cos(3 * t))
+    right = np.round(400 * np.sin(3 * t) + friction + noise)
     coded = CODES[words](right, 1024)
     coded[7] = np.nan
     values, said = signed(coded)
