@@ -122,6 +122,8 @@ def attack_page() -> list[str]:
     if not (child := os.fork()):
         os.dup2(given, 0)
         os.dup2(said_by, 1)
+        for each in (given, end, reading, said_by):
+            os.close(each)
         become(OWNER)
         page_server.main("127.0.0.1", "0")
         os._exit(0)
