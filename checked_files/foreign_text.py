@@ -1,9 +1,8 @@
-"""Text of foreign files and devices as terminals, files and pages of ours may hold it.
+"""Foreign text, from files and devices, made safe for terminals, messages, files and pages.
 
-Names of columns, joints and objects come from somebody else. A control character in one would move
-the operator's cursor or rename the terminal, a line break would forge a line of a message or a key
-of a file, a mark of direction would show a line in another order than it is read, and a text of
-100 kB would bury the message that quotes it.
+Names of columns, joints and objects are foreign text. A control character moves the operator's
+cursor or renames the terminal. A line break forges a line of a message or a key of a file. A
+direction mark changes the displayed order of a line. A text of 100 kB hides the message around it.
 """
 
 from __future__ import annotations
@@ -11,23 +10,23 @@ from __future__ import annotations
 import unicodedata
 
 LONGEST = 200
-"""Characters of a foreign text that are shown: two lines of a terminal of 100 columns."""
+"""Maximum length of a displayed foreign text: two lines of a terminal of 100 columns."""
 LINE, LINES = 4000, 500
-"""Characters of a line of a message, and lines of one, that a terminal shows: twice the longest of
-ours, and a line for each joint, column or object of a file that is wrong throughout."""
+"""Maximum length of a line and maximum number of lines of a displayed message: twice our longest
+line, and one line for each joint, column or object of a file that is wrong throughout."""
 _WRITTEN_OUT = {"Cc", "Cf", "Cs", "Zl", "Zp"}
-"""Categories of Unicode that a terminal obeys or that end a line: controls, formats (marks of
-direction among them), surrogates, separators of lines and paragraphs."""
+"""Unicode categories replaced by their codes: control characters, format characters (with direction
+marks), surrogates, line and paragraph separators."""
 
 
 def printable(text: str, kept: str = "\n\t") -> str:
-    r"""Return text with each character that a terminal would obey as its code, such as ``\x1b``.
+    r"""Replace control characters by their codes, such as ``\x1b``.
 
     Parameters
     ----------
     text : str
     kept : str
-        Characters that stay as they are: line ends and tabs, which messages of ours have.
+        Control characters left unchanged: line ends and tabs of our own messages.
     """
     if text.isprintable():
         return text
@@ -37,9 +36,10 @@ def printable(text: str, kept: str = "\n\t") -> str:
 
 
 def one_line(text: str, longest: int = LONGEST) -> str:
-    """Return a foreign text as one line of at most `longest` characters and a mark of the cut.
+    """Return a foreign text as one line, cut after `longest` characters.
 
-    Blanks and line ends become one blank, other control characters their codes.
+    Blanks and line ends become one blank, other control characters their codes. A cut line ends
+    with the length of the text.
     """
     line = printable(" ".join(text[: 2 * longest].split()), kept="")
     if len(line) <= longest and len(text) <= 2 * longest:
@@ -48,16 +48,16 @@ def one_line(text: str, longest: int = LONGEST) -> str:
 
 
 def whole_line(text: str) -> str:
-    """Return a foreign text as one line, whole unless it exceeds a line of a message.
+    """Return a foreign text as one line of at most `LINE` characters.
 
-    Readers apply this to the names and sentences that they take from a file or a device, so that
-    whoever prints them forges no line.
+    Readers apply this function to names and sentences from files and devices. Messages that quote
+    such a text then keep their lines.
     """
     return text if text.isprintable() else one_line(text, LINE)
 
 
 def shown(message: str) -> str:
-    """Return a message as a terminal shows it: printable, and cut where a foreign text fills it."""
+    """Return a message for a terminal: control characters replaced, long lines and tails cut."""
     lines = [_cut(line) for line in printable(message).split("\n")]
     more = len(lines) - LINES
     return "\n".join([*lines[:LINES], f"... and {more} lines more"] if more > 0 else lines)

@@ -1,4 +1,4 @@
-"""XML files as elements that know their lines; wrong ones are refused with file and line."""
+"""XML files as elements with line numbers; errors state file and line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class XmlFile:
     Raises
     ------
     FileError
-        A file that is no XML, or declares entities: these can be made to fill any memory.
+        The file is not XML, or declares entities, which can exhaust the memory.
     """
 
     def __init__(self, path: Path) -> None:
@@ -34,20 +34,20 @@ class XmlFile:
         self.root = self._tree(read_text(path))
 
     def wrong(self, element: Element, what: str) -> FileError:
-        """Return the error that says what is wrong with an element, with file and line."""
+        """Return an error about an element, with file and line."""
         return FileError(f"{self.path}:{self.line(element)}: {what}")
 
     def line(self, element: Element) -> int:
-        """Return the line on which an element begins, from 1."""
+        """Return the first line of an element, from 1."""
         return self._lines[id(element)]
 
     def named(self, tag: str) -> dict[str, Element]:
-        """Elements right below the root, by their names.
+        """Return the children of the root with a tag, by their names.
 
         Raises
         ------
         FileError
-            Two of one name, or one without.
+            Two elements have one name, or an element has none.
         """
         found: dict[str, Element] = {}
         for element in self.root.findall(tag):
@@ -58,12 +58,12 @@ class XmlFile:
         return found
 
     def numbers(self, element: Element, key: str, count: int) -> list[float] | None:
-        """The numbers of an attribute; None where it is not stated.
+        """Return the numbers of an attribute; None if the attribute is missing.
 
         Raises
         ------
         FileError
-            Not `count` finite numbers.
+            The attribute does not hold `count` finite numbers.
         """
         text = element.get(key)
         if text is None:

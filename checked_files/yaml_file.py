@@ -57,13 +57,13 @@ DEPTH_MAX = 32
 VALUES_MAX = 200_000
 """Most values that a file may hold once its aliases are followed."""
 NUMBER_MAX = 100
-"""Most characters of a number: the time that YAML's notation to base 60 takes grows with their
-square, and a float has 24 at most."""
+"""Maximum length of a number. Base-60 numbers of YAML take a time that grows with the square of
+their length; a float has at most 24 characters."""
 _SHOWN_MAX = 60
 _MISSING = "missing; add this key"
 _TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it flat"
 _TOO_DEEP_FOR_LIBYAML = "exceeded maximum nesting depth"
-"""What libyaml says, as of PyYAML 6.0.4, of text so deep that it reads no event of it."""
+"""Message of libyaml (PyYAML 6.0.4) about nesting beyond its own limit."""
 _NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
 
 
@@ -234,14 +234,14 @@ def _wrong(
 
 
 def place(location: tuple[str | int, ...]) -> str:
-    """Write where a value stands: its keys, joined by dots."""
+    """Return the keys that lead to a value, joined by dots."""
     return ".".join(str(part) for part in location)
 
 
 def _described(
     wrong: list[tuple[tuple[str | int, ...], str]], root: yaml.Node | None, source: str
 ) -> list[str]:
-    """One line a value; what several members of a union say of one value goes into one line."""
+    """Return one line for each value; messages of all members of a union share the line."""
     found: dict[tuple[str | int, ...], list[str]] = {}
     for location, message in wrong:
         messages = found.setdefault(_written(root, location, message), [])
@@ -257,7 +257,7 @@ def _described(
 def _written(
     node: yaml.Node | None, location: tuple[str | int, ...], message: str
 ) -> tuple[str | int, ...]:
-    """Where a value stands as the file has it: a union's tags, such as ``float``, are left out."""
+    """Return the location of a value in the file, without the tags of unions such as ``float``."""
     kept: list[str | int] = []
     for part in location:
         found = _child(node, part)

@@ -76,20 +76,23 @@ class Incoming:
 def is_ours(connection: socket.socket) -> bool:
     """Whether the other end, on this computer, is a program of this user or of root.
 
-    Who called `sudo` counts as this user. On a system that does not say whose a connection is,
-    every one is.
+    Who called `sudo` counts as this user. A connection that its program has closed already is
+    nobody's: the kernel states root as its user. On a system that does not say whose a connection
+    is, every one is.
     """
     family = connection.family
     theirs, ours = connection.getpeername()[:2], connection.getsockname()[:2]
     wanted = f"{_written(family, *theirs)} {_written(family, *ours)}".encode()
     try:
-        # each line: number: local address, remote address, state, queues, timers, retries, user
+        # each line: number: local address, remote address, state, queues, timers, retries, user,
+        # timeout, inode (0 of what was closed)
         table = Path("/proc/net/tcp6" if family == socket.AF_INET6 else "/proc/net/tcp")
         lines = table.read_bytes().splitlines()
     except OSError:
         return True
-    owner = next((int(line.split()[7]) for line in lines if wanted in line), None)
-    return owner in _users()
+    found = next((line.split() for line in lines if wanted in line), [b"0"] * 10)
+    owner, inode = int(found[7]), found[9]
+    return inode != b"0" and owner in _users()
 
 
 @cache

@@ -80,7 +80,7 @@ class Bag:
 
     @property
     def lacks_end(self) -> bool:
-        """Whether a file of the bag is an MCAP without its end."""
+        """Return True if a file of the bag is an MCAP without its end."""
         return any(map(lacks_end, self._files))
 
     @contextmanager
@@ -95,7 +95,7 @@ class Bag:
             yield OpenBag(self._path, readers, compressed=self._compressed)
 
     def _read_listing(self) -> None:
-        """Read which files the bag's folder has, and unpack those that are compressed whole."""
+        """Read the list of storage files; unpack compressed files."""
         _refuse_links(self._path)
         about = load_yaml(self._path / "metadata.yaml", _Listing).rosbag2_bagfile_information
         files = [self._path / Path(name).name for name in about.relative_file_paths]
@@ -112,7 +112,7 @@ class Bag:
         self._files = tuple(self._unpack(files) if mode == "file" else files)
 
     def _unpack(self, files: Sequence[Path]) -> Iterator[Path]:
-        """Write what files unpack to into a folder that goes with the bag."""
+        """Unpack files into a temporary folder, removed together with the bag."""
         folder = Path(tempfile.mkdtemp(prefix="bag-"))
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         most, size = allowed(self._path), 0
@@ -195,7 +195,7 @@ def _reader(file: Path, chunks: dict[int, Chunk]) -> Any:
 
 
 def _refuse_other_chunks(indexed: Sequence[Any], there: dict[int, Chunk]) -> None:
-    """Refuse an index of MCAP that names what was not counted, or a chunk twice."""
+    """Refuse an MCAP index with unknown or repeated chunks."""
     found = {
         each.chunk_start_offset: Chunk(
             each.compression, each.compressed_size, each.uncompressed_size
@@ -236,7 +236,7 @@ def _refuse_links(folder: Path) -> None:
 
 @contextmanager
 def mendable(path: Path) -> Iterator[None]:
-    """Turn whatever goes wrong inside of a bag into a message with the command that mends it."""
+    """Raise any error of a bag's reader as a `FileError` with the repair command."""
     try:
         yield
     except (OSError, FileError, ModuleNotFoundError):

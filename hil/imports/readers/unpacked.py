@@ -1,4 +1,4 @@
-"""What files unpack to, counted before a library unpacks them, and where it would read it from.
+"""Check the unpacked size of files, and links to other files, before a library reads them.
 
 Libraries unpack a chunk, an array or a variable as a whole, whatever size it has, and HDF5 reads
 other files that a file names. Counting unpacks piece by piece and keeps nothing.
@@ -117,13 +117,13 @@ def refuse_overlapping_chunks(path: Path) -> None:
 
 
 def refuse_inflated_tables(path: Path) -> None:
-    """Refuse a bag of SQLite with values that are no values of the file, or that are read often.
+    """Refuse a bag of SQLite with computed or repeated values.
 
     Raises
     ------
     FileError
-        Views and computed columns can be of any size, as can be default values that many rows have,
-        and topics of the same number.
+        Views and computed columns can have any size. Default values are stored once for all rows,
+        and topics of one number multiply the rows.
     """
     with path.open("rb") as file:
         if file.read(len(_SQLITE_MAGIC)) != _SQLITE_MAGIC:
@@ -193,7 +193,7 @@ def refuse_elsewhere(path: Path, name: str, dataset: Any) -> None:
 
 
 def _refuse_inflated_filters(path: Path, name: str, dataset: Any) -> None:
-    """Refuse chunks that unpack to more than they declare: HDF5's filters do it to the end."""
+    """Refuse chunks larger than declared: the filters of HDF5 unpack without a bound."""
     pipeline = dataset.id.get_create_plist()
     filters = [pipeline.get_filter(k)[0] for k in range(pipeline.get_nfilters())]
     unpacking = [each for each in filters if each not in _PLAIN_FILTERS]
@@ -253,7 +253,7 @@ def pieces(file: BinaryIO, length: int, unpacker: Callable[[], Any]) -> Iterator
 
 
 def unpacked(data: bytes, unpacker: Callable[[], Any], most: int) -> bytes:
-    """Unpack all of the data, or somewhat more than `most` bytes of them."""
+    """Unpack data; stop soon after `most` bytes."""
     found = bytearray()
     for piece in pieces(io.BytesIO(data), len(data), unpacker):
         found += piece

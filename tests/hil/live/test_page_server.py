@@ -383,6 +383,17 @@ def test_a_connection_of_our_own_is_ours(family: socket.AddressFamily) -> None:
                 assert is_ours(connection)
 
 
+def test_a_connection_that_was_closed_at_once_is_nobody_s() -> None:
+    """The kernel says of a socket without a program that it is root's, whoever has closed it."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        client = socket.create_connection(server.getsockname())
+        connection, _ = server.accept()
+        with connection:
+            assert is_ours(connection)
+            client.close()
+            assert not is_ours(connection)
+
+
 def test_a_page_that_never_reads_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(streams, "PATIENCE", 0.0)
     ours, theirs = socket.socketpair()
