@@ -39,6 +39,10 @@ PERIOD = STOCK * machine_step.SLOW_STEPS
 _run = machine_step.run_and_latch
 
 
+WHOLE = 1e-3
+"""Share of a step by which a time may be off a whole number of steps, by rounding."""
+
+
 def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
     """Build a packaged plant by name or the one of a plant file.
 
@@ -171,7 +175,7 @@ class Plant:
             self._giving.settle(self.state[:, st.Q], duration)
         h = self._step
         rest = self._rest + duration
-        steps = int(rest / h + 1e-3)
+        steps = int(rest / h + WHOLE)
         self._rest = rest - steps * h
         self._latched = False
         while steps > 0:
@@ -196,9 +200,13 @@ class Plant:
 
     def read(self) -> NDArray[np.int64]:
         """Latch encoders and current sensors of all axes at the present instant."""
-        if not self._latched:
-            noise = self._noise[self._noise_row]
+        # by the wall clock a SYNC comes between two steps: the axes have moved on since the last
+        ahead = self._rest if self._rest > WHOLE * self._step else 0.0
+        if ahead or not self._latched:
+            noise, at_step = self._noise[self._noise_row], self.state[:, st.Q].copy()
+            self.state[:, st.Q] += ahead * self.state[:, st.QD]
             servo.latch(self.const, self.state, self.profile, noise, self._image, self.flaws)
+            self.state[:, st.Q] = at_step
         self._latched = False
         self._noise_row += 1
         if self._noise_row == STOCK:

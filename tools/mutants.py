@@ -97,7 +97,7 @@ MUTANTS = (
     Mutant(_STOP, "if self._returns <= RETURNS:", "if self._returns:"),
     Mutant(_STOP, "way > self.bound.way", "way > 2 * self.bound.way"),
     # watchdogs
-    Mutant(_LEAVING, "if server in outcome.off and not over.passed", "if not over.passed"),
+    Mutant(_LEAVING, "if server.node not in on and not over.passed", "if not over.passed"),
     Mutant(_LEAVING, "            connection.life_sign.cease()\n", ""),
     Mutant(_LEAVING, "set(connection.written) <= outcome.off", "bool(outcome.off)"),
     Mutant(_BEAT, "now - last >= self.timeout", "now - last >= 2 * self.timeout"),

@@ -72,13 +72,13 @@ def serve(
     wall = WallClock()
     _send(bus, network.power_on())
     while not stop_event.is_set():
+        known = time.time()  # until then no frame is on its way that has not been answered
         message = bus.recv(wall.pause if clock == "wall" else IDLE)
         if hand is not None:
             hand.act(network.time)
         if clock == "wall" and (wall.due or message is None or message.arbitration_id == SYNC):
-            sync = message is not None and message.arbitration_id == SYNC
-            stamp = message.timestamp if message is not None and sync else None
-            _send(bus, network.elapse(wall.elapsed(stamp)))
+            until = known if message is None else message.timestamp
+            _send(bus, network.elapse(wall.elapsed(until)))
             wall.stepped()
         if message is not None:
             _send(bus, _answer(network, message))

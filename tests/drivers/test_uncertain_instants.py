@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import threading
+from typing import TYPE_CHECKING, Any
 
+import can
 import numpy as np
 import pytest
 
 from drivers.ethercat.reference_clock import ReferenceClock
 from drivers.sync_clock import CERTAIN, LockStep, WallClock
+from sim_plant.plant import load_plant
 from sim_plant.serving import wall_clock
+from sim_plant.serving.server import serve
+from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,3 +83,40 @@ def test_a_plant_passes_time_to_the_stamp_of_a_frame_and_never_back(
     assert elapse(1e3 + 100.003) == 0.0  # the plant is past that already
     host.time += 0.005
     assert elapse(1e9) == pytest.approx(0.005)  # a stamp of another clock
+
+
+def test_a_plant_that_was_late_never_passes_a_sync_that_is_on_its_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    host, seen, over = Host(), [], threading.Event()
+    monkeypatch.setattr(wall_clock.time, "monotonic", host)
+    monkeypatch.setattr(wall_clock.time, "time", host)
+    receive = SlaveNetwork.receive
+
+    def noting(network: SlaveNetwork, identifier: int, data: bytes) -> Any:
+        seen.append(network.time)
+        return receive(network, identifier, data)
+
+    monkeypatch.setattr(SlaveNetwork, "receive", noting)
+
+    class Late(can.BusABC):
+        """Nothing comes for a while; a SYNC sent meanwhile is received when it is long past."""
+
+        def __init__(self) -> None:
+            self.calls = 0
+            super().__init__("late")
+
+        def recv(self, timeout: float | None = None) -> can.Message | None:
+            self.calls += 1
+            if self.calls == 1:
+                host.time += 0.010  # the process was interrupted before it went on
+                return None
+            over.set()
+            return can.Message(arbitration_id=0x80, timestamp=100.003, is_extended_id=False)
+
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            pass
+
+    with Late() as bus:
+        serve(bus, load_plant("manutec-r15"), "wall", over)
+    assert seen == pytest.approx([0.003])
