@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 # some hundred processes of the tests load this package: compiled once, not by each of them
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help demo test tests test-long pythons lowest lock audit coverage vcan docs lint bench figures paper view-bundle release clean
+.PHONY: help demo test tests perf test-long pythons lowest lock audit coverage vcan docs lint bench figures paper view-bundle release clean
 
 LONG ?= long or hypothesis
 PROFILE ?= ci-long
@@ -33,6 +33,7 @@ help:
 	@echo 'make demo     measure, identify and report on the virtual manutec-r15, into runs/'
 	@echo 'make test     every check, and every test that is not long'
 	@echo 'make test-long   the others: whole sessions, studies, tutorials, browsers; property tests anew'
+	@echo 'make perf     the work of some commands, counted, and kernels against NumPy'
 	@echo 'make pythons  the same under every Python that is here, of $(PYTHONS)'
 	@echo 'make lowest   the tests with the lowest versions of all packages that users need'
 	@echo 'make lock     requirements/: versions and hashes of all packages, stated anew'
@@ -54,9 +55,15 @@ demo: $(RUNTIME)
 # side by side: mypy keeps one core busy, and the tests wait for it at times
 test: $(DEV)
 	@$(MAKE) --no-print-directory -j 2 lint tests
+	@$(MAKE) --no-print-directory perf
 
 tests: $(DEV)
 	$(BIN)/pytest -n auto --dist worksteal -m 'not long'
+
+# the work of some commands, counted: no clock, no other process changes it; what it is to be stands
+# in tools/counts.json
+perf: $(DEV)
+	$(BIN)/python tools/counts.py
 
 # The tests of a file share a worker, and so what is made once for all of them; those files that take
 # longest come first (tests/conftest.py). Property tests draw new examples; what fails is kept in

@@ -1,0 +1,306 @@
+"""Count the work of whole commands and compare it with bounds: a gate for speed without a clock.
+
+Commands run one after the other in fresh processes, on a small plan and a small foreign recording.
+Each count is the same at every run, on every machine and under every Python, up to what rounding
+decides:
+
+    regressor rows    samples times joints for which columns of base parameters are calculated
+    torque samples    samples for which inverse dynamics are calculated
+    filtered samples  samples times columns through the low-pass and its derivatives
+    CAN messages      objects of python-can made
+    compiled          functions of Numba that are loaded
+    bytes read        of data sets and of files in the folder of the commands
+    peak memory       of Python and NumPy beyond imported modules [bytes]
+    own calls         of functions of this repository's packages
+
+The bounds of each count, `TOLERANCE` about the kept figure, are in ``tools/counts.json``, together
+with the calls of each function, so that a failure names the functions whose calls grew most. Equal
+counts hide a slower kernel, so three kernels are timed against a fixed NumPy operation in turns,
+and the ratio may be at most `SLOWER` times the kept one::
+
+    python tools/counts.py          compare; exit status 1 where a count leaves its bounds
+    python tools/counts.py --keep   write tools/counts.json anew; the commit states why
+"""
+
+from __future__ import annotations
+
+import _frozen_importlib
+import argparse
+import cProfile
+import json
+import math
+import os
+import pstats
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+HERE = Path(__file__).resolve().parents[1]
+KEPT = Path(__file__).with_suffix(".json")
+OWN = ("hil", "drivers", "sim_plant", "checked_files")
+COMMANDS = {
+    "plan": ("plan", "manutec-r15", "-o", "plan.yaml", "--gravity", "12", "--inertia", "16",
+             "--coupling", "5"),
+    "dry-run": ("dry-run", "plan.yaml"),
+    "run": ("run", "plan.yaml", "-o", "run"),
+    "identify": ("identify", "run"),
+    "report": ("report", "run"),
+    "import": ("import", "map.yaml", "-o", "imported"),
+    "identify import": ("identify", "imported"),
+}  # fmt: skip
+KERNELS = "kernels"
+BEGIN = "counted: "
+"""Behind what a command prints, before its counts."""
+TOLERANCE = 0.02
+SLOWER = 1.3
+LISTED = 1e-3
+"""Least share of a function in a command's own calls for its calls to be kept."""
+TURNS = 25
+"""Of a kernel and its NumPy operation; the least time of each counts."""
+ATTEMPTS = 3
+"""Before a kernel is too slow: other processes disturb one of them."""
+SHOWN = 5
+"""Functions that a failure names."""
+LIBRARIES = {
+    ("can", "message.py", "__init__"): "CAN messages",
+    ("core", "caching.py", "load_overload"): "compiled",
+    ("core", "caching.py", "save_overload"): "compiled anew",
+}
+"""Calls of other packages that are counted, by folder, file and function."""
+NO_FUNCTIONS = ("<listcomp>", "<dictcomp>", "<setcomp>", "<module>")
+"""Code that is a function under some Pythons alone, or the body of a module."""
+
+
+class Work:
+    """Counters of the work done in this process, filled by wrappers of the functions that do it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.counts: Counter[str] = Counter()
+        self._folder = folder.resolve()
+        self._before = 0
+
+    def watch_memory(self) -> None:
+        """Trace allocations, but those of modules while they are imported."""
+        find = _frozen_importlib._find_and_load
+
+        def importing(*arguments: Any) -> Any:
+            if not tracemalloc.is_tracing():
+                return find(*arguments)
+            self._before = self.highest()
+            tracemalloc.stop()  # traces of modules would take longer than all the rest
+            try:
+                return find(*arguments)
+            finally:
+                tracemalloc.start()
+
+        _frozen_importlib._find_and_load = importing
+        tracemalloc.start()
+
+    def highest(self) -> int:
+        """Take the peak since the last import into account; return what is allocated now."""
+        now, peak = (self._before + size for size in tracemalloc.get_traced_memory())
+        self.counts["peak memory"] = max(self.counts["peak memory"], peak)
+        return now
+
+    def watch_calls(self) -> None:
+        """Wrap the functions that calculate, filter and read."""
+        from h5py._hl.dataset import Dataset  # noqa: PLC0415 - traced as what commands import
+
+        from hil.least_squares import window  # noqa: PLC0415
+        from hil.model import dynamics  # noqa: PLC0415
+
+        self._count(dynamics, "regressors", "regressor rows", lambda made: sum(
+            A[..., 0].size for A in made))  # fmt: skip
+        self._count(dynamics, "_torques", "torque samples", lambda made: made[..., 0].size)
+        self._count(window, "correlated", "filtered samples", lambda made: made.size)
+        self._count(Dataset, "__getitem__", "bytes read", lambda made: getattr(made, "nbytes", 0))
+        sys.addaudithook(self._opened)
+
+    def _count(self, owner: Any, name: str, what: str, size: Callable[[Any], int]) -> None:
+        plain = getattr(owner, name)
+
+        def counting(*arguments: Any, **named: Any) -> Any:
+            made = plain(*arguments, **named)
+            self.counts[what] += size(made)
+            return made
+
+        setattr(owner, name, counting)
+
+    def _opened(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open" and isinstance(arguments[0], str) and "r" in (arguments[1] or ""):
+            path = Path(arguments[0]).resolve()
+            if path.is_relative_to(self._folder) and path.is_file():
+                self.counts["bytes read"] += path.stat().st_size
+
+
+def count(arguments: list[str]) -> dict[str, Any]:
+    """Run one command of `hil` in this process and in the current folder; return its counts."""
+    work = Work(Path.cwd())
+    work.watch_memory()
+    work.watch_calls()
+    from hil.__main__ import main  # noqa: PLC0415 - after the functions are wrapped
+
+    sys.argv = ["hil", *arguments]
+    profile = cProfile.Profile(builtins=False)
+    try:
+        profile.enable()
+        main()
+    except SystemExit as ended:
+        if ended.code not in (None, 0):
+            raise
+    finally:
+        profile.disable()
+    work.highest()
+    calls: Counter[str] = Counter()
+    for (file, _, name), (_, n, *_) in pstats.Stats(profile).stats.items():
+        path = Path(file)
+        if what := LIBRARIES.get((path.parent.name, path.name, name)):
+            work.counts[what] += n
+        elif path.is_relative_to(HERE) and name not in NO_FUNCTIONS:
+            part = path.relative_to(HERE)
+            if part.parts[0] in OWN:
+                calls[f"{part}:{name}"] += n
+    work.counts["own calls"] = calls.total()
+    return {"counts": dict(work.counts), "calls": dict(calls)}
+
+
+def count_all() -> dict[str, Any]:
+    """Count every command, each in a process of its own."""
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        write_recording(Path(folder))
+        for name, arguments in COMMANDS.items():
+            found[name] = _in_process(folder, name)
+            if found[name]["counts"].pop("compiled anew", 0):  # now on disk: counted again
+                if "-o" in arguments:
+                    made = Path(folder) / arguments[arguments.index("-o") + 1]
+                    shutil.rmtree(made) if made.is_dir() else made.unlink()
+                found[name] = _in_process(folder, name)
+    return found
+
+
+def write_recording(folder: Path) -> None:
+    """Write a foreign recording of two axes, with its map and robot."""
+    sys.path.insert(0, str(HERE / "tests" / "support"))
+    import small_recording  # noqa: PLC0415 - of the tests
+
+    small_recording.write_csv(folder / "data.csv", small_recording.table(duration=20.0))
+    small_recording.write_map(folder, small_recording.a_map())
+
+
+def _in_process(folder: str, name: str) -> dict[str, Any]:
+    done = subprocess.run(
+        [sys.executable, __file__, "--command", name],
+        cwd=folder, env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(HERE)},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        sys.exit(f"{name}: ends with {done.returncode}: {done.stderr}")
+    counted: dict[str, Any] = json.loads(done.stdout[done.stdout.rindex(BEGIN) + len(BEGIN) :])
+    return counted
+
+
+def timed() -> dict[str, float]:
+    """Time of each kernel over that of a fixed NumPy operation, least of turns [times]."""
+    from hil import Robot, regressor  # noqa: PLC0415 - commands import what they need
+    from hil.least_squares.window import smooth  # noqa: PLC0415
+    from sim_plant.plant import load_plant  # noqa: PLC0415
+
+    robot = Robot.load("manutec-r15")
+    q, qd, qdd = np.random.default_rng(0).uniform(-2.0, 2.0, (3, 4096, robot.n_joints))
+    A = regressor(robot, q, qd, qdd).reshape(-1, 14)
+    plant, x = load_plant("manutec-r15"), np.linspace(0.0, 1.0, 1 << 16)
+    tasks: dict[str, tuple[Callable[[], object], Callable[[], object]]] = {
+        "regressor": (lambda: regressor(robot, q, qd, qdd), lambda: np.sin(x)),
+        "low-pass": (lambda: smooth(qd, 0.004), lambda: np.sqrt(x * x + 1.0)),
+        "inner products": (lambda: A.T @ A, lambda: np.sqrt(x * x + 1.0)),
+        "plant step": (lambda: plant.advance(0.4), lambda: np.sin(x)),
+    }
+    return {name: round(_ratio(*both), 3) for name, both in tasks.items()}
+
+
+def _ratio(task: Callable[[], object], fixed: Callable[[], object]) -> float:
+    least = [math.inf, math.inf]
+    for _ in range(TURNS):
+        for which, each in enumerate((task, fixed)):
+            begun = time.perf_counter()
+            each()
+            least[which] = min(least[which], time.perf_counter() - begun)
+    return least[0] / least[1]
+
+
+def compare(found: dict[str, Any], kept: dict[str, Any]) -> list[str]:
+    """State each count that leaves its bounds, with the functions whose calls grew most."""
+    failures = []
+    for name in COMMANDS:
+        before, now = kept[name], found[name]
+        off = []
+        for what in sorted({*before["counts"], *now["counts"]}):
+            is_, was = now["counts"].get(what, 0), before["counts"].get(what, 0)
+            if abs(is_ - was) > TOLERANCE * was:
+                low, high = (1 - TOLERANCE) * was, (1 + TOLERANCE) * was
+                off.append(f"{what} {is_:,}, must be {low:,.0f} to {high:,.0f}")
+        if off:
+            rare = round(LISTED * before["counts"]["own calls"])
+            grown = {key: n - before["calls"].get(key, rare) for key, n in now["calls"].items()}
+            most = sorted(grown, key=grown.__getitem__, reverse=True)[:SHOWN]
+            shown = ", ".join(f"{key} {grown[key]:+,}" for key in most if grown[key] > 0)
+            failures.append(
+                f"hil {name}: {'; '.join(off)}; calls that grew most: {shown or 'none'}"
+            )
+    return failures
+
+
+def too_slow() -> list[str]:
+    """State each kernel slower than its bound in all of several attempts."""
+    kept, least = json.loads(KEPT.read_text())["kernels"], dict[str, float]()
+    for _ in range(ATTEMPTS):
+        found = _in_process(".", KERNELS)
+        least = {name: min(ratio, least.get(name, ratio)) for name, ratio in found.items()}
+        if all(least[name] <= SLOWER * kept[name] for name in kept):
+            return []
+    return [
+        f"{name}: {least[name]:.2f} times its NumPy operation, at most {SLOWER * kept[name]:.2f}"
+        for name in kept if least[name] > SLOWER * kept[name]
+    ]  # fmt: skip
+
+
+def main() -> None:
+    """Compare with the kept counts, or keep them."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("--keep", action="store_true", help="write tools/counts.json anew")
+    parser.add_argument("--command", choices=(*COMMANDS, KERNELS), help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.command:
+        kernels = asked.command == KERNELS
+        found = timed() if kernels else count(list(COMMANDS[asked.command]))
+        sys.stdout.write(BEGIN + json.dumps(found))
+        return
+    found = count_all()
+    if asked.keep:
+        for counted in found.values():
+            total = counted["counts"]["own calls"]
+            calls = sorted(counted["calls"].items())
+            counted["calls"] = {key: n for key, n in calls if n > LISTED * total}
+        kept = {"commands": found, "kernels": _in_process(".", KERNELS)}
+        KEPT.write_text(json.dumps(kept, indent=1) + "\n")
+        return
+    failures = compare(found, json.loads(KEPT.read_text())["commands"]) + too_slow()
+    if failures:
+        remedy = "make it cheaper, or keep the new counts and state why in the commit:"
+        sys.exit("\n".join([*failures, f"{remedy} python tools/counts.py --keep"]))
+
+
+if __name__ == "__main__":
+    main()
