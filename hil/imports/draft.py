@@ -37,7 +37,7 @@ _WORDS = {
     },
     "torque": {
         *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr", "cur"),
-        *("force", "i", "u", "f", "tq", "voltage"),
+        *("force", "i", "u", "f", "tq", "voltage", "moment"),
     },
 }
 """What columns of a kind are called."""
@@ -49,6 +49,7 @@ _OF_UNIT = {
 """What a column holds by its unit, where no word says more."""
 _JOINTS = {"joint", "axis", "motor", "j"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
+_TIMES |= {"tout", "duration", "zeit"}
 _SECONDS = {"sec", "secs", "second", "seconds", "s"}
 _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
@@ -125,7 +126,8 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     # stamps that begin anew with each episode rise but for that
     again = [column for column in columns if column.begins]
     named = [c for c in (*rising, *again) if _TIMES.intersection(words_of(c.name))]
-    unnamed = [column for column in rising if not column.name]
+    # the first column of an array, as Simulink writes it
+    unnamed = [column for column in rising if not column.name or column.name.endswith("/1")]
     return tuple([*named, *unnamed][:1])
 
 

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from hil.imports.map_file import Format
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
-DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
-"""Begin of an instant."""
+DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|(\d\d?)\.(\d\d?)\.(\d{4})[T ])?\d\d:\d\d:")
+"""Begin of an instant: a date, year or day first, or none, and the time of a day."""
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _COMMENTS = ("%", "#", "//")
@@ -92,6 +92,16 @@ def layout_of(text: str, stated: Format) -> Layout:
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
     return Layout(delimiter, decimal, stated.comment, names or ("",) * width, skipped, width)
+
+
+def instant(cell: str) -> str:
+    """Return an instant with its date first, that of 1970 where it has none."""
+    found = DATE.match(cell)
+    if found and found[4]:
+        cell = f"{found[4]}-{found[3]:0>2}-{found[2]:0>2}T{cell[found.end(4) + 1 :]}"
+    elif not (found and found[1]):
+        cell = f"1970-01-01T{cell}"
+    return cell.removesuffix("Z")
 
 
 def cells(line: str, delimiter: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 A cell is missing (NaN) if it is empty or reads nan, na, null, none or inf; anything else in a
 column that is wanted is an error with its place. Instants, such as 2026-01-31
-12:00:00.005, become ns.
+12:00:00.005, 31.01.2026 12:00:00 or 12:00:00.005, become ns.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, layout_of
+from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, instant, layout_of
 from hil.imports.readers.stacked import Channels, is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
 
@@ -136,7 +136,7 @@ class TextTable:
             return float(cell.replace(self._layout.decimal, "."))
         if DATE.match(cell):
             with suppress(ValueError):
-                return float(np.datetime64(cell.removesuffix("Z"), "ns").astype(np.int64))
+                return float(np.datetime64(instant(cell), "ns").astype(np.int64))
         name = f" ({self.names[column]})" if self.names[column] else ""
         raise FileError(
             f"{at}: {cell[:40]!r} in column {column + 1}{name}, row {row}, is no number; choose"
@@ -161,7 +161,8 @@ def _numbers(cells: NDArray[np.str_]) -> Array:
     if not all(map(DATE.match, cells[~missing])):
         raise ValueError
     found = np.full(len(cells), np.nan)
-    found[~missing] = np.char.rstrip(cells[~missing], "Z").astype("datetime64[ns]").astype(float)
+    instants = np.array([instant(cell) for cell in cells[~missing].tolist()], dtype=np.str_)
+    found[~missing] = instants.astype("datetime64[ns]").astype(float)
     return found
 
 

@@ -186,6 +186,16 @@ def test_instants_as_text_are_nanoseconds(tmp_path):
     np.testing.assert_allclose(np.diff(values), 1e6, atol=300)  # doubles of 2026 hold 256 ns
 
 
+@pytest.mark.parametrize(
+    "form", ["31.01.2026 12:00:{:06.3f}", "12:00:{:06.3f}", "1.1.2026 01:00:{:06.3f}"]
+)
+def test_days_first_and_times_of_a_day_are_instants(tmp_path, form):
+    rows = [f"{form.format(0.25 * k)},{k}" for k in range(9)]
+    (tmp_path / "a.csv").write_text("\n".join(["when,q", *rows]))
+    found = np.concatenate(list(open_table(tmp_path / "a.csv", Format()).blocks([0])))[:, 0]
+    np.testing.assert_allclose(np.diff(found), 0.25e9, atol=600)
+
+
 def test_missing_cells_and_instants_are_read_at_once_not_cell_by_cell(tmp_path, monkeypatch):
     monkeypatch.setattr(TextTable, "_read_row_by_row", None)
     begin = "2026-01-31T12:00:00"
