@@ -10,7 +10,7 @@ degrees of freedom that explain them.
 from __future__ import annotations
 
 from math import isclose
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import yaml
@@ -137,6 +137,7 @@ class ModelFile(FileModel):
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
+    verbatim: ClassVar[frozenset[str]] = frozenset({"robot_file"})
     robot_file: str | None = None
     local: tuple[LocalRecord, ...] = ()
     torque_effect: tuple[tuple[float, ...], ...] | None = None
