@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 import stat
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -30,7 +30,7 @@ from checked_files.near import did_you_mean
 from checked_files.yaml_events import Dumper, Events
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Container, Iterable, Iterator
 
 
 class FileError(HilError):
@@ -41,6 +41,8 @@ class FileModel(BaseModel):
     """Base of everything that is read from a file: frozen, no unknown keys, finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    verbatim: ClassVar[frozenset[str]] = frozenset()
+    """Keys of the file whose texts keep their lines."""
 
     def as_yaml(self, width: int = 200) -> bytes:
         """As a file in YAML, in lines of about `width` characters at most."""
@@ -96,9 +98,7 @@ class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
                 node.start_mark,
             )  # fmt: skip
         try:
-            value = super().construct_object(node, deep)
-            # a delimiter may be a tab
-            return whole_line(value) if isinstance(value, str) and value != "\t" else value
+            return super().construct_object(node, deep)
         except _NOT_CONVERTIBLE as error:
             raise yaml.constructor.ConstructorError(
                 None, None, f"{_shown(node.value)} is no {kind}", node.start_mark
@@ -159,9 +159,22 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
         found = {type(None): "nothing", str: "text"}.get(type(data), type(data).__name__)
         raise FileError(f"{source}:1: must hold keys and values, not {found}")
     try:
-        return model.model_validate(data)
+        return model.model_validate(_in_lines(data, getattr(model, "verbatim", ())))
     except ValidationError as error:
         raise FileError("\n".join(_described(_wrong(error, model), root, source))) from error
+
+
+def _in_lines(value: object, verbatim: Container[object]) -> object:
+    """Return the content of a file with each text in one line, except under `verbatim` keys."""
+    if isinstance(value, dict):
+        return {
+            _in_lines(key, ()): each if key in verbatim else _in_lines(each, verbatim)
+            for key, each in value.items()
+        }
+    if isinstance(value, list):
+        return [_in_lines(each, verbatim) for each in value]
+    # a delimiter may be a tab
+    return whole_line(value) if isinstance(value, str) and value != "\t" else value
 
 
 def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import isclose
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import yaml
@@ -138,6 +138,7 @@ class ModelFile(FileModel):
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
+    verbatim: ClassVar[frozenset[str]] = frozenset({"robot_file"})
     robot_file: str | None = None
     local: tuple[LocalRecord, ...] = ()
     torque_effect: tuple[tuple[float, ...], ...] | None = None
