@@ -373,10 +373,13 @@ def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasure
     if share == 1.0 or measurement.streamed:
         return measurement
     moved = measurement.partners[0] if measurement.partners else measurement
-    slow = with_values(
-        moved, velocity=math.sqrt(share) * moved.velocity, acceleration=share * moved.acceleration
-    )
-    return slow if moved is measurement else with_values(measurement, partner=slow.model_dump())
+    slow: dict[str, object] = {
+        "velocity": math.sqrt(share) * moved.velocity,
+        "acceleration": share * moved.acceleration,
+    }
+    if moved is not measurement:
+        slow = {"partner": moved.model_dump() | slow}
+    return with_values(measurement, **slow)
 
 
 def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
