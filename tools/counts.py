@@ -66,7 +66,7 @@ TOLERANCE = 0.02
 OBJECTS = 1_000_000
 """By which Python's own objects differ between its versions [bytes]."""
 PYTHON = "{}.{}".format(*sys.version_info)
-"""Own calls are compared under the version that they were kept with: others count some otherwise."""
+"""Own calls are compared under the version that they were kept with; others count otherwise."""
 SLOWER = 1.3
 LISTED = 1e-3
 """Least share of a function in a command's own calls for its calls to be kept."""
@@ -253,7 +253,7 @@ def compare(found: dict[str, Any], kept: dict[str, Any], python: str = PYTHON) -
         for what in sorted({*before["counts"], *now["counts"]}):
             is_, was = now["counts"].get(what, 0), before["counts"].get(what, 0)
             slack = max(TOLERANCE * was, OBJECTS if what == "peak memory" else 0.0)
-            if abs(is_ - was) > slack and not (what == "own calls" and PYTHON != python):
+            if abs(is_ - was) > slack and not (what == "own calls" and python != PYTHON):
                 low, high = was - slack, was + slack
                 off.append(f"{what} {is_:,}, must be {low:,.0f} to {high:,.0f}")
         if off:
