@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 DOCUMENTS = figures.documents()
 USED = sorted({found[2] for path in DOCUMENTS for found in MARKED.findall(path.read_text())})
-UNMEASURED = {"figures.py", "over_time.py", "golden.py"}
+UNMEASURED = {"figures.py", "over_time.py", "golden.py", "two_users.py"}
 """Programs of benchmarks/ that measure nothing, or keep it in benchmarks/golden."""
 PROGRAMS = (path for path in (ROOT / "benchmarks").glob("*.py") if "__main__" in path.read_text())
 BENCHMARKS = sorted(path for path in PROGRAMS if path.name not in UNMEASURED)

@@ -18,7 +18,7 @@ Q, QD, _ = motion(TIME)
 
 def found(tau):
     excerpts = [Excerpt(T, Q, tau, np.full_like(Q, np.nan), 3000)]
-    return list(misread_torques(excerpts, Evidence.of(excerpts), PAIR, ()))
+    return list(misread_torques(excerpts, Evidence.of(excerpts), PAIR))
 
 
 def sines(seed):

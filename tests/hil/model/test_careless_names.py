@@ -68,7 +68,9 @@ def test_a_name_that_no_file_can_have_is_refused_in_words(tmp_path: Path) -> Non
     path = tmp_path / "robot.yaml"
     text = (ROBOTS / "manutec-r15.yaml").read_text()
     path.write_text(text.replace("name: manutec-r15", 'name: "man\\e[31m"', 1))
-    with pytest.raises(FileError, match=r"name: 'man\\x1b\[31m' must begin with a letter or") as it:
+    with pytest.raises(
+        FileError, match=r"name: 'man\\\\x1b\[31m' must begin with a letter or"
+    ) as it:
         load_robot(path)
     assert "^" not in str(it.value)
 

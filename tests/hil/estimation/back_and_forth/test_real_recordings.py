@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from real_recordings import EMPS, at_hand
+from real_recordings import DATA, EMPS, at_hand
 
 from hil.estimation.back_and_forth import NAME
 from hil.imports.importing import import_recordings
@@ -19,7 +19,7 @@ pytestmark = at_hand
 
 def test_mass_and_friction_are_the_published_ones(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text(EMPS)
-    run = import_recordings([tmp_path / "map.yaml"], tmp_path / "run")
+    run = import_recordings([tmp_path / "map.yaml"], tmp_path / "run", files=[DATA])
     assert method_for(run)[0] == NAME
     model = identify(run)
     fit = model.back_and_forth
