@@ -8,6 +8,7 @@ from checked_files.yaml_file import FileError
 from hil.imports.evidence import Evidence, Excerpt
 from hil.imports.importing import import_recordings
 from hil.imports.misread import misread_torques
+from hil.imports.plausibility import suspicions
 from hil.model.robot import parse_robot
 
 PAIR = parse_robot(ROBOT, "pair.yaml")
@@ -54,9 +55,11 @@ def test_one_column_of_two_joints_is_named():
 
 
 def test_torques_of_motors_taken_for_those_of_joints_are_remarked():
-    (suspicion,) = found(sines(1) / 50)
-    assert "are unit, gain and torque_side right?" in suspicion.message
-    assert not suspicion.certain
+    excerpts = [Excerpt(T, Q, sines(1) / 50, np.full_like(Q, np.nan), 3000)]
+    every = suspicions(excerpts, Evidence.of(excerpts), PAIR, None, ())
+    said = [each for each in every if "are unit, gain and torque_side right?" in each.message]
+    assert said
+    assert not any(each.certain for each in said)
 
 
 def refusal(folder, columns, **changes):
