@@ -10,7 +10,9 @@ gives the level g_k. The variance of a level among the parts of either is modera
 (`moderated`), is at least what e explains, and recordings as a whole may differ by as much as one
 part of them does.
 Warmth changes friction of all axes together (`hil.results.changes`): of three axes or more, the
-median of their relative changes is taken from each, and what is beyond it is tested.
+median of the others' relative changes is taken from each, and what is beyond it is tested. Of m
+others with standard deviations s_j the median has the variance (pi / 2) m / (sum 1 / s_j)^2: that
+of normal distributions with one mean.
 """
 
 from __future__ import annotations
@@ -55,8 +57,6 @@ def friction_changes(
         return (), ()
     axes, levels = zip(*shown, strict=True)
     change = np.array([x.later.mean() / x.earlier.mean() - 1.0 for x in levels])
-    if len(axes) >= SEVERAL:
-        change = change - np.median(change)
     own = np.array([len(x.earlier) + len(x.later) - 2.0 for x in levels])
     squares = [((part - part.mean()) ** 2).sum() for x in levels for part in (x.earlier, x.later)]
     variance = np.sum(np.reshape(squares, (-1, 2)), axis=1) / own
@@ -64,7 +64,13 @@ def friction_changes(
     degrees = common.degrees + own
     variance = (common.degrees * common.dispersion + own * variance) / degrees
     variance = np.maximum(variance, [x.floor for x in levels])
-    error = np.sqrt(variance * (1.0 + 1.0 / PARTS))
+    square = variance * (1.0 + 1.0 / PARTS)
+    if len(axes) >= SEVERAL:
+        others = ~np.eye(len(axes), dtype=bool)
+        change = change - [np.median(change[each]) for each in others]
+        precision = [np.sum(square[each] ** -0.5) for each in others]
+        square = square + np.pi / 2.0 * (len(axes) - 1) / np.square(precision)
+    error = np.sqrt(square)
     # the earlier level is 1: recordings that do not show even that show no change of it
     known = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
