@@ -23,6 +23,7 @@ from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.sdo import server_of
 from drivers.drive_bus import DriveFault, Move, SampleFlag
 from drivers.fieldbus import Entry
+from drivers.session.connection import Place as DrivePlace
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished
 from hil.model.robot import load_robot
@@ -114,7 +115,9 @@ def test_a_short_campaign_loses_nothing_that_is_not_flagged(
 def test_a_fault_stops_all_axes_and_switches_them_off(place: Place, bus: can.BusABC) -> None:
     with open_bus(place) as other:
         network = PumpedNetwork(other, synchronous=False)
-        servers = [server_of(network, node, f"axis {node}", 5.0) for node in range(1, 7)]
+        servers = [
+            server_of(network, DrivePlace(node, f"axis {node}"), 5.0) for node in range(1, 7)
+        ]
 
         drives = slow_drives(PERIOD)
         first, *others = drives.axes
@@ -160,7 +163,7 @@ def test_if_our_process_is_killed_the_drives_stop_by_themselves(
     os.kill(driver.pid, signal.SIGKILL)
     driver.join()
     assert network.pump(20.0, lambda: HEARTBEAT_LOST in emergencies)
-    server = server_of(network, 1, "axis 1", 5.0)
+    server = server_of(network, DrivePlace(1, "axis 1"), 5.0)
     assert network.pump(20.0, lambda: server.get(VELOCITY) == 0)
     assert not server.get(STATUSWORD) & OPERATION_ENABLED
 

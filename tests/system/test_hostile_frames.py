@@ -26,6 +26,7 @@ from drivers.cia402.error_codes import decode_emergency
 from drivers.cia402.objects import DEVICE_TYPE
 from drivers.cia402.supervision import Supervision
 from drivers.drive_bus import NodeSilent
+from drivers.session.connection import Place
 from sim_plant.serving.bus import PlantBus
 from sim_plant.slave_network import SlaveNetwork
 
@@ -210,13 +211,13 @@ IMPOSTORS = [
 
 def test_an_sdo_answer_of_another_length_or_object_is_not_taken_for_ours() -> None:
     with Scripted([*IMPOSTORS, HONEST]) as bus:
-        server = server_of(PumpedNetwork(bus, synchronous=True), 1, "axis")
+        server = server_of(PumpedNetwork(bus, synchronous=True), Place(1, "axis"))
         assert server.get(DEVICE_TYPE) == 0x00020192
 
 
 def test_impostors_alone_are_no_answer() -> None:
     with Scripted(IMPOSTORS) as bus:
-        server = server_of(PumpedNetwork(bus, synchronous=True), 1, "axis")
+        server = server_of(PumpedNetwork(bus, synchronous=True), Place(1, "axis"))
         with pytest.raises(NodeSilent):
             server.get(DEVICE_TYPE)
 
@@ -239,8 +240,8 @@ def test_a_node_that_never_falls_silent_keeps_nobody_waiting_for_ever() -> None:
 def test_an_emergency_without_a_code_takes_no_other_back(length: int) -> None:
     with Scripted([]) as bus:
         network = PumpedNetwork(bus, synchronous=True)
-        supervision = Supervision([server_of(network, 1, "axis")])
+        supervision = Supervision([server_of(network, Place(1, "axis"))])
         Emergencies(network, [1], supervision.take_emergency)
         network.notify(0x81, bytearray(b"\x10\x23"), 0.0)
         network.notify(0x81, bytearray(length), 0.0)
-        assert "2310" in str(supervision.diagnose(server_of(network, 1, "axis"), 0x08))
+        assert "2310" in str(supervision.diagnose(server_of(network, Place(1, "axis")), 0x08))

@@ -106,16 +106,17 @@ def storm(
 
 @contextmanager
 def _observed_plant() -> Iterator[tuple[PlantBus, Plant, PlantAudit]]:
-    plant, networks = load_plant(ROBOT), []
+    plant, networks = load_plant(ROBOT), list[SlaveNetwork]()
     calls = watched(plant)
 
-    def network(*arguments: object) -> SlaveNetwork:
-        networks.append(SlaveNetwork(*arguments))  # type: ignore[arg-type]
-        return networks[0]
+    class Observed(SlaveNetwork):
+        def __init__(self, *arguments: object) -> None:
+            super().__init__(*arguments)  # type: ignore[arg-type]
+            networks.append(self)
 
     with (
         mock.patch.object(plant_channel, "load_machine", return_value=plant),
-        mock.patch.object(plant_channel, "SlaveNetwork", network),
+        mock.patch.object(plant_channel, "SlaveNetwork", Observed),
         PlantBus(ROBOT) as bus,
     ):
         yield bus, plant, PlantAudit(networks[0], calls)
