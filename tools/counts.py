@@ -15,8 +15,8 @@ decides:
 
 The bounds of each count, `TOLERANCE` about the kept figure, are in ``tools/counts.json``, together
 with the calls of each function, so that a failure names the functions whose calls grew most. Equal
-counts hide a slower kernel, so three kernels are timed against a fixed NumPy operation in turns,
-and the ratio may be at most `SLOWER` times the kept one::
+counts hide a slower kernel, so kernels are timed against a fixed NumPy operation in turns, and
+on the processor that they were kept on the ratio may be at most `SLOWER` times the kept one::
 
     python tools/counts.py          compare; exit status 1 where a count leaves its bounds
     python tools/counts.py --keep   write tools/counts.json anew; the commit states why
@@ -30,6 +30,7 @@ import cProfile
 import json
 import math
 import os
+import platform
 import pstats
 import shutil
 import subprocess
@@ -45,6 +46,16 @@ import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+
+def processor() -> str:
+    """Name, family and model of the processor."""
+    about = Path("/proc/cpuinfo")
+    lines = about.read_text().splitlines() if about.exists() else []
+    stated = dict(reversed([[part.strip() for part in line.partition(":")[::2]] for line in lines]))
+    named = [stated[key] for key in ("model name", "cpu family", "model") if key in stated]
+    return ", ".join(named) or platform.processor() or platform.machine()
+
 
 HERE = Path(__file__).resolve().parents[1]
 KEPT = Path(__file__).with_suffix(".json")
@@ -67,6 +78,8 @@ OBJECTS = 1_000_000
 """By which Python's own objects differ between its versions [bytes]."""
 PYTHON = "{}.{}".format(*sys.version_info)
 """Own calls are compared under the version that they were kept with; others count otherwise."""
+PROCESSOR = processor()
+"""Kernels are compared on the processor that they were kept on: ratios differ between others."""
 SLOWER = 1.3
 LISTED = 1e-3
 """Least share of a function in a command's own calls for its calls to be kept."""
@@ -269,7 +282,11 @@ def compare(found: dict[str, Any], kept: dict[str, Any], python: str = PYTHON) -
 
 def too_slow() -> list[str]:
     """State each kernel slower than its bound in all of several attempts."""
-    kept, least = json.loads(KEPT.read_text())["kernels"], dict[str, float]()
+    stated, least = json.loads(KEPT.read_text()), dict[str, float]()
+    kept = stated["kernels"]
+    if stated["processor"] != PROCESSOR:
+        sys.stdout.write(f"kernels were timed on another processor, {stated['processor']}\n")
+        return []
     for _ in range(ATTEMPTS):
         found = _in_process(".", KERNELS)
         least = {name: min(ratio, least.get(name, ratio)) for name, ratio in found.items()}
@@ -298,7 +315,8 @@ def main() -> None:
             total = counted["counts"]["own calls"]
             calls = sorted(counted["calls"].items())
             counted["calls"] = {key: n for key, n in calls if n > LISTED * total}
-        kept = {"python": PYTHON, "commands": found, "kernels": _in_process(".", KERNELS)}
+        kernels = _in_process(".", KERNELS)
+        kept = {"python": PYTHON, "processor": PROCESSOR, "commands": found, "kernels": kernels}
         KEPT.write_text(json.dumps(kept, indent=1) + "\n")
         return
     before = json.loads(KEPT.read_text())
