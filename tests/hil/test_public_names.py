@@ -69,7 +69,7 @@ def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
     [
         (lambda t, q, tau: (t[:, None], q, tau), r"t has shape \(10000, 1\)"),
         (lambda t, q, tau: (t, q[:-1], tau), r"q has shape \(9999, 1\)"),
-        (lambda t, q, tau: (t[:100], q[:100], tau[:100]), "recording 1: .*the recording lasts 0.198 s"),
+        (lambda t, q, tau: (t[:100], q[:100], tau[:100]), "recording 1: .*lasts 0.198 s"),
     ],
 )
 def test_arrays_that_cannot_be_used_are_refused(change, why: str) -> None:
