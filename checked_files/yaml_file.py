@@ -45,7 +45,7 @@ class FileModel(BaseModel):
     """Keys of the file whose texts keep their lines."""
 
     def as_yaml(self, width: int = 200) -> bytes:
-        """As a file in YAML, in lines of about `width` characters at most."""
+        """Return YAML text with lines of about `width` characters at most."""
         content = self.model_dump(mode="json")
         return yaml.dump(content, Dumper=Dumper, sort_keys=False, width=width).encode()
 
@@ -70,7 +70,7 @@ _NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, Arithmet
 
 
 class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
-    """YAML's safe loader, with a bound on nesting and a place in all its errors."""
+    """Safe YAML loader with a bound on nesting and with line numbers in errors."""
 
     def __init__(self, text: str) -> None:
         Events.__init__(self, text)
@@ -165,7 +165,7 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
 
 
 def _in_lines(value: object, verbatim: Container[object]) -> object:
-    """Return the content of a file with each text in one line, except under `verbatim` keys."""
+    """Return the content of a file with texts on one line, except for `verbatim` keys."""
     if isinstance(value, dict):
         return {
             _in_lines(key, ()): each if key in verbatim else _in_lines(each, verbatim)
@@ -227,7 +227,7 @@ def _shown(value: object) -> str:
 
 
 def problems(error: ValidationError) -> list[str]:
-    """State what is wrong with values that come from no file, one line a problem."""
+    """Return one line for each invalid value given without a file."""
     return [f"{place(at)}: {message}" for at, message in _wrong(error)]
 
 
@@ -324,7 +324,7 @@ def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Node, yaml.Nod
 
 
 def _refuse_excess(root: yaml.Node, source: str) -> None:
-    """Refuse keys that stand twice, endless nesting, and aliases that multiply."""
+    """Refuse duplicate keys, recursive nesting and multiplying aliases."""
     waiting, values = [(root, 1)], 0
     while waiting:
         node, depth = waiting.pop()
