@@ -178,10 +178,12 @@ class WallClock(SyncClock):
         took = now - self._sending if self._sending is not None else 0.0
         self._sending = None
         self.uncertain = took > 2 * CERTAIN * self._period
-        self._late(now)
+        # in whole microseconds, as logs of frames have it, or a replay would differ
+        instant = round(now - took / 2, 6)
+        self._late(instant)
         self._deadline += self._period
-        self._window_ends = now + WINDOW * self._period
-        return now - took / 2 - self._start
+        self._window_ends = instant + WINDOW * self._period
+        return instant - self._start
 
     def _late(self, now: float) -> float:
         """How long the deadline is past [s]; those that were missed are passed over."""

@@ -95,9 +95,10 @@ class FrameLog(can.BusABC):
 
     def clock(self) -> float:
         """Time since this was first called, in whole microseconds [s]."""
-        self._reading = self._now()
+        before, self._reading = self._reading, self._now()
         if self._sync is not None and not self.lock_step:
-            self._latest = self._reading
+            # as `WallClock` reckons, which read the clock right before it sent SYNC
+            self._latest = round(self._reading - (self._reading - before) / 2, 6)
             self._let_go()
         return self._reading
 
@@ -105,7 +106,7 @@ class FrameLog(can.BusABC):
         """Send and log a frame (see `can.BusABC.send`)."""
         self._bus.send(msg, timeout)
         self._let_go()
-        if self._begun and not (self.lock_step or is_heartbeat(msg)):
+        if self._begun and not (self.lock_step or is_heartbeat(msg) or msg.arbitration_id == SYNC):
             self._latest = self._now()
         self._begun = True  # with the driver's zero
         sent = can.Message(

@@ -188,6 +188,7 @@ class SyncProcessData(ProcessData):
     def tick(self) -> None:
         """Let one period pass while the drives send no TPDOs yet."""
         self._network.pump(self._clock.due())
+        self._clock.sending()
         self._network.send_frame(SYNC)
         self._clock.sent()
         self._network.pump(0.0)

@@ -61,6 +61,8 @@ class KernelClock(SyncClock):
 class AsRecorded(WallClock):
     """Deadlines of a recorded session: a SYNC is due when it was sent then.
 
+    The recording has one instant for each SYNC and not how long sending took, so none is uncertain.
+
     Parameters
     ----------
     period : float
@@ -80,6 +82,9 @@ class AsRecorded(WallClock):
     def due(self) -> float:
         """How long until the next SYNC [s]."""
         return self._left()
+
+    def sending(self) -> None:
+        """Take no note: the recording has the instant itself."""
 
 
 def kernel_sync(

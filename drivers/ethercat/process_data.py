@@ -353,6 +353,7 @@ class EthercatProcessData(ProcessData):
             return
         if (due := self._clock.due()) > 0:
             time.sleep(due)
+        self._clock.sending()
         self._line.send(self._ticking)
         self._clock.sent()
         self._line.receive(self._clock.window())

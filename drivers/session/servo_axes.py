@@ -256,9 +256,7 @@ class ServoAxes:
             if outcome.message:
                 log.error("%s", outcome.message)
                 if error is not None:
-                    said = str(error).rsplit(": ", 1)[-1]  # what the bus said, at whatever attempt
-                    again = rf" \([^()]*{re.escape(said)}\)"
-                    error.add_note(re.sub(again, "", outcome.message))
+                    error.add_note(_without_repeating(str(error), outcome.message))
         if outcome.message and error is None:
             raise DriveFault(outcome.message)
 
@@ -283,3 +281,9 @@ class ServoAxes:
             except Exception as error:
                 problems.append(f"the bus cannot be shut down: {error}")
         return problems
+
+
+def _without_repeating(error: str, message: str) -> str:
+    """Return a message without what the error already says: the bus's answer, in parentheses."""
+    answer = error.rsplit(": ", 1)[-1]
+    return re.sub(rf" \([^()]*{re.escape(answer)}\)", "", message) if answer else message

@@ -54,7 +54,7 @@ def dictionaries(bus: can.BusABC) -> dict[Place, object]:
         for entry in entries:
             if entry.readable and entry.writable and entry.index not in LEFT_OUT:
                 data = node.dictionary.upload(entry.index, entry.subindex)
-                found[node.dictionary.node_id, entry.index, entry.subindex] = data
+                found[node.node_id, entry.index, entry.subindex] = data
     return found
 
 
