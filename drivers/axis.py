@@ -154,12 +154,8 @@ class Axis:
     ----------
     index : int
         In joint order, from 0.
-    stated : AxisDrive
-        What the drives file states of it.
     drive : AxisDrive
         The same with the limits that hold.
-    server : RemoteDictionary
-        Its drive's object dictionary.
     own : mapping of str to str
         Which of these limits are the drive's own: field, and the object that sets it.
     stop_deceleration : float or None
@@ -169,8 +165,6 @@ class Axis:
         Its drive's (1018), in words.
     planned : bool
         The driver plans its ways, since its drive has no profile position or its positions wrap.
-    wrap : Wrap or None
-        How they do.
     """
 
     index: int

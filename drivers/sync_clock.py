@@ -100,8 +100,6 @@ class LockStep(SyncClock):
 
     Parameters
     ----------
-    period : float
-        Time between two SYNCs [s].
     synchronous : bool
         All answers are in before `send` returns, so an empty queue means that nothing will come.
     clock : callable
@@ -144,15 +142,7 @@ class LockStep(SyncClock):
 
 
 class WallClock(SyncClock):
-    """Absolute deadlines on a monotonic clock; missed ones are skipped and counted.
-
-    Parameters
-    ----------
-    period : float
-        Time between two SYNCs [s].
-    clock : callable
-        Monotonic time [s].
-    """
+    """Absolute deadlines on a monotonic clock; missed ones are skipped and counted."""
 
     def __init__(self, period: float, *, clock: Callable[[], float] = time.perf_counter) -> None:
         super().__init__(period, clock)

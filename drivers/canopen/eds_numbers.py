@@ -29,13 +29,7 @@ class NoNumber(ValueError):
 
 
 def number(text: str, node: int | None = None) -> int | None:
-    """Return a number; None for an empty text, and for $NODEID while that is not known.
-
-    Raises
-    ------
-    NoNumber
-        The text is none.
-    """
+    """Return a number (`NoNumber`); None for an empty text, and for an unknown $NODEID."""
     text = re.sub(r"[\s_]", "", text)
     if not text:
         return None
@@ -91,13 +85,7 @@ def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
 
 
 def within(kind: str, value: int | None, key: str) -> int | None:
-    """Return a value as its type has it, with the sign of hex numbers.
-
-    Raises
-    ------
-    NoNumber
-        It does not fit the type.
-    """
+    """Return a value as its type has it (`NoNumber`), with the sign of hex numbers."""
     bits = int(kind[1:])
     if value is None:
         return None

@@ -54,13 +54,7 @@ class Section:
 
 
 def sections_of(raw: bytes, source: str) -> tuple[dict[str, Section], list[str]]:
-    """Split a file into sections, by name in lower case, and return what was mended.
-
-    Raises
-    ------
-    FileError
-        The file is empty, binary or XML.
-    """
+    """Split a file (`FileError`) into sections, by name in lower case; return what was mended."""
     text, notes = _decoded(raw, source)
     sections: dict[str, Section] = {}
     section = None

@@ -40,8 +40,6 @@ def achievable_rate(
 
     Parameters
     ----------
-    drives : DrivesFile
-        Axes and bit rate.
     answer : float
         How long the slowest answer to a SYNC takes [s].
     sent : sequence, optional
@@ -59,10 +57,6 @@ class StopwatchBus(can.BusABC):
     ----------
     inner : can.BusABC
         The bus that it stands for; shutting this one down leaves that one open.
-    drives : DrivesFile
-        Whose TPDOs are answers.
-    clock : callable
-        [s].
 
     Attributes
     ----------

@@ -25,10 +25,6 @@ class AxisPicture:
 
     Attributes
     ----------
-    drive : AxisDrive
-        What the drives file states of it.
-    name : str
-    node : int
     heard : float
         When any frame of the drive came last [s]; -inf if none ever did.
     nmt : str
@@ -76,18 +72,7 @@ class AxisPicture:
 
 
 class Picture(ABC):
-    """What was seen of all axes of a drives file, by a bus that is listened to, or asked.
-
-    Parameters
-    ----------
-    drives : DrivesFile
-        The axes in joint order.
-
-    Attributes
-    ----------
-    axes : list of AxisPicture
-        In joint order.
-    """
+    """What was seen of all axes of a drives file, by a bus that is listened to, or asked."""
 
     def __init__(self, drives: DrivesFile) -> None:
         self.axes = [AxisPicture(axis) for axis in drives.axes]

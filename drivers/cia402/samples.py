@@ -24,13 +24,7 @@ _new_tuple = tuple.__new__  # half the time of Sample(...), at every SYNC
 
 
 class SampleReader:
-    """Turns the values of process data into samples.
-
-    Parameters
-    ----------
-    axes : sequence of Axis
-        In joint order.
-    """
+    """Turns the values of process data into samples."""
 
     def __init__(self, axes: Sequence[Axis]) -> None:
         scales = [axis.scale for axis in axes]
@@ -45,17 +39,7 @@ class SampleReader:
         self._limits = tuple(SampleFlag.LIMIT.value if word & _LIMIT else 0 for word in words)
 
     def sample(self, time: float, process_data: ProcessData, reached: bool) -> Sample:
-        """Return the sample of the last SYNC.
-
-        Parameters
-        ----------
-        time : float
-            The SYNC's instant [s].
-        process_data : ProcessData
-            What it brought.
-        reached : bool
-            See `Sample`.
-        """
+        """Return the sample of the last SYNC."""
         positions = process_data.positions
         increments = map(sub, positions, self._zeros) if self._shifted else positions
         q = tuple(map(mul, self._per_increment, increments))

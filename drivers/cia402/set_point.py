@@ -81,10 +81,6 @@ class SetPoint:
         Target position (607A) [increments].
     window : float
         Largest distance from the target at which it counts as reached [increments].
-    rest : Standstill
-        Judges whether the axis rests.
-    phase : Phase
-        How far it has come.
     """
 
     target: int
@@ -121,8 +117,6 @@ class HaltedAxis:
 
     Attributes
     ----------
-    rest : Standstill
-        Judges whether the axis rests.
     phase : Phase
         TRAVELLING, then REACHED.
     """

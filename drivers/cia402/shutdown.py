@@ -73,14 +73,6 @@ class Shutdown:
 
     Parameters
     ----------
-    process_data : ProcessData
-        Of all axes.
-    life_sign : LifeSign
-        Kept going until it must cease.
-    axes : sequence of Axis
-        In joint order.
-    period : float
-        Time between two SYNCs [s].
     switch_off : callable
         Switches one drive off by objects.
 
@@ -175,13 +167,7 @@ class Shutdown:
             self._ask_unseen()
 
     def conclude(self) -> list[str]:
-        """Watch the axes that are off, and await the reaction of those that are not.
-
-        Returns
-        -------
-        list of str
-            Axes that have sagged, for the operator.
-        """
+        """Watch axes that are off, await the reaction of the others; return axes that sagged."""
         sagged = self._watch_rest()
         if not all(self.off):
             self._life_sign.cease()

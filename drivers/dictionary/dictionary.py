@@ -158,13 +158,7 @@ class Dictionary:
         )
 
     def find(self, index: int, subindex: int = 0) -> Declared | None:
-        """Return what is declared at a place, None where nothing is.
-
-        Raises
-        ------
-        FileError
-            Something is, but cannot be understood.
-        """
+        """Return the declaration at a place (`FileError` if damaged), None where there is none."""
         if (index, subindex) in self.damaged:
             raise FileError(self.damaged[index, subindex])
         return self.entries.get((index, subindex))

@@ -79,7 +79,6 @@ class Clocks:
 
     Parameters
     ----------
-    line : Line
     stations : sequence of Station
         All slaves on it, in order.
 

@@ -37,12 +37,6 @@ class EthercatConnection(Connection):
 
     Parameters
     ----------
-    line : Line
-        That they are on.
-    clock : SyncClock
-        Where the time of a cycle comes from.
-    file : DrivesFile
-        What is stated of them.
     feed_forward : bool
         The drives are to take offsets of velocity and torque.
     """
@@ -108,13 +102,7 @@ class EthercatConnection(Connection):
             server.access.go_operational()
 
     def await_answers(self) -> None:
-        """Exchange process data until all drives are in OP and take part.
-
-        Raises
-        ------
-        DriveRefused, NodeSilent
-            Which do not get there, with their AL status codes.
-        """
+        """Exchange process data until all drives are in OP and take part."""
         self.supervision.forget()
         self._await_op()
         self._data.farthest = 0.0

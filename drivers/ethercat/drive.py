@@ -62,16 +62,11 @@ class EthercatDrive:
     ----------
     find : callable
         Returns the slave; called when it is first needed.
-    line : Line
-        That it is on.
-    label : str
-        How messages name it.
     timeout : float
         How long its mailbox may take to answer [s].
 
     Attributes
     ----------
-    label : str
     emergencies : callable
         ``emergencies(data)`` takes each emergency.
     outputs, inputs : Mapped
@@ -97,13 +92,7 @@ class EthercatDrive:
 
     @property
     def station(self) -> Station:
-        """The slave.
-
-        Raises
-        ------
-        NoAnswer
-            There is none.
-        """
+        """The slave (`NoAnswer`)."""
         if self._station is None:
             self._station = self._find()
         return self._station
@@ -167,8 +156,6 @@ class EthercatDrive:
         ----------
         logical : int
             Where its outputs stand in logical memory; inputs and the state of its mailbox follow.
-        timeout : float
-            Of its watchdog [s].
         sync0 : (int, int), optional
             First SYNC0 in the reference's time, and its cycle [ns].
 
@@ -211,13 +198,7 @@ class EthercatDrive:
         station.go(AlState.SAFEOP)
 
     def refuse_unwatched(self) -> None:
-        """Refuse a drive whose watchdog is not as it was set.
-
-        Raises
-        ------
-        DriveRefused
-            Another master may be at work.
-        """
+        """Refuse a drive whose watchdog differs from what was set (`DriveRefused`)."""
         unwatched = self.why_unwatched([self.station.read(*each) for each in GUARDS])
         if unwatched:
             raise DriveRefused(

@@ -28,10 +28,6 @@ class LinePicture(Picture):
 
     Parameters
     ----------
-    drives : DrivesFile
-        The axes in joint order.
-    reached : UnpoweredDrives
-        Their objects.
     inputs : bool
         Digital inputs are asked for too.
     """

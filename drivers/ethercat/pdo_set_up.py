@@ -40,13 +40,7 @@ CANDIDATES = 8
 def set_up_process_data(
     server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool
 ) -> tuple[Mapped, Mapped]:
-    """Map and assign what we use; return what outputs and inputs carry in the end.
-
-    Raises
-    ------
-    DriveRefused
-        Fixed process data that do not carry it.
-    """
+    """Map and assign what we use (`DriveRefused`); return what outputs and inputs carry."""
     outputs = _set_up(server, ASSIGNED_OUT, MAPPING_OUT, outputs_of(feed_forward=feed_forward))
     inputs = _set_up(server, ASSIGNED_IN, MAPPING_IN, inputs_of(axis))
     return outputs, inputs

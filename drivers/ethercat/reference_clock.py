@@ -45,8 +45,6 @@ class ReferenceClock(WallClock):
 
     Attributes
     ----------
-    host : callable
-        As given.
     follows : bool
         It is the reference's.
     skew : float

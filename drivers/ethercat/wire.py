@@ -29,22 +29,10 @@ class Wire(Protocol):
     """Where frames go out and come back."""
 
     def send(self, frame: bytes | bytearray) -> bool:
-        """Send a frame; return whether it went out.
-
-        Raises
-        ------
-        BusUnavailable
-            None can any more.
-        """
+        """Send a frame (`BusUnavailable`); return whether it went out."""
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return the next frame, None if none comes in time [s].
-
-        Raises
-        ------
-        BusUnavailable
-            None can any more.
-        """
+        """Return the next frame (`BusUnavailable`), None if none comes in time [s]."""
 
     def close(self) -> None:
         """Let the interface go."""

@@ -94,13 +94,7 @@ def restore_drive(server: RemoteDictionary, found: FoundDrive, order: RestoringO
 
 
 def refuse_energised(server: RemoteDictionary) -> None:
-    """Refuse a drive that is not shown off.
-
-    Raises
-    ------
-    DriveRefused
-        With the state that it shows.
-    """
+    """Refuse a drive that is not shown off (`DriveRefused`)."""
     word = server.get(objects.STATUSWORD)
     state = decode_state(word)
     if state not in NOT_ENERGISED:

@@ -224,8 +224,6 @@ class FoundSettings(FileModel):
     ----------
     restored : bool
         All drives hold again what they held.
-    bitrate : int
-        Of the bus [bit/s].
     sdo_timeout : float
         How long a drive may take to answer [s].
     interface, channel : str or None
@@ -265,13 +263,7 @@ class FoundSettings(FileModel):
 
 
 def load_found_settings(path: Path | str) -> FoundSettings:
-    """Read the file.
-
-    Raises
-    ------
-    FileError
-        It is missing, or not such a file.
-    """
+    """Read the file (`FileError`)."""
     return load_yaml(path, FoundSettings)
 
 
@@ -297,13 +289,7 @@ def dump_found_settings(settings: FoundSettings) -> str:
 
 
 def read_identity(server: RemoteDictionary) -> FoundIdentity:
-    """Ask a drive for its identity.
-
-    Raises
-    ------
-    NodeSilent, DriveRefused
-        It does not answer.
-    """
+    """Ask a drive for its identity (errors as in `RemoteDictionary.get`)."""
     return FoundIdentity(**{key: server.find(entry) for key, entry in IDENTITY.items()})
 
 

@@ -30,8 +30,6 @@ class Returned(NamedTuple):
 
     Attributes
     ----------
-    label : str
-        How messages name it.
     drive : FoundDrive
         With `restored` as it is by now.
     written : tuple of (Entry, int or None, int)
@@ -57,8 +55,6 @@ def put_back(bus: Fieldbus, settings: FoundSettings) -> Iterator[Returned]:
     ----------
     bus : Fieldbus
         An open bus on which nobody commands the drives.
-    settings : FoundSettings
-        What they held.
 
     Yields
     ------

@@ -47,8 +47,6 @@ class Stroke:
 
     Attributes
     ----------
-    move : Move
-        What was commanded.
     time, q, tau : ndarray, shape (n,)
         Of each SYNC [s], [rad], [N m]; NaN where the TPDO is missing.
     following_error : float
@@ -84,8 +82,6 @@ def small_move(axis: AxisDrive, target: float, velocity: float) -> Move:
 
     Parameters
     ----------
-    axis : AxisDrive
-        Whose limits hold.
     target, velocity : float
         [rad], [rad/s].
     """
@@ -107,16 +103,6 @@ def travel(
 
     Parameters
     ----------
-    bus : ServoAxes
-        Entered.
-    number : int
-        The axis on `bus`, from 0.
-    drive : AxisDrive
-        What the drives file states of it.
-    move : Move
-        What to do.
-    operator : Operator
-        Who may stop it.
     poll : callable
         Called on the way, with the time [s].
 

@@ -30,12 +30,8 @@ class MissingTelegrams:
 
     Parameters
     ----------
-    axes : sequence of Axis
-        In joint order.
     collect_late : callable
         Takes telegrams off the bus that are merely late; called after a gap.
-    period : float
-        Time between two SYNCs [s].
     silence, wiring : str
         What stays away for so many SYNCs, in words, and what to check of the bus then.
 
