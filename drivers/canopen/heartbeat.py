@@ -37,7 +37,7 @@ _STATES = {
 
 
 class Heartbeats:
-    """Sends our heartbeat and watches those of the drives.
+    """Our heartbeat and those of the drives (`drivers.fieldbus.LifeSign`).
 
     Parameters
     ----------
@@ -50,12 +50,6 @@ class Heartbeats:
 
     Attributes
     ----------
-    name : str
-        What they watch, for messages.
-    due : float
-        When `service` must be called next [s].
-    trouble : DriveError or None
-        Why a drive is no longer with us, or with us alone.
     ceased : bool
         Ours is sent no more.
     starting : set of int

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
 from drivers.dictionary.bus_rules import ProcessDataReview
-from drivers.dictionary.missing_objects import Finding
+from drivers.dictionary.missing_objects import Finding, fixed_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -105,27 +105,19 @@ def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | 
         name,
         None if None in writable else all(writable),
         cob.writable,
-        not ((cob.default if cob.value is None else cob.value) or 0) & OFF,
-        _fixed_type(dictionary, communication),
+        not (cob.stated or 0) & OFF,
+        fixed_at(dictionary.find(communication, 2)),
         members[0].high if members[0].subindex == 0 else None,
         None if dictionary.live else len(slots),
         tuple(_contents(members[0], slots)),
     )
 
 
-def _fixed_type(dictionary: Dictionary, communication: int) -> int | None:
-    kind = dictionary.find(communication, 2)
-    if kind is None or kind.writable is not False:
-        return None
-    return kind.default if kind.value is None else kind.value
-
-
 def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[int]:
-    number = count.default if count.value is None else count.value
+    number = count.stated
     for slot in slots[: len(slots) if number is None or count.subindex else number]:
-        word = slot.default if slot.value is None else slot.value
-        if word:
-            yield word
+        if slot.stated:
+            yield slot.stated
 
 
 def _sending(tpdos: _Tpdos, current: CurrentCandidate) -> Iterator[Finding]:

@@ -68,21 +68,12 @@ class _Unsuitable(DriveRefused):
 def set_up_pdos(
     server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool = False
 ) -> tuple[tuple[Pdo, ...], Inputs, tuple[OtherTpdo, ...]]:
-    """Map and switch on what we use, switch off the drive's other TPDOs.
+    """Map and switch on our PDOs, switch off other TPDOs; return both, and those that stay on.
 
     Parameters
     ----------
     feed_forward : bool
         An RPDO carries the offsets of velocity and torque.
-
-    Returns
-    -------
-    sent : tuple of Pdo
-        The TPDOs that answer SYNC, with all that they carry, in order.
-    inputs : Inputs
-        The RPDOs.
-    others : tuple of OtherTpdo
-        Those that go on sending beside them.
 
     Raises
     ------
@@ -199,11 +190,11 @@ def _set_mapping(server: RemoteDictionary, pdo: Pdo, *, off: bool) -> tuple[Entr
     """Write a mapping, or take a fixed one; return what it carries."""
     emptied = False
     try:
-        server.set(_count(pdo), 0)
+        server.set(mapping_count(pdo.mapping), 0)
         emptied = True
         for number, entry in enumerate(pdo.entries, start=1):
-            server.set(_slot(pdo, number), entry.word)
-        server.set(_count(pdo), len(pdo.entries))
+            server.set(mapping_slot(pdo.mapping, number), entry.word)
+        server.set(mapping_count(pdo.mapping), len(pdo.entries))
     except Aborted as error:
         if emptied and error.code in NO_ROOM:
             raise _TooShort(str(error)) from error
@@ -225,10 +216,12 @@ def _taken(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
         strange = [n for n, (entry, wanted) in enumerate(pairs) if entry != wanted]
     odd = [n for n, entry in enumerate(carried) if entry.bits % 8]
     for n in odd:
-        _refuse_fixed(server, _slot(pdo, n + 1), f"{carried[n].word:X}h", "whole bytes")
+        _refuse_fixed(
+            server, mapping_slot(pdo.mapping, n + 1), f"{carried[n].word:X}h", "whole bytes"
+        )
     if not fits:
         missing = next((e for e in pdo.entries if e not in carried), pdo.entries[0])
-        place = _slot(pdo, strange[0] + 1) if strange else _count(pdo)
+        place = mapping_slot(pdo.mapping, strange[0] + 1) if strange else mapping_count(pdo.mapping)
         present = f"{carried[strange[0]].word:X}h" if strange else f"{len(carried)}"
         _refuse_fixed(server, place, present, f"{missing.word:X}h")
     return carried
@@ -236,7 +229,9 @@ def _taken(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
 
 def _carries(server: RemoteDictionary, pdo: Pdo) -> bool:
     """Whether a PDO carries what we need as it stands."""
-    return server.find(_count(pdo)) is not None and set(pdo.entries) <= set(_content(server, pdo))
+    return server.find(mapping_count(pdo.mapping)) is not None and set(pdo.entries) <= set(
+        _content(server, pdo)
+    )
 
 
 def _content(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
@@ -267,11 +262,3 @@ def _refuse_fixed(server: RemoteDictionary, entry: Entry, present: str, wanted: 
         f"{server.label}: object {entry} is fixed at {present}, {wanted} is needed; "
         "map it with the maker's commissioning tool or use another drive"
     )
-
-
-def _count(pdo: Pdo) -> Entry:
-    return mapping_count(pdo.mapping)
-
-
-def _slot(pdo: Pdo, number: int) -> Entry:
-    return mapping_slot(pdo.mapping, number)

@@ -51,7 +51,7 @@ class PumpedSdoClient(SdoClient):
         self._answers: list[bytes] = []
         self._exchanges = 0
         self._object: bytes | None = None
-        self._size_left_open = False
+        self.size_left_open = False
         network.subscribe(self.tx_cobid, self.on_response)
 
     def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
@@ -65,15 +65,6 @@ class PumpedSdoClient(SdoClient):
         self._exchanges = 0
         data: bytes = super().upload(index, subindex)
         return data
-
-    def upload_number(self, index: int, subindex: int, size: int) -> bytes:
-        """Read an object whose length is `size` [bytes].
-
-        A server may leave it open how many of the four bytes of an expedited answer count (CiA
-        301: size indicator 0); then those of the object do. Any other length is returned as it is.
-        """
-        data = self.upload(index, subindex)
-        return data[:size] if self._size_left_open else data
 
     def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:
         """Write an object, as canopen does."""
@@ -105,7 +96,7 @@ class PumpedSdoClient(SdoClient):
         answer = self._answers.pop(0)
         if answer[0] == _ABORTED:
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))
-        self._size_left_open = answer[0] & _SIZE_INDICATION == _SIZE_LEFT_OPEN
+        self.size_left_open = answer[0] & _SIZE_INDICATION == _SIZE_LEFT_OPEN
         return answer
 
 
@@ -117,11 +108,13 @@ class SdoAccess:
         self._client = PumpedSdoClient(network, node, timeout)
 
     def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
-        """Read an object (see `drivers.remote_dictionary.Access`)."""
-        client = self._client
-        if size is None:
-            return _asked(lambda: client.upload(index, subindex))
-        return _asked(lambda: client.upload_number(index, subindex, size))
+        """Read an object (see `drivers.remote_dictionary.Access`).
+
+        A server may leave it open how many of the four bytes of an expedited answer count (CiA
+        301: size indicator 0); then those of the object do. Any other length is returned as it is.
+        """
+        data = _asked(lambda: self._client.upload(index, subindex))
+        return data[:size] if self._client.size_left_open else data
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object."""

@@ -175,7 +175,7 @@ class CyclicPosition:
         return path
 
     def advance(self, *, calm: bool = False) -> MoveFailed | None:
-        """Send the next set-points, slowing down to rest while `calm`; return what failed, if anything."""
+        """Send the next set-points, slowing down to rest while `calm`; return what failed."""
         path, on_arrival = self._path, self._process_data.on_arrival
         if path is None:
             return None

@@ -15,7 +15,7 @@ from drivers.cia402.set_point_limits import joint_of, where_to_widen
 from drivers.drive_bus import LimitExceeded
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-3
 """Share by which differences may exceed a limit."""
+_SMALLER = "plan a slower or smaller motion"
+_REVIEW = "plan a slower motion, check the model that it comes from"
 
 
 def check_path(
@@ -58,14 +60,14 @@ def check_path(
     bend = np.diff(speed, axis=0) / period
     for axis in axes:
         number, limits, unit = axis.index, axis.drive.limits, axis.drive.unit
-        place, window = joint_of(axis), axis.drive.position_window
-        _check_start(place, float(path[0, number]), here[number], window, unit)
+        window = axis.drive.position_window
+        _check_start(joint_of(axis), float(path[0, number]), here[number], window, unit)
         for what, values, low, high, per in (
             ("set-point", path[:, number], limits.q_min, limits.q_max, ""),
-            ("velocity", speed[:, number], *_about(limits.velocity), "/s"),
-            ("acceleration", bend[:, number], *_about(limits.acceleration), "/s^2"),
+            ("velocity", speed[:, number], -limits.velocity, limits.velocity, "/s"),
+            ("acceleration", bend[:, number], -limits.acceleration, limits.acceleration, "/s^2"),
         ):
-            _check_range(place, what, values, (low, high), unit + per, period, axis.own)
+            _check_range(axis, what, values, (low, high), unit + per, period, _SMALLER)
 
 
 def check_feed_forward(
@@ -93,31 +95,15 @@ def check_feed_forward(
                 " the path; give one for each set-point"
             )
     for axis in axes:
-        place, number, drive = joint_of(axis), axis.index, axis.drive
+        drive = axis.drive
         effort = (drive.limits.torque, drive.effort_unit)
         bounds = ((drive.limits.velocity, f"{drive.unit}/s"), effort, effort)
         for what, values, (limit, unit) in zip(names, fed, bounds, strict=True):
-            _check_fed_range(place, what, values[:, number], limit, unit, period, axis.own)
-            _check_ends(place, what, values[:, number], limit, unit)
-
-
-def _check_fed_range(
-    place: str,
-    what: str,
-    values: Array,
-    limit: float,
-    unit: str,
-    period: float,
-    own: Mapping[str, str],
-) -> None:
-    outside = np.flatnonzero(~(np.abs(values) <= limit * (1 + ROUNDING)))
-    if outside.size:
-        first = int(outside[0])
-        raise LimitExceeded(
-            f"{place}: {what} {values[first]:.5g} {unit} fed forward after {first * period:.3g} s"
-            f" of the path must be in [{-limit:.5g}, {limit:.5g}] {unit}; plan a slower motion,"
-            f" check the model that it comes from, or {where_to_widen(own, what)}"
-        )
+            own = values[:, axis.index]
+            _check_range(
+                axis, what, own, (-limit, limit), unit, period, _REVIEW, fed=" fed forward"
+            )
+            _check_ends(joint_of(axis), what, own, limit, unit)
 
 
 def _check_ends(place: str, what: str, values: Array, limit: float, unit: str) -> None:
@@ -129,10 +115,6 @@ def _check_ends(place: str, what: str, values: Array, limit: float, unit: str) -
             )
 
 
-def _about(limit: float) -> tuple[float, float]:
-    return -limit * (1 + ROUNDING), limit * (1 + ROUNDING)
-
-
 def _check_start(place: str, first: float, here: float, window: float, unit: str) -> None:
     if not abs(first - here) <= window:
         raise LimitExceeded(
@@ -142,21 +124,25 @@ def _check_start(place: str, first: float, here: float, window: float, unit: str
 
 
 def _check_range(
-    place: str,
+    axis: Axis,
     what: str,
     values: Array,
     bounds: tuple[float, float],
     unit: str,
     period: float,
-    own: Mapping[str, str],
+    remedy: str,
+    *,
+    fed: str = "",
 ) -> None:
-    outside = np.flatnonzero(~((values >= bounds[0]) & (values <= bounds[1])))
+    """Refuse set-points outside their bounds, and others that exceed them by more than rounding."""
+    (low, high), is_position = bounds, what == "set-point"
+    slack = 0.0 if is_position else ROUNDING * high
+    outside = np.flatnonzero(~((values >= low - slack) & (values <= high + slack)))
     if outside.size:
         first = int(outside[0])
-        end = "q_min" if values[first] < bounds[0] else "q_max"
-        key = end if what == "set-point" else what
+        key = ("q_min" if values[first] < low else "q_max") if is_position else what
         raise LimitExceeded(
-            f"{place}: {what} {values[first]:.5g} {unit} after {first * period:.3g} s of the path"
-            f" must be in [{bounds[0]:.5g}, {bounds[1]:.5g}] {unit}; plan a slower or smaller"
-            f" motion, or {where_to_widen(own, key)}"
+            f"{joint_of(axis)}: {what} {values[first]:.5g} {unit}{fed} after {first * period:.3g} s"
+            f" of the path must be in [{low:.5g}, {high:.5g}] {unit}; {remedy}, or"
+            f" {where_to_widen(axis.own, key)}"
         )

@@ -80,6 +80,11 @@ class Declared:
         return None if self.access is None else self.access != "wo"
 
     @property
+    def stated(self) -> int | None:
+        """Configured value, else the maker's default."""
+        return self.default if self.value is None else self.value
+
+    @property
     def fixed(self) -> int | None:
         """The one value that it can have, if there is only one."""
         if self.low is not None and self.low == self.high:

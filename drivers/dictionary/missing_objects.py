@@ -73,9 +73,7 @@ def gaps(
 
 def fixed_at(declared: Declared | None) -> int | None:
     """Return the value of an object that cannot be written; None where it can or is not stated."""
-    if declared is None or declared.writable is not False:
-        return None
-    return declared.default if declared.value is None else declared.value
+    return None if declared is None or declared.writable is not False else declared.stated
 
 
 def _consequence(row: Requirement, axis: AxisDrive | None) -> tuple[str, bool]:

@@ -166,12 +166,9 @@ def _no_drive(source: str, profile: int | None, problem: str) -> Review:
 
 def _modes(dictionary: Dictionary) -> tuple[Mode, ...] | None:
     declared = dictionary.entry(objects.SUPPORTED_MODES)
-    if declared is None:
+    if declared is None or declared.stated is None:
         return None
-    bits = declared.default if declared.value is None else declared.value
-    if bits is None:
-        return None
-    return tuple(mode for mode in Mode if bits & mode.supported_bit)
+    return tuple(mode for mode in Mode if declared.stated & mode.supported_bit)
 
 
 def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:

@@ -70,7 +70,7 @@ class Line:
         self.wire.send(frame)
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return the answer to the last frame (`BusUnavailable`), None if none comes in time [s]."""
+        """Return the answer to the last frame (`BusUnavailable`), None if none comes [s]."""
         wire, ends = self.wire, 0.0
         while (frame := wire.receive(timeout)) is not None:
             if len(frame) > INDEX and frame[SOURCE] == self._source[1:]:

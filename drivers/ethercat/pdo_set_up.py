@@ -49,10 +49,9 @@ def set_up_process_data(
 def _set_up(
     server: RemoteDictionary, assignment: int, mapping: int, entries: Sequence[Entry]
 ) -> Mapped:
-    wanted = ours(mapping, entries)
-    if _content(server, _held(server, assignment)) == wanted:
+    wanted, held = ours(mapping, entries), content(server, assignment, assignment_slot)
+    if _content(server, held) == wanted:
         return wanted
-    held = _held(server, assignment)
     try:
         _assign(server, assignment, ())
         room = _write(server, mapping, wanted.words)
@@ -134,17 +133,13 @@ def _covering(server: RemoteDictionary, mapping: int, entries: Sequence[Entry]) 
 
 
 def _assign(server: RemoteDictionary, assignment: int, mappings: tuple[int, ...]) -> None:
-    if _held(server, assignment) == mappings:
+    if content(server, assignment, assignment_slot) == mappings:
         return
     server.set(mapping_count(assignment), 0)
     for number, mapping in enumerate(mappings, start=1):
         server.set(assignment_slot(assignment, number), mapping)
     if mappings:
         server.set(mapping_count(assignment), len(mappings))
-
-
-def _held(server: RemoteDictionary, assignment: int) -> tuple[int, ...]:
-    return content(server, assignment, assignment_slot)
 
 
 def _content(server: RemoteDictionary, mappings: tuple[int, ...]) -> Mapped:

@@ -131,7 +131,10 @@ class EthercatProcessData(ProcessData):
             layout += f"{HEAD + drive.outputs.size}x{picked}BH"
             order += [_VALUES * axis + n for n in (*own, 3, 4)]
             place += HEAD + size + TAIL
-        states = [_state(drive) for drive in self._drives]
+        states = [
+            Datagram(Command.FPRD, at(drive.station.address, reg.AL_STATUS), bytes(2))
+            for drive in self._drives
+        ]
         if alone:
             states = [Datagram(Command.BRD, reg.AL_STATUS << 16, bytes(2))]
         layout += f"{HEAD}xHH" * len(states)
@@ -397,7 +400,3 @@ class EthercatProcessData(ProcessData):
             except NoAnswer:
                 continue  # the cycle itself shows whether the drive is there
         self._mailboxes, self.mail = (), ()
-
-
-def _state(drive: EthercatDrive) -> Datagram:
-    return Datagram(Command.FPRD, at(drive.station.address, reg.AL_STATUS), bytes(2))
