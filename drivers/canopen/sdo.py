@@ -84,13 +84,7 @@ class PumpedSdoClient(SdoClient):
         return self.read_response()
 
     def read_response(self) -> bytes:
-        """Wait for one answer.
-
-        Raises
-        ------
-        canopen.SdoAbortedError, canopen.SdoCommunicationError
-            The server refuses; it does not answer in time.
-        """
+        """Wait for one answer (`SdoAbortedError`, `SdoCommunicationError`)."""
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
             raise SdoCommunicationError(f"none within sdo_timeout, {self._timeout:g} s")
         answer = self._answers.pop(0)

@@ -99,13 +99,7 @@ class EthercatDrive:
 
     @property
     def sdo(self) -> SdoClient:
-        """Its objects, for which it is brought to PREOP where nobody has done so.
-
-        Raises
-        ------
-        NoAnswer, DriveRefused, BusUnavailable
-            It is not there, or does not get there.
-        """
+        """The drive's objects, in PREOP (`NoAnswer`, `DriveRefused`, `BusUnavailable`)."""
         if self._sdo is None:
             self.bring_up()
         assert self._sdo is not None  # noqa: S101 - `bring_up` sets it

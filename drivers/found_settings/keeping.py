@@ -176,13 +176,7 @@ class SettingsKeeper:
         return kept
 
     def restore(self, server: RemoteDictionary, order: RestoringOrder) -> None:
-        """Put back what a drive held that is shown off, and note it; `close` brings that to disk.
-
-        Raises
-        ------
-        DriveRefused, NodeSilent, BusUnavailable
-            See `drivers.found_settings.restoring.restore_drive`.
-        """
+        """Restore a drive that is shown off (errors as in `restore_drive`)."""
         restore_drive(server, self.drive(server), order)
         self._note_restored(server)
 
