@@ -87,7 +87,7 @@ class CanopenConnection(Connection):
         super().__init__(servers, communications, data, heartbeats)
         network.idle = heartbeats.beat
         self._emergencies = Emergencies(network, list(labels), self.supervision.take_emergency)
-        self._foreign = ForeignFrames(network, labels, heartbeats.fail)
+        self._foreign = ForeignFrames(network, labels, heartbeats.fail, self._watch_again)
 
     @classmethod
     def on(
@@ -171,6 +171,16 @@ class CanopenConnection(Connection):
                         f"{server.label}: {entry} is {present} before power-on, {value} was "
                         "written; another master or a restore changed it: end that first"
                     )
+
+    def _watch_again(self, node: int) -> None:
+        """Set a drive to watch us as start-up did, and let it hear us, where it is under power."""
+        if self.life_sign.trouble is None:
+            return
+        for server in self.servers:
+            for entry, value in server.kept.items():
+                if server.node == node and entry.index in WATCHDOGS:
+                    server.order(entry, value)
+        self.life_sign.hurry()
 
     def collect_late(self) -> None:
         """Take telegrams off the bus that are merely late: with our heartbeat they come."""

@@ -3,6 +3,8 @@
 Our own frames do not come back to us. So an NMT command (000h), a SYNC (080h), an RPDO (200h to
 500h plus node) or an SDO request (600h plus node) that is received is somebody else's: a second
 master, a configuration tool, a second producer of SYNC. What only reads or starts nodes is noted.
+A drive that such a frame keeps from watching us is set to watch us again at once, for its axis is
+under power until it has stopped; once only, or two programs that do so would never come to an end.
 """
 
 from __future__ import annotations
@@ -10,10 +12,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import NMT, SYNC
+from drivers.canopen.requirements import WATCHDOGS
 from drivers.drive_bus import Tripped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from drivers.canopen.network import PumpedNetwork
 
@@ -26,6 +29,7 @@ _NMT = {
     129: "to restart",
     130: "to restart its communication",
 }
+_RESETS = frozenset({129, 130})
 _WRITES = frozenset({1, 6})
 """Command specifiers of SDO requests that begin to write: download, block download."""
 _READS = frozenset({2, 5})
@@ -41,12 +45,19 @@ class ForeignFrames:
         Node number to how messages name the drive.
     command : callable
         Takes an error for each frame that commands a drive.
+    watch_again : callable
+        Sets a node to watch us again.
     """
 
     def __init__(
-        self, network: PumpedNetwork, labels: Mapping[int, str], command: Callable[[Tripped], None]
+        self,
+        network: PumpedNetwork,
+        labels: Mapping[int, str],
+        command: Callable[[Tripped], None],
+        watch_again: Callable[[int], None],
     ) -> None:
         self._network, self._labels, self._command = network, labels, command
+        self._watch_again, self._watching = watch_again, set(labels)
         self.remarks: list[str] = []
         self._rpdos: dict[int, int] = {}
         for identifier in (NMT, SYNC, *(SDO_REQUEST + node for node in labels)):
@@ -69,21 +80,31 @@ class ForeignFrames:
             whom = self._labels.get(data[1], "all nodes")
             what = _NMT.get(data[0], f"by {data[0]:02X}h")
             self._take(f"another master commands {whom} {what} (NMT)", harmless=data[0] == 1)
+            if data[0] in _RESETS:
+                self._guard(self._labels if data[1] == 0 else (data[1],))
         elif can_id in self._rpdos:
             label = self._labels[self._rpdos[can_id]]
             self._take(f"another master commands {label} by RPDO {can_id:03X}h, {data.hex(' ')}")
         elif can_id > SDO_REQUEST and len(data) > 3:
-            self._take_request(self._labels[can_id - SDO_REQUEST], data)
+            self._take_request(can_id - SDO_REQUEST, data)
 
-    def _take_request(self, label: str, data: bytearray) -> None:
-        command, who = data[0] >> 5, "another master or tool"
+    def _take_request(self, node: int, data: bytearray) -> None:
+        command, label, who = data[0] >> 5, self._labels[node], "another master or tool"
         if command in _READS:
             self._take(f"{who} reads objects of {label}", harmless=True)
         elif command in _WRITES:
-            place = f"{data[1] | data[2] << 8:04X}:{data[3]:02X}"
+            index = data[1] | data[2] << 8
+            place = f"{index:04X}:{data[3]:02X}"
             expedited = command == 1 and data[0] & 2
             value = f" = {int.from_bytes(data[4:8], 'little'):X}h" if expedited else ""
             self._take(f"{who} writes {place} of {label}{value} (SDO)")
+            if index in WATCHDOGS:
+                self._guard((node,))
+
+    def _guard(self, nodes: Iterable[int]) -> None:
+        for node in self._watching.intersection(nodes):
+            self._watching.discard(node)
+            self._watch_again(node)
 
     def _take(self, what: str, *, harmless: bool = False) -> None:
         message = f"{what}; {_REMEDY}"

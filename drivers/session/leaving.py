@@ -71,6 +71,9 @@ def leave(
         _switch_off_running(session, outcome)
     else:
         _switch_off_unpowered(connection, outcome)
+    trouble = connection.life_sign.trouble
+    if session is not None and trouble not in {None, session.stopping.trip}:
+        outcome.notes.append(str(trouble))  # it came with an interrupt, or after it
     outcome.complete = set(connection.written) <= outcome.off
     _restore(connection, keeper, order, outcome)
     try:

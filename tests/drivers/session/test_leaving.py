@@ -30,7 +30,7 @@ class Drives:
         self.written = self.servers
         self.power = self
         self.life_sign = SimpleNamespace(
-            name="our heartbeat", cease=lambda: self.log.append("ceased")
+            name="our heartbeat", cease=lambda: self.log.append("ceased"), trouble=None
         )
 
     def switch_off(self, server: Server) -> None:

@@ -56,6 +56,8 @@ class Case:
         event, it is `fault_table.stopping_way.allowed_ways` unless stated.
     off_within : float, optional
         Longest time from the event until all axes are off [s].
+    foreign : tuple of (int, bytes)
+        Identifiers and data of what another participant sends once, in the second stroke.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Case:
     outage: float = 0.0
     way: float | None = None
     off_within: float | None = None
+    foreign: tuple[tuple[int, bytes], ...] = ()
 
 
 def fault(

@@ -37,6 +37,20 @@ CLASSES = {
 _STOPS = "stops all axes and switches them off"
 _GAP = "flags the sample and never guesses it"
 
+FOREIGN = (
+    ("has all nodes go pre-operational (NMT)", 0, "8000", "all nodes to go pre-operational"),
+    ("stops all nodes (NMT)", 0, "0200", "another master commands all nodes to stop"),
+    ("restarts communication of a drive (NMT)", 0, "8202", "to restart its communication"),
+    ("sends SYNC", 0x080, "", "another producer sends SYNC (080h)"),
+    ("commands a drive by RPDO", 0x202, "409c00001f00", "commands joint 2 (node 2) by RPDO 202h"),
+    ("halts a drive by RPDO", 0x202, "000000000f01", "commands joint 2 (node 2) by RPDO 202h"),
+    ("takes our heartbeat out of a drive's watch", 0x602, "2316100100000000", "1016:01 of joint 2"),
+    ("changes a drive's mode", 0x602, "2f60600003000000", "6060:00 of joint 2 (node 2) = 3h"),
+    ("raises a drive's torque limit", 0x602, "2b726000b80b0000", "6072:00 of joint 2"),
+    ("switches a drive's TPDO off", 0x602, "2300180182010080", "1800:01 of joint 2"),
+)
+"""What other participants send that commands drives: identifier, data, what the operator reads."""
+
 CASES = (
     Case("one TPDO lost", _GAP, (fault(What.TPDO_LOST, lasts=ONCE),), None, "", flags=True),
     Case(
@@ -187,6 +201,26 @@ CASES = (
     Case(
         "push from outside", "goes on: the axis is held, and its recording shows the push",
         (fault(What.PUSH, size=50.0, lasts=Span(time=0.05)),), None, "",
+    ),
+    *(
+        Case(
+            f"another participant {what}", f"{_STOPS}; the first line names it", (), Tripped,
+            reads, signs.event, foreign=((identifier, bytes.fromhex(data)),),
+        )
+        for what, identifier, data, reads in FOREIGN
+    ),
+    Case(
+        "another participant starts all nodes (NMT)", "notes it and goes on", (), None,
+        "another master commands all nodes to start", foreign=((0, bytes([1, 0])),),
+    ),
+    Case(
+        "another participant reads a drive's objects", "notes it and goes on", (), None,
+        "another master or tool reads objects of joint 2",
+        foreign=((0x602, bytes.fromhex("4064600000000000")),),
+    ),
+    Case(
+        "another device boots with a drive's number", _STOPS, (), NodeSilent,
+        "has restarted (boot-up)", signs.event, foreign=((0x702, b"\0"),),
     ),
     *STOP_CASES,
 )  # fmt: skip

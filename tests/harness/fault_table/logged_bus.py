@@ -35,6 +35,8 @@ SYNC = 0x80
 SETTLING = 3.0
 """How long drives are left alone afterwards, to react by themselves [s]."""
 STEP = 0.01
+FOREIGN = 400
+"""In the second stroke."""
 
 
 class Seen(NamedTuple):
@@ -77,11 +79,14 @@ class WitnessedLog:
             self.network.elapse(STEP)
             self._look(len(self.log))
 
+    def _begin(self, here: int) -> None:
+        self.began = here
+        self.witness.begin()
+
     def _look(self, here: int) -> None:
         begins = self.began is None and bool(self.network.present)
         if begins:
-            self.began = here
-            self.witness.begin()
+            self._begin(here)
         self.witness.look()
         if begins and self._interrupted:
             signal.raise_signal(signal.SIGINT)
@@ -100,6 +105,8 @@ class LoggedBus(can.BusABC, WitnessedLog):
         Ctrl-C is pressed at the moment at which the first fault begins.
     reaction : float
         See `fault_table.witness.Witness`.
+    foreign : sequence of (int, bytes)
+        What another participant sends right after the SYNC number `FOREIGN`.
 
     Attributes
     ----------
@@ -118,6 +125,7 @@ class LoggedBus(can.BusABC, WitnessedLog):
         *,
         interrupted: bool = False,
         reaction: float = 0.0,
+        foreign: Sequence[tuple[int, bytes]] = (),
     ) -> None:
         can.BusABC.__init__(self, "faulty plant")
         self.channel_info = "faulty plant"
@@ -127,7 +135,7 @@ class LoggedBus(can.BusABC, WitnessedLog):
         WitnessedLog.__init__(self, network, Witness(network, reaction), interrupted=interrupted)
         self.truth = self.plant.state
         self._condition, self._waiting = condition, tuple(faults)
-        self._syncs = 0
+        self._syncs, self._foreign = 0, tuple(foreign)
         self._inbox: deque[can.Message] = deque()
         self.network.power_on()
 
@@ -151,6 +159,16 @@ class LoggedBus(can.BusABC, WitnessedLog):
             self._take(frames)
         finally:
             self._look(here)
+        if self._foreign and self._syncs == FOREIGN:
+            self._hear_another()
+
+    def _hear_another(self) -> None:
+        """Pass what another participant sends to the drives, and to us."""
+        self._begin(len(self.log))
+        foreign, self._foreign = self._foreign, ()
+        for identifier, data in foreign:
+            answers = self.network.receive(identifier, data)
+            self._take([(0.0, identifier, data), *answers])
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         return (self._inbox.popleft() if self._inbox else None), False

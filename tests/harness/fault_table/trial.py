@@ -184,7 +184,11 @@ def run(case: Case, *, ethercat: bool = False) -> tuple[Outcome, LoggedBus | Log
         seen = LoggedCable(case.faults, interrupted=case.interrupted, reaction=reaction)
     else:
         seen = LoggedBus(
-            case.faults, case.condition, interrupted=case.interrupted, reaction=reaction
+            case.faults,
+            case.condition,
+            interrupted=case.interrupted,
+            reaction=reaction,
+            foreign=case.foreign,
         )
     with seen as bus:
         drive_bus = AuditedBus(bus)

@@ -36,8 +36,9 @@ class Witness:
     energised : bool
         Some axis was energised at some time.
     unwatched : set of int
-        Axes, from 1, that were at some time energised while their drive would not have reacted to
-        the loss of our heartbeat: 1016h names none, or it has heard none since it was written.
+        Axes, from 1, that were energised at two instants or more while their drive would not have
+        reacted to the loss of our heartbeat: 1016h names none, or it has heard none since it was
+        written. Whoever reads that another participant did so can only undo it at once.
     began : float or None
         When the event was [s].
     off_after : float or None
@@ -54,6 +55,7 @@ class Witness:
         self.began: float | None = None
         self.off_after: float | None = None
         self._network = network
+        self._since: dict[int, float] = {}
         self._reaction = reaction
         self._state: NDArray[np.float64] = network.machine.plant.state
         self.ways, self.speeds = np.zeros((2, len(self._state)))
@@ -71,9 +73,10 @@ class Witness:
         if enabled.any():
             self.energised = True
             nodes = zip(self._network.nodes, enabled, strict=True)
-            self.unwatched.update(
-                axis for axis, (node, on) in enumerate(nodes, 1) if on and not node.is_watching
-            )
+            now = {axis for axis, (node, on) in enumerate(nodes, 1) if on and not node.is_watching}
+            then = {axis: self._since.get(axis, self._network.time) for axis in now}
+            self._since = then
+            self.unwatched |= {axis for axis in now if then[axis] < self._network.time}
         if self.began is not None:
             self._measure(self._network.time - self.began)
 
