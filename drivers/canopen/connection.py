@@ -53,6 +53,10 @@ class CanopenConnection(Connection):
 
     silence = "no TPDO for {} SYNCs in a row"
     wiring = "CAN wiring and termination"
+    doubling = (
+        "two telegrams came for each of {} SYNCs in a row; give each node a number of its own, and"
+        " see that nobody else sends SYNC"
+    )
     communications: tuple[CanopenCommunication, ...]
     process_data: SyncProcessData
     life_sign: Heartbeats

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 START_TIME = 3.0
 """How long drives may take from SAFEOP to OP, outputs coming all the while [s]."""
+OUT_OF_CYCLE = (
+    "the drives' clocks do not agree, or frames come out of their cycles (relieve this computer of"
+    " other work, use --realtime, or state distributed_clock: false)"
+)
 SETTLING = 3
 """Cycles with outputs before OP is asked for: some drives want valid outputs first."""
 
@@ -43,6 +47,7 @@ class EthercatConnection(Connection):
 
     silence = "takes no part in the exchange of process data for {} cycles in a row"
     wiring = "the cables and that no other master is on the line"
+    doubling = "no SYNC0 passed between frames for {} cycles in a row: " + OUT_OF_CYCLE
     communications: tuple[EthercatCommunication, ...]
     process_data: EthercatProcessData
     life_sign: OutputsSent
@@ -128,10 +133,7 @@ class EthercatConnection(Connection):
     def _why_irregular(self) -> str:
         if self._clocks is None or self._data.unusual:
             return "not all drives take part in the exchange of process data"
-        return (
-            "the drives' clocks do not agree, or frames come out of their cycles (relieve this"
-            " computer of other work, use --realtime, or state distributed_clock: false),"
-        )
+        return f"{OUT_OF_CYCLE},"
 
     def refuse_unwatched(self) -> None:
         """Refuse drives whose watchdog is not as it was set (see `EthercatDrive`)."""

@@ -166,8 +166,7 @@ class EthercatDrive:
         if self._held is None:
             self._held = station.read(reg.WATCHDOG_DIVIDER, 2), station.read(reg.WATCHDOG_TIME, 2)
         self._watchdog = round(min(timeout, WATCHDOG_MOST) / UNIT).to_bytes(2, "little")
-        station.write(reg.WATCHDOG_DIVIDER, DIVIDER.to_bytes(2, "little"))
-        station.write(reg.WATCHDOG_TIME, self._watchdog)
+        self.set_watchdog()
         for number, area, size, watched in (
             (2, outputs, sizes[0], _WATCHED),
             (3, inputs, sizes[1], 0),
@@ -190,6 +189,11 @@ class EthercatDrive:
             station.write(reg.SYNC0_CYCLE, sync0[1].to_bytes(4, "little"))
             station.write(reg.ACTIVATION, _SYNC0)
         station.go(AlState.SAFEOP)
+
+    def set_watchdog(self) -> None:
+        """Write the time of the watchdog that was chosen by `prepare` (errors as in `Station`)."""
+        self.station.write(reg.WATCHDOG_DIVIDER, DIVIDER.to_bytes(2, "little"))
+        self.station.write(reg.WATCHDOG_TIME, self._watchdog)
 
     def refuse_unwatched(self) -> None:
         """Refuse a drive whose watchdog differs from what was set (`DriveRefused`)."""

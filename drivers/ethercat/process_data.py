@@ -22,6 +22,7 @@ import math
 import struct
 import time
 from collections import deque
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
@@ -351,7 +352,7 @@ class EthercatProcessData(ProcessData):
         return self._clock.now() - self._sent_at
 
     def unwatched(self) -> str:
-        """Return which drive has another watchdog than was set, in words; empty if none is seen."""
+        """Return in words a drive whose watchdog was changed, and set it; empty if none was."""
         line, each = self._line, len(GUARDS)
         for first in range(0, len(self._drives), _ASKED):
             asked = self._guards[first * each : (first + _ASKED) * each]
@@ -362,7 +363,10 @@ class EthercatProcessData(ProcessData):
                 continue  # a drive that is away is counted by the cycle
             for number in range(0, len(answers), each):
                 data = [answer.data for answer in answers[number : number + each]]
-                if words := self._drives[first + number // each].why_unwatched(data):
+                drive = self._drives[first + number // each]
+                if words := drive.why_unwatched(data):
+                    with suppress(NoAnswer):
+                        drive.set_watchdog()  # its axis is under power until it has stopped
                     return words
         return ""
 

@@ -32,8 +32,8 @@ class MissingTelegrams:
     ----------
     collect_late : callable
         Takes telegrams off the bus that are merely late; called after a gap.
-    silence, wiring : str
-        What stays away for so many SYNCs, in words, and what to check of the bus then.
+    silence, wiring, doubling
+        See `drivers.session.connection.Connection`.
 
     Attributes
     ----------
@@ -48,8 +48,9 @@ class MissingTelegrams:
         period: float,
         silence: str,
         wiring: str,
+        doubling: str,
     ) -> None:
-        self._silence, self._wiring = silence, wiring
+        self._silence, self._wiring, self._doubling = silence, wiring, doubling
         self._busy = max(BLIND, math.ceil(BUSY / period))
         self.open = False
         self._axes = axes
@@ -85,10 +86,7 @@ class MissingTelegrams:
             self._collect_late()
         if max(self._doubled) >= BLIND:
             labels = ", ".join(a.label for a in self._axes if self._doubled[a.index] >= BLIND)
-            return Tripped(
-                f"{labels}: two telegrams came for each of {BLIND} SYNCs in a row; give each node"
-                " a number of its own, and see that nobody else sends SYNC"
-            )
+            return Tripped(f"{labels}: {self._doubling.format(BLIND)}")
         blind = [axis.label for axis in self._axes if self._counts[axis.index] >= most]
         if not blind:
             return None

@@ -41,12 +41,15 @@ class Connection(ABC):
     ----------
     silence, wiring : str
         What stays away for so many SYNCs, in words, and what to check of the bus then.
+    doubling : str
+        What DOUBLED samples for so many SYNCs mean, in words, with the remedy.
     written : list of RemoteDictionary
         Drives to which something may have been written; grows.
     """
 
     silence: str
     wiring: str
+    doubling: str
 
     def __init__(
         self,

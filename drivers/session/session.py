@@ -97,7 +97,12 @@ class Session:
         self._late = (-math.inf, 0.0)
         self._samples = SampleReader(axes)
         self._missing = MissingTelegrams(
-            axes, connection.collect_late, period, connection.silence, connection.wiring
+            axes,
+            connection.collect_late,
+            period,
+            connection.silence,
+            connection.wiring,
+            connection.doubling,
         )
         self._profile_position = profile = ProfilePosition(data, axes, period)
         self._trips = Trips(axes, period)

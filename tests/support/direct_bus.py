@@ -159,6 +159,7 @@ class DirectRules:
 class DirectConnection(Connection):
     silence = "no answer for {} cycles in a row"
     wiring = "plugs"
+    doubling = "two answers came for each of {} cycles in a row"
 
     def __init__(self, network: SlaveNetwork, drives: DrivesFile, period: float) -> None:
         servers = tuple(

@@ -19,7 +19,12 @@ class Watched:
     def __init__(self) -> None:
         self.collected = 0
         self.telegrams = MissingTelegrams(
-            axes_of(drives_file().axes), self._collect, 0.004, "no TPDO for {} SYNCs in a row", ""
+            axes_of(drives_file().axes),
+            self._collect,
+            0.004,
+            silence="no TPDO for {} SYNCs in a row",
+            wiring="",
+            doubling="two telegrams came for each of {} SYNCs in a row",
         )
 
     def _collect(self) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fault_table.trial import AXIS, SLOW
 from sim_plant.faults.fault_plan import Fault, Span, What, When
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from drivers.drive_bus import DriveError
     from fault_table.logged_bus import Condition
     from fault_table.signs import Sign
@@ -58,6 +60,10 @@ class Case:
         Longest time from the event until all axes are off [s].
     foreign : tuple of (int, bytes)
         Identifiers and data of what another participant sends once, in the second stroke.
+    changed : callable, optional
+        What another participant changes in the drive of the axis at that time, over EtherCAT.
+    unnoticed : float
+        For how long that cannot be noticed [s].
     """
 
     name: str
@@ -78,6 +84,8 @@ class Case:
     way: float | None = None
     off_within: float | None = None
     foreign: tuple[tuple[int, bytes], ...] = ()
+    changed: Callable[[Any], None] | None = None
+    unnoticed: float = 0.0
 
 
 def fault(

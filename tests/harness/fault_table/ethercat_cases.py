@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
-from drivers.drive_bus import DriveRefused, NodeSilent
+from drivers.drive_bus import DriveRefused, NodeSilent, Tripped
+from drivers.ethercat import registers as reg
 from fault_table import signs
 from fault_table.case import Case, everywhere, fault
 from fault_table.cases import CASES, ONCE
+from fault_table.trial import MANY, drives
 from sim_plant.faults.fault_plan import Span, What, When
 from sim_plant.faults.faulty_network import DRIVE_FAULTS
 
@@ -23,6 +26,10 @@ MID_CYCLE = When(sync=400)
 """In the second stroke, as a frame with process data."""
 SHORT, LONG = 0.025, 0.2
 """Outages with and without consequence [s]."""
+
+
+def _put(place: int, size: int, value: int, node: Any) -> None:
+    node.controller.put(place, size, value)
 
 
 def _of_drives() -> Iterator[Case]:
@@ -103,6 +110,22 @@ ETHERCAT_CASES = (
         "SDO aborted in a campaign", f"{_STOPS}, as their inputs show",
         (fault(What.SDO_ABORTED, When(set_point=1, after=0.2), code=0x08000022),), DriveRefused,
         "abort 08000022",
+    ),
+    *(
+        Case(
+            f"another participant {what}", f"reads registers every 0.1 s, sets them and {_STOPS}",
+            (), DriveRefused, "somebody else changed it", unnoticed=drives.heartbeat_period,
+            changed=partial(_put, place, size, value),
+        )
+        for what, place, size, value in (
+            ("switches a drive's watchdog off", reg.WATCHDOG_TIME, 2, 0),
+            ("gives a drive's watchdog 6.5 s", reg.WATCHDOG_TIME, 2, 0xFFFF),
+        )
+    ),
+    Case(
+        "another participant raises a drive's torque limit", f"reads a limit back before each move"
+        f" and {_STOPS}", (), Tripped, "6072:00", changed=lambda node: node.dictionary.set(
+            0x6072, 0, 6000), plan=MANY,
     ),
     *_outages(What.TRANSMIT_OUTAGE),
     *_outages(What.RECEIVE_OUTAGE),

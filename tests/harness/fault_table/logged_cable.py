@@ -14,7 +14,7 @@ from plant_wire import PlantWire
 
 from drivers.canopen.pdo_mapping import received
 from drivers.drives_file import load_drives
-from fault_table.logged_bus import ROBOT, SYNC, Seen, WitnessedLog
+from fault_table.logged_bus import FOREIGN, ROBOT, SYNC, Seen, WitnessedLog
 from fault_table.witness import Witness
 from hil.model.robot import ROBOTS
 from sim_plant.ethercat.al_states import AlState
@@ -24,8 +24,8 @@ from sim_plant.faults.faulty_segment import FaultySegment
 from sim_plant.plant import load_plant
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Self
+    from collections.abc import Callable, Sequence
+    from typing import Any, Self
 
     import numpy as np
     from numpy.typing import NDArray
@@ -78,6 +78,8 @@ class LoggedCable(PlantWire, WitnessedLog):
     ----------
     faults, interrupted, reaction
         As in `fault_table.logged_bus.LoggedBus`.
+    changed, unnoticed
+        See `fault_table.case.Case`; the drive of the second axis is given to the former.
 
     Attributes
     ----------
@@ -88,12 +90,20 @@ class LoggedCable(PlantWire, WitnessedLog):
     """
 
     def __init__(
-        self, faults: Sequence[Fault], *, interrupted: bool = False, reaction: float = 0.0
+        self,
+        faults: Sequence[Fault],
+        *,
+        interrupted: bool = False,
+        reaction: float = 0.0,
+        changed: Callable[[Any], None] | None = None,
+        unnoticed: float = 0.0,
     ) -> None:
         self.plant = load_plant(ROBOT)
         faulty = FaultySegment(self.plant, "sync", FaultPlan(faults=tuple(faults)))
         PlantWire.__init__(self, faulty)
-        witness = Witness(WatchedSegment(faulty._network, self.plant), reaction)  # type: ignore[arg-type]
+        watched = WatchedSegment(faulty._network, self.plant)
+        witness = Witness(watched, reaction, unnoticed)  # type: ignore[arg-type]
+        self._nodes, self._changed = faulty._network.nodes, changed
         WitnessedLog.__init__(self, faulty, witness, interrupted=interrupted)
         self.truth: NDArray[np.float64] = self.plant.state.copy()
         self._before = self.truth
@@ -122,6 +132,10 @@ class LoggedCable(PlantWire, WitnessedLog):
         if outputs and len(self._back) > count:
             self._note_answers(self._back[-1])
         self._look(here)
+        if self._changed and self._syncs == FOREIGN:
+            self._begin(len(self.log))
+            self._changed(self._nodes[1])
+            self._changed = None
         return True
 
     def _note(self, ours: bool, identifier: int, data: bytes) -> None:

@@ -50,7 +50,7 @@ robot = load_robot(ROBOT)
 drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
 
 
-def _plan(axis: int, stroke: float, velocity: float, acceleration: float) -> Plan:
+def _plan(axis: int, stroke: float, velocity: float, acceleration: float, cycles: int = 2) -> Plan:
     strokes = Gravity(
         id="g",
         axis=axis,
@@ -58,13 +58,14 @@ def _plan(axis: int, stroke: float, velocity: float, acceleration: float) -> Pla
         stroke=stroke,
         velocity=velocity,
         acceleration=acceleration,
-        cycles=2,
+        cycles=cycles,
     )
     measured_by = PlannedRobot(name=robot.name, digest=robot.digest)
     return Plan(robot=measured_by, attempts=2, measurements=(strokes,))
 
 
 SLOW = _plan(AXIS, stroke=0.4, velocity=0.5, acceleration=8.0)
+MANY = _plan(AXIS, stroke=0.4, velocity=0.5, acceleration=8.0, cycles=6)
 FAST = _plan(FAST_AXIS, stroke=2.4, velocity=2.4, acceleration=10.0)
 
 
@@ -181,7 +182,13 @@ def run(case: Case, *, ethercat: bool = False) -> tuple[Outcome, LoggedBus | Log
     seen: LoggedBus | LoggedCable
     reaction = reaction_time(case.outage, drives)
     if ethercat:
-        seen = LoggedCable(case.faults, interrupted=case.interrupted, reaction=reaction)
+        seen = LoggedCable(
+            case.faults,
+            interrupted=case.interrupted,
+            reaction=reaction,
+            changed=case.changed,
+            unnoticed=case.unnoticed,
+        )
     else:
         seen = LoggedBus(
             case.faults,

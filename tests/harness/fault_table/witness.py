@@ -30,15 +30,17 @@ class Witness:
         Which it looks at.
     reaction : float
         How long after the event nobody can be asked to have stopped an axis [s].
+    unnoticed : float
+        For how long a drive may be unwatched, since nobody can have noticed it [s].
 
     Attributes
     ----------
     energised : bool
         Some axis was energised at some time.
     unwatched : set of int
-        Axes, from 1, that were energised at two instants or more while their drive would not have
-        reacted to the loss of our heartbeat: 1016h names none, or it has heard none since it was
-        written. Whoever reads that another participant did so can only undo it at once.
+        Axes, from 1, that were energised for longer than `unnoticed` while their drive would not
+        have reacted to the loss of our heartbeat: 1016h names none, or none was heard since it was
+        written.
     began : float or None
         When the event was [s].
     off_after : float or None
@@ -49,13 +51,16 @@ class Witness:
         Highest speed of each axis from the event until `reaction` is over [rad/s].
     """
 
-    def __init__(self, network: FaultyNetwork, reaction: float = 0.0) -> None:
+    def __init__(
+        self, network: FaultyNetwork, reaction: float = 0.0, unnoticed: float = 0.0
+    ) -> None:
         self.energised = False
         self.unwatched: set[int] = set()
         self.began: float | None = None
         self.off_after: float | None = None
         self._network = network
         self._since: dict[int, float] = {}
+        self._unnoticed = unnoticed
         self._reaction = reaction
         self._state: NDArray[np.float64] = network.machine.plant.state
         self.ways, self.speeds = np.zeros((2, len(self._state)))
@@ -76,7 +81,8 @@ class Witness:
             now = {axis for axis, (node, on) in enumerate(nodes, 1) if on and not node.is_watching}
             then = {axis: self._since.get(axis, self._network.time) for axis in now}
             self._since = then
-            self.unwatched |= {axis for axis in now if then[axis] < self._network.time}
+            long_ago = self._network.time - self._unnoticed
+            self.unwatched |= {axis for axis in now if then[axis] < long_ago}
         if self.began is not None:
             self._measure(self._network.time - self.began)
 
