@@ -51,6 +51,7 @@ class PumpedSdoClient(SdoClient):
         self._answers: list[bytes] = []
         self._exchanges = 0
         self._object: bytes | None = None
+        self._late = 0
         self.size_left_open = False
         network.subscribe(self.tx_cobid, self.on_response)
 
@@ -59,6 +60,8 @@ class PumpedSdoClient(SdoClient):
         del can_id, timestamp
         if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
             self._answers.append(bytes(data))
+        else:
+            self._late += 1
 
     def upload(self, index: int, subindex: int) -> bytes:
         """Read an object, as canopen does."""
@@ -78,6 +81,7 @@ class PumpedSdoClient(SdoClient):
             raise SdoCommunicationError(f"no end after {EXCHANGES} frames")
         self._pumped.pump(0.0)
         self._answers.clear()
+        self._late = 0
         names_object = sdo_request[0] >> 5 in _INITIATING
         self._object = bytes(sdo_request[1:4]) if names_object else None
         self.send_request(sdo_request)  # type: ignore[no-untyped-call]
@@ -86,7 +90,8 @@ class PumpedSdoClient(SdoClient):
     def read_response(self) -> bytes:
         """Wait for one answer (`SdoAbortedError`, `SdoCommunicationError`)."""
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
-            raise SdoCommunicationError(f"none within sdo_timeout, {self._timeout:g} s")
+            late = ", but one to an earlier request: its answers are late" if self._late else ""
+            raise SdoCommunicationError(f"none within sdo_timeout, {self._timeout:g} s{late}")
         answer = self._answers.pop(0)
         if answer[0] == _ABORTED:
             raise SdoAbortedError(int.from_bytes(answer[4:8], "little"))

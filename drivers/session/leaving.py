@@ -118,5 +118,7 @@ def _restore(
     on = {server.node for server in connection.written if server not in outcome.off}
     for server in connection.written:
         if server.node not in on and not over.passed:
-            with suppress(Exception):  # what is not put back is reported by `SettingsKeeper.close`
+            try:
                 keeper.restore(server, order)
+            except Exception as error:  # what is not put back is reported by `SettingsKeeper.close`
+                outcome.notes.append(str(error))

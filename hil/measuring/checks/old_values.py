@@ -3,7 +3,8 @@
 Some drives renew position or current less often than SYNC comes. A position that rests between two
 steps rests in truth only if the axis could stop and start again between them, so only small steps
 may be beside it. A current that is renewed every second SYNC or less often never changes twice in
-succession; one that repeats by chance, since its steps are coarse, does.
+succession; one that repeats by chance, since its steps are coarse, does. Where a drive is slow in
+part of a recording only, all changes of its current there are multiples of some samples apart.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ OFTEN = 0.1
 BY_CHANCE = 0.05
 """Share of the changes of a current that may follow another at once though it is renewed less
 often: telegrams that came late."""
+
+CHANCE = 1e-6
+"""Probability k^-n that n changes of any current are all multiples of k samples apart: a stretch
+that is less likely is that of a slow drive."""
 
 
 def with_old_values(
@@ -93,14 +98,32 @@ def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
 
 
 def _old_torques(tau: Array) -> Mask:
-    """Samples that repeat the one before, where hardly any two successive ones both change."""
+    """Samples that repeat the one before, where hardly any two successive ones both change.
+
+    So for a whole recording, or for a stretch of it from which on the drive was slow.
+    """
     changes = np.flatnonzero(np.diff(tau[np.isfinite(tau)]))
     intervals = np.diff(changes)
-    slow = len(intervals) >= LEAST and intervals.max() > 1
-    if not slow or float(np.mean(intervals == 1)) >= BY_CHANCE:
+    if len(intervals) < LEAST or intervals.max() == 1:
         return np.zeros(len(tau), dtype=bool)
-    changes = np.flatnonzero(np.diff(tau))
-    return _repeated(changes[1:], np.diff(changes), len(tau))
+    if float(np.mean(intervals == 1)) < BY_CHANCE:
+        changes = np.flatnonzero(np.diff(tau))
+        return _repeated(changes[1:], np.diff(changes), len(tau))
+    first, last = _longest_run(intervals > 1)
+    grid = int(np.gcd.reduce(intervals[first:last])) if last > first else 1
+    if (last - first) * np.log(grid) < np.log(len(tau) / CHANCE):
+        return np.zeros(len(tau), dtype=bool)
+    finite = np.flatnonzero(np.isfinite(tau))
+    at = finite[changes[first : last + 1]]
+    return _repeated(at[1:], np.diff(at), len(tau))
+
+
+def _longest_run(holds: Mask) -> tuple[int, int]:
+    """Return where the longest run of True begins, and where it has ended."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], holds.view(np.int8), [0]))))
+    begins, ends = edges[::2], edges[1::2]
+    longest = int(np.argmax(ends - begins)) if len(begins) else 0
+    return (int(begins[longest]), int(ends[longest])) if len(begins) else (0, 0)
 
 
 def _repeated(changes: Indices, rests: Indices, n: int) -> Mask:

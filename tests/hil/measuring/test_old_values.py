@@ -81,6 +81,22 @@ def test_a_current_that_is_renewed_too_rarely_is_flagged_and_only_fresh_ones_are
     assert used.tau[used.valid, 0] == pytest.approx(sound.tau[at, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize("every", [*RENEWALS, 20])
+def test_a_current_that_is_renewed_too_rarely_from_the_middle_on_is_flagged_from_there(
+    every: int,
+) -> None:
+    measurement, sound = SOUND["gravity"]
+    sound = stepped(sound)
+    tau, half = sound.tau.copy(), len(sound.tau) // 2
+    tau[half:, 0] = held(tau[half:, 0], every)
+    flagged = with_old_values(replace(sound, tau=tau), ACCELERATION, AXES)
+    old = flagged.flags == SampleFlag.OLD
+    assert np.mean(old[half:, 0]) == pytest.approx(1 - 1 / every, abs=0.05)
+    assert np.mean(old[:half, 0]) < 0.02
+    assert not old[:, 1].any()
+    assert "renewal" in {finding.check for finding in check(flagged, measurement, ROBOT)}
+
+
 def test_one_telegram_that_repeats_the_one_before_is_flagged_alone() -> None:
     sound = stepped(SOUND["gravity"][1])
     q = sound.q.copy()
