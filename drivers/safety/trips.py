@@ -18,6 +18,7 @@ the latest with the second SYNC that shows it.
 
 from __future__ import annotations
 
+import math
 from operator import gt, lt, sub
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,9 @@ SPEED_SHARE = 1.3
 
 JITTER = 0.5
 """Share of the period by which a SYNC may reach the drives at another instant than it was sent."""
+
+WRAPS = 0.03
+"""Share by which a jump may differ from a power of two to be that of a counter, and some motion."""
 
 _TURNS = 8
 
@@ -93,7 +97,8 @@ class Trips:
                 return self._judge_speed(time - then, positions, last)
             return None
         if True in map(gt, positions, self._highs) or True in map(lt, positions, self._lows):
-            return self._outside(positions)
+            jump = self._judge_speed(time - self._last_time, positions, self._last)
+            return jump or self._outside(positions)
         return None if turn else self._judge_torque(time, process_data.currents)
 
     def _outside(self, positions: Sequence[int]) -> Tripped:
@@ -120,7 +125,7 @@ class Trips:
                     f"{axis.label}: {way * per_count:.4g} {unit} in {elapsed:.3g} s is"
                     f" {way * per_count / elapsed:.4g} {unit}/s, at most"
                     f" {velocity * per_count:.4g} {unit}/s may be (trip.velocity); the axis runs"
-                    " away or its encoder jumps: check encoder cable and tuning"
+                    f" away or {_cause(way, axis)}: check encoder cable and tuning"
                 )
         return None
 
@@ -139,6 +144,16 @@ class Trips:
                     " blocked or overloaded: check brake, load and obstacles"
                 )
         return None
+
+
+def _cause(way: int, axis: Axis) -> str:
+    """Return in words what else than motion may show such a way [increments]."""
+    limits = axis.drive.limits
+    if way * axis.per_count > limits.q_max - limits.q_min:
+        return "somebody else mapped its process data anew, which carry no position any more"
+    turn = 1 << round(math.log2(way))
+    wraps = f", or wraps around at {turn} counts (607B)" if abs(way / turn - 1) < WRAPS else ""
+    return f"its encoder jumps{wraps}"
 
 
 def fastest(axis: AxisDrive) -> float:

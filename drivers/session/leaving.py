@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from drivers.cia402.deadline import Deadline
+from drivers.drive_bus import Tripped
 from drivers.session.session import SessionState
 
 if TYPE_CHECKING:
@@ -72,8 +73,8 @@ def leave(
     else:
         _switch_off_unpowered(connection, outcome)
     trouble = connection.life_sign.trouble
-    if session is not None and trouble not in {None, session.stopping.trip}:
-        outcome.notes.append(str(trouble))  # it came with an interrupt, or after it
+    if session is not None and isinstance(trouble, Tripped) and trouble != session.stopping.trip:
+        outcome.notes.append(str(trouble))  # somebody else's command, with an interrupt or after it
     outcome.complete = set(connection.written) <= outcome.off
     _restore(connection, keeper, order, outcome)
     try:

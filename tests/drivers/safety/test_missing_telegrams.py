@@ -24,7 +24,7 @@ class Watched:
             0.004,
             silence="no TPDO for {} SYNCs in a row",
             wiring="",
-            doubling="two telegrams came for each of {} SYNCs in a row",
+            doubling="two telegrams came for each of {} SYNCs in a row; give each node a number",
         )
 
     def _collect(self) -> None:

@@ -270,3 +270,27 @@ def test_with_a_reason_the_drive_serves_and_the_reason_is_shown() -> None:
     with bus, CanopenDriveBus(bus, with_reason()) as drive_bus:
         assert any(note.endswith(f"allowed because: {REASON}") for note in drive_bus.notes)
         assert bus.drives[1].value(0x1016, 1) == 127 << 16 | 500
+
+
+@pytest.mark.parametrize(
+    ("counts", "words"),
+    [
+        (20_000, "or its encoder jumps: check"),
+        (1 << 15, "its encoder jumps, or wraps around at 32768 counts (607B): check"),
+        (-(1 << 15) + 100, "or wraps around at 32768 counts (607B): check"),
+        (1 << 20, "or somebody else mapped its process data anew"),
+    ],
+)
+@pytest.mark.parametrize("syncs_before", [0, 1])
+def test_what_else_than_motion_may_show_a_jump_is_named(
+    counts: int, words: str, syncs_before: int
+) -> None:
+    trips = Trips(axes_of(drives_file().axes[:1]), PERIOD)
+    trips.arm(0.0, (0,))
+    found = []
+    for number in range(1, syncs_before + 3):
+        position = (0 if number <= syncs_before else counts,)
+        data: Any = SimpleNamespace(positions=position, currents=(0,), irregular=False)
+        found.append(trips.look(PERIOD * number, data))
+    (first, *_) = (str(error) for error in found if error is not None)
+    assert words in first
