@@ -109,7 +109,7 @@ def _old_torques(tau: Array) -> Mask:
     if float(np.mean(intervals == 1)) < BY_CHANCE:
         changes = np.flatnonzero(np.diff(tau))
         return _repeated(changes[1:], np.diff(changes), len(tau))
-    first, last = _longest_run(intervals > 1)
+    first, last = longest_run(intervals > 1)
     grid = int(np.gcd.reduce(intervals[first:last])) if last > first else 1
     if (last - first) * np.log(grid) < np.log(len(tau) / CHANCE):
         return np.zeros(len(tau), dtype=bool)
@@ -118,7 +118,7 @@ def _old_torques(tau: Array) -> Mask:
     return _repeated(at[1:], np.diff(at), len(tau))
 
 
-def _longest_run(holds: Mask) -> tuple[int, int]:
+def longest_run(holds: Mask) -> tuple[int, int]:
     """Return where the longest run of True begins, and where it has ended."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], holds.view(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drivers.drive_bus import LATE_FOR, SampleFlag
+from hil.measuring.checks.old_values import longest_run
 from hil.measuring.checks.stroke_checks import half_sums, opposed, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
 from hil.runs.recording import CHANCE, Finding
@@ -167,12 +168,12 @@ def _left_out(recording: Recording) -> Array:
 
 
 def _answered(recording: Recording) -> int:
-    """Return that an axis answers every so many SYNCs alone, regularly; 1 where none does."""
+    """Return every how many SYNCs an axis answers in a regular stretch; 1 where each is."""
     for missing in (recording.flags & SampleFlag.MISSING).T > 0:
         apart = np.diff(np.flatnonzero(~missing))
-        every = int(np.median(apart)) if len(apart) > LEAST_ANSWERS else 1
-        if every > 1 and np.mean(apart == every) > OFTEN:
-            return every
+        first, last = longest_run((apart[1:] == apart[:-1]) & (apart[1:] > 1))
+        if last - first >= LEAST_ANSWERS:
+            return int(apart[first])
     return 1
 
 

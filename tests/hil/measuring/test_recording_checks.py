@@ -196,3 +196,20 @@ def test_a_limit_after_a_late_set_point_is_the_computers() -> None:
     found = {each.check: each for each in check(late, MEASUREMENT, ROBOT)}
     assert "in 4 samples, 3 of them after SYNCs that came too late" in found["saturation"].message
     assert "plan a smaller acceleration" in found["saturation"].message
+
+
+@pytest.mark.parametrize("every", [2, 8])
+def test_a_drive_that_answers_only_some_syncs_from_the_middle_on_is_named(every: int) -> None:
+    sound = recording()
+    flags, half = sound.flags.copy(), sound.n_samples // 2
+    flags[half:, 0] |= np.uint8(SampleFlag.MISSING) * (np.arange(len(flags) - half) % every > 0)
+    (finding,) = (f for f in ALWAYS[0](replace(sound, flags=flags), MEASUREMENT, ROBOT))
+    assert f"answers only every {every}. SYNC: set its inhibit time (1800:03)" in finding.message
+
+
+def test_telegrams_that_are_lost_at_random_are_no_inhibit_time() -> None:
+    sound = recording()
+    lost = np.random.default_rng(1).random(sound.flags.shape) < 0.3
+    flags = sound.flags | np.uint8(SampleFlag.MISSING) * lost
+    (finding,) = (f for f in ALWAYS[0](replace(sound, flags=flags), MEASUREMENT, ROBOT))
+    assert "check wiring, termination and bus load" in finding.message
