@@ -63,10 +63,11 @@ v being the axis's highest speed before anybody could stop it and a its stated d
 (`limits.acceleration`). Where a drive does not slow down when it is commanded to, the way is at
 most {longest:g} rad at 2.4 rad/s.
 
-*Unwatched* counts axes that were at any time energised while their drive would not have reacted to
-the loss of our heartbeat, because object 1016 names none or the drive has not heard it since; it is
-read from the machine and from the drives' own dictionaries at every frame, and must be 0 in every
-row.
+*Unwatched* counts axes that were energised for longer than a SYNC while their drive would not have
+reacted to the loss of our heartbeat, because object 1016 names none or the drive has not heard it
+since; it is read from the machine and from the drives' own dictionaries at every frame, and must be
+0 in every row. Where another participant takes us out of a drive's watch, the frame that does so is
+heard, and the drive is set to watch us again before the next SYNC, while its axis is being stopped.
 
 An outage is one of our adapter: frames are refused, or none arrives, for so long in the plant's
 time; what the drives send, or we, passes in the other direction. `python benchmarks/outages.py`
@@ -97,7 +98,11 @@ The same plant, measurement and columns over EtherCAT frames in lock-step. A fra
 counts as a SYNC, and *unwatched* axes are those whose sync manager's watchdog is off in OP, or that
 are energised outside of it and do not stop. A frame brings the inputs that were latched as the
 frame before passed, so what a fault does shows a frame later. Faults of drives, sensors and motors
-are those above. Random outages: `python benchmarks/ethercat_outages.py`.
+are those above. Nobody hears on EtherCAT that another participant writes a register or an object.
+The registers of the watchdogs are read with every `heartbeat_period` (0.1 s), for which a drive may
+be unwatched without being counted here, and are set again before the axes are stopped; a limit of
+each drive is read back before each move, the next one each time. Random outages:
+`python benchmarks/ethercat_outages.py`.
 
 """
 HEADINGS = (
