@@ -10,7 +10,8 @@ before their folder is made. When a campaign is whole at last,
   that it names had measured;
 - no file that was once complete may have changed or gone in between;
 - the estimate must equal, bit by bit, that of a folder into which the same recordings were
-  written without disturbance.
+  written without disturbance, and so must every figure that `hil accept` states;
+- what the journal counts of each session must be what its recordings hold.
 
 A resumed run of the virtual plant finds friction and noise in another state than an undisturbed
 one would, as any robot does; so it is the same data that is compared, not two campaigns::
@@ -47,7 +48,10 @@ from hil.cli import plan_files, run_session  # noqa: F401 - likewise
 from hil.model.robot import load_robot
 from hil.planning.design.by_counts import design
 from hil.planning.plan import Plan, dump_plan
+from hil.results.acceptance import accept, draft_limits
 from hil.results.identification import identify
+from hil.results.model_file import NAME as MODEL
+from hil.runs.journal import SyncTiming
 from hil.runs.run_folder import RunFolder
 from sim_plant.serving.bus import PlantBus
 
@@ -75,11 +79,14 @@ class Findings:
     lost: int = 0
     wrong: int = 0
     differing_estimates: int = 0
+    differing_certificates: int = 0
+    differing_sums: int = 0
 
     @property
     def good(self) -> bool:
         """Nothing was lost, nothing is wrong."""
-        return not (self.lost or self.wrong or self.differing_estimates)
+        differing = self.differing_estimates + self.differing_certificates + self.differing_sums
+        return not (self.lost or self.wrong or differing)
 
 
 def session(arguments: list[str], pipe: int, output: Path) -> None:
@@ -229,6 +236,15 @@ def judge(
     same = np.array_equal(ours.values, undisturbed.values)
     same &= np.array_equal(ours.covariance, undisturbed.covariance)
     found.differing_estimates += not same
+    ours.save(folder / MODEL)
+    undisturbed.save(fresh.path / MODEL)
+    limits = draft_limits(fresh)
+    found.differing_certificates += accept(run, limits).checks != accept(fresh, limits).checks
+    for number, session in enumerate(run.journal.sessions):
+        truth = SyncTiming()
+        for each in run:
+            truth = truth.with_recording(each.recording) if each.session == number else truth
+        found.differing_sums += session.sync != truth
     found.campaigns += 1
 
 
@@ -248,7 +264,7 @@ def alike(one: Measured, other: Measured) -> bool:
 def main() -> None:
     """Kill, resume, judge, print, keep."""
     parser = argparse.ArgumentParser(description="Kill hil run at random moments.")
-    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--kills", type=int, default=60)
     parser.add_argument("--counts", type=int, nargs=3, default=(12, 24, 3))
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
@@ -264,6 +280,8 @@ def main() -> None:
     print(f"{found.campaigns} campaigns of {len(plan.measurements)}, {found.recordings} recordings")
     print(f"measurements lost: {found.lost}, wrong: {found.wrong}")
     print(f"estimates that differ from those of undisturbed folders: {found.differing_estimates}")
+    print(f"certificates that do: {found.differing_certificates}")
+    print(f"sessions whose counts are not those of their recordings: {found.differing_sums}")
     counted = asdict(found) | moments
     kept = {re.sub(r"\W|_", "-", name): Figure.count(n) for name, n in counted.items()}
     stated = f"--kills {options.kills} --seed {options.seed} --counts"
