@@ -35,6 +35,8 @@ def _put(place: int, size: int, value: int, node: Any) -> None:
 def _of_drives() -> Iterator[Case]:
     """Rows of drives, sensors and motors, which do not know on which bus they are."""
     for case in CASES:
+        if case.foreign:
+            continue
         if {each.what for each in case.faults} <= DRIVE_FAULTS.keys() - _OTHERWISE:
             yield replace(case, shown=signs.jump_latched) if case.shown is signs.jump else case
 
