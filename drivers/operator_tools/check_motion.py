@@ -202,8 +202,8 @@ def _renewal(seen: Moved, what: str, step: float, name: str) -> Verdict:
         check,
         f"every {every:.3g} SYNCs ({1000 * time:.3g} ms)",
         "with every SYNC",
-        f"set sync_period: {time:.3g} in the drives file, or let the drive renew it faster: the"
-        " readings between are old",
+        f"set sync_period: {time:.3g} in the drives file and sample_period in the plan, or let the"
+        " drive renew it faster: the readings between are old",
     )
 
 

@@ -71,7 +71,8 @@ def with_old_values(
             raise DriveRefused(
                 f"{axis.name}: its position is renewed only every {every} SYNCs of"
                 f" {1e3 * period:.3g} ms, must be with each; set sync_period: {every * period:.3g}"
-                " or more in the drives file and plan anew; hil drives check measures it"
+                " or more in the drives file and sample_period in the plan; hil drives check"
+                " measures it"
             )
         old[:, k] |= _old_torques(recording.tau[:, k])
     if not old.any():

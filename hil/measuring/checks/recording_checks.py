@@ -129,9 +129,9 @@ def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
         yield Finding(
             "renewal",
             f"{share:.0%} of the samples in motion repeat a position or current of axis"
-            f" {_axes(recording, SampleFlag.OLD)}, which is renewed only every {every} SYNCs, at"
+            f" {_axes(recording, SampleFlag.OLD)}, renewed only every {every} SYNCs, at"
             f" most {TOLERATED:.0%} may; fresh samples alone are used: set sync_period:"
-            f" {every * period:.3g} in the drives file and plan anew",
+            f" {every * period:.3g} in the drives file and sample_period in the plan",
             share,
             TOLERATED,
         )

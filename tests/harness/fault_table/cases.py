@@ -182,7 +182,7 @@ CASES = (
     Case(
         "current renewed every 20 ms", "finds that its readings repeat; flags those that are old,"
         " which no estimate uses", (fault(What.CURRENT_SLOW, When(time=0), size=20),), None,
-        "which is renewed only every 5 SYNCs", finding="renewal",
+        "renewed only every 5 SYNCs", finding="renewal",
     ),
     Case(
         "position stands still for good", "names the encoder when the stroke is not finished in"
