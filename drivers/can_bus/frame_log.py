@@ -124,7 +124,13 @@ class FrameLog(can.BusABC):
             self._catch_up()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive and log a frame (`FileError`, once, if the log cannot be written any more)."""
+        """Receive and log a frame (see `can.BusABC.recv`).
+
+        Raises
+        ------
+        FileError
+            The log cannot be written any more; raised once.
+        """
         trouble, self._trouble = self._trouble, None
         if trouble is not None:
             raise FileError(f"{self._path}: cannot be written: {trouble}") from trouble

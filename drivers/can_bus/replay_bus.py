@@ -105,7 +105,13 @@ class ReplayBus(can.BusABC):
         self._read_on()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Hand out the next frame within `timeout` [s] (`BusUnavailable`, once, at the end)."""
+        """Hand out the next frame if it was received by now or comes within `timeout` [s].
+
+        Raises
+        ------
+        BusUnavailable
+            The log breaks off here; raised once.
+        """
         ends = math.inf if timeout is None or self.lock_step else self._now + timeout
         while self._received and self._instant(self._received[0]) <= ends:
             frame = self._received.popleft()

@@ -88,7 +88,13 @@ class PumpedSdoClient(SdoClient):
         return self.read_response()
 
     def read_response(self) -> bytes:
-        """Wait for one answer (`SdoAbortedError`, `SdoCommunicationError`)."""
+        """Wait for one answer.
+
+        Raises
+        ------
+        canopen.SdoAbortedError, canopen.SdoCommunicationError
+            The server refuses; it does not answer in time.
+        """
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
             late = ", but one to an earlier request: its answers are late" if self._late else ""
             raise SdoCommunicationError(f"none within sdo_timeout, {self._timeout:g} s{late}")

@@ -41,12 +41,17 @@ def check_move(move: Move, axis: Axis) -> None:
 
 
 def refuse_outside(axes: Sequence[Axis], positions: Sequence[int]) -> None:
-    """Refuse axes that stand outside their limits before any is energised (`LimitExceeded`).
+    """Refuse axes that stand where they must never be, before any is energised.
 
     Parameters
     ----------
     positions : sequence of int
         Where they stand [increments].
+
+    Raises
+    ------
+    LimitExceeded
+        A line for each that is outside.
     """
     outside = []
     for axis in axes:

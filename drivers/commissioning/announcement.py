@@ -86,7 +86,7 @@ def announce(
     find: Callable[[Entry], int | None] | None = None,
     later: Sequence[Entry] = (),
 ) -> Announcement:
-    """Find out what start-up will write to a drive, writing nothing (`DriveError`).
+    """Find out what start-up will write to a drive; nothing is written.
 
     Parameters
     ----------
@@ -96,6 +96,11 @@ def announce(
         What an object held before any of our writes; by default what it holds.
     later : sequence of Entry
         What else will be written after start-up.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        Why the drive cannot serve.
     """
     check_identity(server, axis)
     usual = _Rehearsal(server, _Layer)

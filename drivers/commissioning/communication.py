@@ -58,7 +58,13 @@ class Communication(ABC):
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
-        """Configure it while the drive is off (`DriveRefused`, `NodeSilent`)."""
+        """Configure it, while the drive is off.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent
+            Why the drive cannot take part.
+        """
 
     @abstractmethod
     def set_up_process_data(self, server: RemoteDictionary, axis: AxisDrive) -> None:

@@ -59,7 +59,13 @@ def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
 
 
 def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Comparison]:
-    """Compare ratings (6075, 6076), positions and gear (608F to 60A8), and units of rates."""
+    """Compare ratings (6075, 6076), positions and gear (608F to 60A8), velocities, accelerations.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
     yield from compare_ratings(server.find, axis)
     factors = PositionFactors.read(partial(_said, server))
     yield compare_positions(factors, axis)

@@ -99,7 +99,13 @@ class EthercatDrive:
 
     @property
     def sdo(self) -> SdoClient:
-        """The drive's objects, in PREOP (`NoAnswer`, `DriveRefused`, `BusUnavailable`)."""
+        """Its objects, for which it is brought to PREOP where nobody has done so.
+
+        Raises
+        ------
+        NoAnswer, DriveRefused, BusUnavailable
+            It is not there, or does not get there.
+        """
         if self._sdo is None:
             self.bring_up()
         assert self._sdo is not None  # noqa: S101 - `bring_up` sets it

@@ -176,7 +176,13 @@ class SettingsKeeper:
         return kept
 
     def restore(self, server: RemoteDictionary, order: RestoringOrder) -> None:
-        """Restore a drive that is shown off (errors as in `restore_drive`)."""
+        """Put back what a drive held that is shown off, and note it; `close` brings that to disk.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent, BusUnavailable
+            See `drivers.found_settings.restoring.restore_drive`.
+        """
         restore_drive(server, self.drive(server), order)
         self._note_restored(server)
 

@@ -78,11 +78,23 @@ class Connection(ABC):
 
     @abstractmethod
     def await_answers(self) -> None:
-        """Watch drives that were commanded to start until each answers SYNC (`NodeSilent`)."""
+        """Watch drives that have just been commanded to start, until each answers SYNC.
+
+        Raises
+        ------
+        NodeSilent
+            Which do not, or whose life sign stays away.
+        """
 
     @abstractmethod
     def refuse_unwatched(self) -> None:
-        """Refuse drives whose watch on us is not as it was set (`DriveRefused`)."""
+        """Refuse drives whose watch on us is not as it was set, right before power-on.
+
+        Raises
+        ------
+        DriveRefused
+            Another master may be at work.
+        """
 
     def look_at_limits(self) -> None:  # noqa: B027 - most buses hear it
         """Read back a limit of each drive (`Tripped`), where nobody hears foreign writes to it."""

@@ -122,7 +122,13 @@ class Session:
         self._state = SessionState.LEFT
 
     def start(self) -> None:
-        """Start process data and power all axes on (`DriveError`: why not)."""
+        """Start process data and power all axes on.
+
+        Raises
+        ------
+        DriveRefused, LimitExceeded, NodeSilent, DriveFault, BusUnavailable
+            Why not.
+        """
         self.connection.start()
         self._state = SessionState.READY
         self.connection.await_answers()
