@@ -154,14 +154,23 @@ class Axis:
     ----------
     index : int
         In joint order, from 0.
+    stated : AxisDrive
+        What the drives file states of it.
     drive : AxisDrive
-        The axis of the drives file (`stated`) with the limits that hold.
-    own, stop_deceleration, wrap
-        See `drivers.commissioning.effective_limits.EffectiveLimits`.
+        The same with the limits that hold.
+    server : RemoteDictionary
+        Its drive's object dictionary.
+    own : mapping of str to str
+        Which of these limits are the drive's own: field, and the object that sets it.
+    stop_deceleration : float or None
+        Of a quick stop, as it stands in the drive [rad/s^2 or m/s^2]; None where it has no 6085 and
+        its ramp is the maker's.
     identity : str
         Identity of the drive (1018), in words.
     planned : bool
         The driver plans its ways, since its drive has no profile position or its positions wrap.
+    wrap : Wrap or None
+        How they do.
     """
 
     index: int

@@ -26,6 +26,12 @@ class ProcessData(ABC):
 
     Positions are in increments, currents in the drive's unit; axes are in joint order.
 
+    Parameters
+    ----------
+    n_axes : int
+    clock : SyncClock
+        Where the time of a cycle comes from.
+
     Attributes
     ----------
     words, positions, currents : sequence of int (currents of float), length n_axes
@@ -84,7 +90,13 @@ class ProcessData(ABC):
 
     @abstractmethod
     def sync(self) -> float:
-        """Send the due SYNC (`BusUnavailable`), collect its answers and return its instant [s]."""
+        """Send the next SYNC when it is due and collect its answers; return its instant [s].
+
+        Raises
+        ------
+        drivers.drive_bus.BusUnavailable
+            The bus does not take or give telegrams any more.
+        """
 
     @abstractmethod
     def tick(self) -> None:

@@ -31,8 +31,12 @@ class Entry:
 
     Attributes
     ----------
+    index, subindex : int
+        Where it stands.
     type : str
         u8, u16, u32, i8, i16 or i32; f32 of what is only measured.
+    name : str
+        For messages.
     """
 
     index: int

@@ -73,7 +73,15 @@ ALONE = InNode()
 
 
 class AxisAccess:
-    """The objects of one axis of a drive (see `drivers.remote_dictionary.Access`)."""
+    """The objects of one axis of a drive (see `drivers.remote_dictionary.Access`).
+
+    Parameters
+    ----------
+    access : Access
+        To the drive.
+    within : InNode
+        Which axis.
+    """
 
     def __init__(self, access: Access, within: InNode) -> None:
         self._access, self._within = access, within
@@ -125,7 +133,13 @@ def seen_by(access: Access, within: InNode) -> Access:
 
 
 def find_axes(has: Callable[[int, int], bool]) -> Sequence[InNode]:
-    """Find the axes of a drive and their PDOs; `has` tells an object by index and sub-index."""
+    """Find the axes of a drive and which PDOs are whose.
+
+    Parameters
+    ----------
+    has : callable
+        Whether the drive has an object, by index and sub-index.
+    """
     number = 1
     while number < AXES and all(has(i + number * _PER_AXIS, 0) for i in (0x6040, 0x6041)):
         number += 1

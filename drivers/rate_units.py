@@ -36,6 +36,8 @@ class RateUnit:
 
     Attributes
     ----------
+    of : Per
+        What it counts.
     size : Fraction
         How many of these per second (or per second squared) one unit is.
     """
@@ -49,6 +51,10 @@ class NamedRate(NamedTuple):
 
     Attributes
     ----------
+    velocity, acceleration : str
+        The names in the drives file.
+    unit : RateUnit
+        What they mean.
     code : tuple of int, optional
         Numerator and denominator by which 60A9 names the velocity (CiA 303-2), where it can.
     """
@@ -82,7 +88,13 @@ _WHOLE = re.compile(_RATIO)
 
 
 def velocity_unit(text: str) -> RateUnit:
-    """Return the meaning of a unit of velocity in the drives file (`ValueError`)."""
+    """Return what a unit of velocity of the drives file means.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
     return _unit(text, VELOCITIES, "velocities", "0.1 rpm")
 
 
@@ -92,7 +104,13 @@ def acceleration_unit(text: str) -> RateUnit:
 
 
 def ratio(text: str) -> Fraction:
-    """Return a positive number or ratio such as 4096, 0.1 or 360000/101, exactly (`ValueError`)."""
+    """Return a positive number or ratio such as 4096, 0.1 or 360000/101, exactly.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
     compact = re.sub(r"\s", "", text) if _WHOLE.fullmatch(text.strip()) else ""
     over, _, under = compact.partition("/")
     if not over or (under and not int(under)) or not Fraction(over):
@@ -105,6 +123,8 @@ def motor_turns(unit: RateUnit, counts: Fraction, gear_ratio: float) -> Fraction
 
     Parameters
     ----------
+    unit : RateUnit
+        Which.
     counts : Fraction
         Counts of 6064 per motor revolution.
     gear_ratio : float

@@ -51,7 +51,13 @@ class NoAnswer(Exception):
 
 
 class Aborted(DriveRefused):
-    """A drive answered an access with an abort code."""
+    """A drive answered an access with an abort code.
+
+    Attributes
+    ----------
+    code : int
+        The abort code.
+    """
 
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
@@ -111,13 +117,19 @@ class RemoteDictionary:
     ----------
     access : Access
         To the drive, which the bus that it is on gives.
+    node : int
+        Its number on the bus.
     name : str
         The axis's name, for messages.
+    axis : int
+        Which axis of the node.
 
     Attributes
     ----------
     place : tuple of int
         Node and axis.
+    label : str
+        How messages name the drive.
     missing : set of Entry
         Optional objects that the drive lacks, or keeps as they are.
     notes : list of Note
@@ -144,7 +156,13 @@ class RemoteDictionary:
         self.access = access
 
     def seen_through(self, layer: Callable[[Access], Access]) -> RemoteDictionary:
-        """Return this dictionary as a `layer` over its access shows it, with notes of its own."""
+        """Return this drive's dictionary as `layer` shows it, with notes of its own.
+
+        Parameters
+        ----------
+        layer : callable
+            Turns the access to the drive into one that need not hand writes on.
+        """
         other = copy(self)
         other.missing, other.notes, other.kept, other.saved = set(), [], {}, set()
         other.first_write = None
@@ -201,7 +219,13 @@ class RemoteDictionary:
             raise self._explained(error, entry, f"write {value} to") from error
 
     def order(self, entry: Entry, value: int) -> None:
-        """Write a number at once (`BusUnavailable`), without an answer or keeping the old value."""
+        """Write a number at once, await no answer and keep nothing of what was there.
+
+        Raises
+        ------
+        BusUnavailable
+            The bus does not take it.
+        """
         self.access.order(entry.index, entry.subindex, entry.data(value))
 
     def set(self, entry: Entry, value: int) -> None:

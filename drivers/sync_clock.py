@@ -100,6 +100,8 @@ class LockStep(SyncClock):
 
     Parameters
     ----------
+    period : float
+        Time between two SYNCs [s].
     synchronous : bool
         All answers are in before `send` returns, so an empty queue means that nothing will come.
     clock : callable
@@ -142,7 +144,15 @@ class LockStep(SyncClock):
 
 
 class WallClock(SyncClock):
-    """Absolute deadlines on a monotonic clock; missed ones are skipped and counted."""
+    """Absolute deadlines on a monotonic clock; missed ones are skipped and counted.
+
+    Parameters
+    ----------
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        Monotonic time [s].
+    """
 
     def __init__(self, period: float, *, clock: Callable[[], float] = time.perf_counter) -> None:
         super().__init__(period, clock)

@@ -26,6 +26,8 @@ class FrameBlock:
 
     Parameters
     ----------
+    identifiers : sequence of int
+        Of the expected frames.
     layouts : sequence of str
         struct codes of each frame's data, little endian.
     order : sequence of int

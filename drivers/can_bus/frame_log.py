@@ -53,6 +53,7 @@ class FrameLog(can.BusABC):
 
     Parameters
     ----------
+    bus : can.BusABC
     path : Path
         Where to write; its suffix states the format.
 

@@ -45,6 +45,8 @@ class KernelSync(can.BusABC):
     ----------
     inner : can.BusABC
         A bus with `Capabilities.kernel_sync`; stays open when this one is shut down.
+    period : float
+        Time between two SYNCs [s].
     answers : collection of int
         Identifiers of the TPDOs that answer a SYNC.
     pause : float
@@ -105,7 +107,13 @@ class KernelSync(can.BusABC):
         return bool(self._waiting) and self._waiting[0].arbitration_id == SYNC_ID
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; wait for a SYNC instead (`BusUnavailable` if it stays away)."""
+        """Send a frame; a SYNC is waited for instead.
+
+        Raises
+        ------
+        drivers.drive_bus.BusUnavailable
+            The kernel's SYNC stays away.
+        """
         if msg.arbitration_id != SYNC_ID or msg.is_extended_id:
             return self._inner.send(msg, timeout)
         if self._task is None:

@@ -43,6 +43,10 @@ class ReplayBus(can.BusABC):
     bitrate : int, optional
         Without meaning here.
 
+    Attributes
+    ----------
+    lock_step : bool
+
     Raises
     ------
     can.CanInitializationError

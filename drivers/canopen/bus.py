@@ -105,7 +105,17 @@ class CanopenBus(Fieldbus):
 
 
 class TimedCanopenBus(CanopenBus, TimedFieldbus):
-    """A bus that notes how long the answers to each SYNC take."""
+    """A bus that notes how long the answers to each SYNC take.
+
+    Parameters
+    ----------
+    stopwatch : StopwatchBus
+        In front of the bus.
+    drives : DrivesFile
+        Whose TPDOs are answers.
+    pacing
+        As for `CanopenBus`.
+    """
 
     def __init__(self, stopwatch: StopwatchBus, drives: DrivesFile, pacing: PacingName) -> None:
         super().__init__(stopwatch, pacing)

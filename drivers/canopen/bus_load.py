@@ -37,6 +37,8 @@ def cycle_time(
 
     Parameters
     ----------
+    drives : DrivesFile
+        Axes and bit rate.
     sent : sequence, optional
         The TPDOs of each axis; by default those that we would have.
     streamed : bool
@@ -72,6 +74,8 @@ def cycle_on_bus(
     ----------
     drives : DrivesFile or None
         None where none is known: one full TPDO an axis is assumed, of 8 bytes.
+    n_axes, bitrate : int
+        Number of axes, and of bits a second.
     streamed, feed_forward : bool
         See `cycle_time`.
     """

@@ -46,6 +46,10 @@ class CanopenCommunication(Communication):
 
     Attributes
     ----------
+    label : str
+        How messages name the drive.
+    node : int
+        Its node number.
     transmitted : tuple of Pdo
         The TPDOs that answer SYNC, with all that they carry, in order.
     inputs : Inputs
@@ -92,6 +96,11 @@ class CanopenCommunication(Communication):
 
         The order is the drive's: it must not produce SYNC when it gets a period to do so, and it
         takes a counter in SYNC only without a period.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent
+            Why the drive cannot take part.
         """
         set_up_sync(server, period)
         self.set_up_process_data(server, axis)
@@ -135,6 +144,8 @@ def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list
 
     Parameters
     ----------
+    drives : sequence of CanopenCommunication
+        All drives on the bus.
     master : int
         Our node number.
     """

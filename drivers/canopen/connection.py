@@ -47,8 +47,13 @@ class CanopenConnection(Connection):
     ----------
     channel : can.BusABC
         An open bus, or what stands on it where the kernel sends SYNC (`kernel`).
+    clock : SyncClock
+        Where SYNC's time comes from.
+    drives : DrivesFile
+        The axes in joint order.
     feed_forward : bool
         The drives are to take offsets of velocity and torque.
+    kernel : KernelSync, optional
     """
 
     silence = "no TPDO for {} SYNCs in a row"
@@ -107,6 +112,7 @@ class CanopenConnection(Connection):
 
         Parameters
         ----------
+        bus : can.BusABC
         drives, period, feed_forward
             See `drivers.session.connection.Fieldbus.connect`.
         pacing : {"auto", "lock-step", "wall-clock"}
@@ -147,7 +153,13 @@ class CanopenConnection(Connection):
             server.access.go_operational()
 
     def await_answers(self) -> None:
-        """Watch drives that have just been commanded to start, until each answers SYNC."""
+        """Watch drives that have just been commanded to start, until each answers SYNC.
+
+        Raises
+        ------
+        NodeSilent
+            Which do not, or whose heartbeat stays away.
+        """
         clock, data, heartbeats = self._clock, self.process_data, self.life_sign
         heartbeats.watch(starting=True)
         heartbeats.hurry()  # a drive watches from the first heartbeat on, not before
@@ -167,7 +179,13 @@ class CanopenConnection(Connection):
             self.cycle()
 
     def refuse_unwatched(self) -> None:
-        """Refuse drives whose watch on us is not as it was set: another master may be at work."""
+        """Refuse drives whose watch on us is not as it was set: another master may be at work.
+
+        Raises
+        ------
+        DriveRefused
+            The first of them, with what it holds and what was written.
+        """
         for server in self.servers:
             for entry, value in server.kept.items():
                 if entry.index in WATCHDOGS and (present := server.get(entry)) != value:

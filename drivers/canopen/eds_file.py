@@ -34,6 +34,8 @@ def read_eds(path: Path | str, node: int | None = None) -> Dictionary:
 
     Parameters
     ----------
+    path : path
+        The file.
     node : int, optional
         Node number that stands for $NODEID; by default that of the DCF.
 

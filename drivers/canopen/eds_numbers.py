@@ -29,7 +29,13 @@ class NoNumber(ValueError):
 
 
 def number(text: str, node: int | None = None) -> int | None:
-    """Return a number (`NoNumber`); None for an empty text, and for an unknown $NODEID."""
+    """Return a number; None for an empty text, and for $NODEID while that is not known.
+
+    Raises
+    ------
+    NoNumber
+        The text is none.
+    """
     text = re.sub(r"[\s_]", "", text)
     if not text:
         return None
@@ -85,7 +91,13 @@ def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
 
 
 def within(kind: str, value: int | None, key: str) -> int | None:
-    """Return a value as its type has it (`NoNumber`), with the sign of hex numbers."""
+    """Return a value as its type has it, with the sign of hex numbers.
+
+    Raises
+    ------
+    NoNumber
+        It does not fit the type.
+    """
     bits = int(kind[1:])
     if value is None:
         return None

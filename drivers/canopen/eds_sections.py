@@ -54,7 +54,13 @@ class Section:
 
 
 def sections_of(raw: bytes, source: str) -> tuple[dict[str, Section], list[str]]:
-    """Split a file (`FileError`) into sections, by name in lower case; return what was mended."""
+    """Split a file into sections, by name in lower case, and return what was mended.
+
+    Raises
+    ------
+    FileError
+        The file is empty, binary or XML.
+    """
     text, notes = _decoded(raw, source)
     sections: dict[str, Section] = {}
     section = None

@@ -18,6 +18,8 @@ class Emergencies:
 
     Parameters
     ----------
+    network : PumpedNetwork
+        Where they are heard.
     nodes : sequence of int
         Of the drives, in joint order.
     deliver : callable

@@ -41,6 +41,8 @@ class ForeignFrames:
 
     Parameters
     ----------
+    network : PumpedNetwork
+        Where they are heard.
     labels : mapping of int to str
         Node number to how messages name the drive.
     command : callable

@@ -41,12 +41,16 @@ class Heartbeats:
 
     Parameters
     ----------
+    network : PumpedNetwork
+        Where they are sent and heard.
     master : int
         Our node number.
     labels : mapping of int to str
         Node number to how messages name the drive.
     period, timeout : float
         How often they are sent and how long they may stay away [s].
+    now : callable
+        Time [s].
 
     Attributes
     ----------

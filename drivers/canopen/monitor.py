@@ -41,6 +41,8 @@ class BusPicture(Picture):
 
     Parameters
     ----------
+    drives : DrivesFile
+        The axes in joint order.
     bus : can.BusABC, optional
         To be listened to.
     asked : sequence of can.Message

@@ -37,6 +37,8 @@ class PumpedNetwork(Network):
 
     Parameters
     ----------
+    bus : can.BusABC
+        An open bus.
     synchronous : bool
         All answers are queued before the bus's ``send`` returns: an empty queue ends any wait.
 
@@ -56,7 +58,13 @@ class PumpedNetwork(Network):
         """Called before every reception while waiting, to keep our heartbeat going."""
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send one frame, again if the transmit queue is full (`BusUnavailable`)."""
+        """Send one frame, again if the transmit queue is full.
+
+        Raises
+        ------
+        BusUnavailable
+            The bus does not take the frame.
+        """
         self.send_frame(
             can.Message(
                 arbitration_id=can_id, data=data, is_remote_frame=remote, is_extended_id=False
@@ -95,7 +103,13 @@ class PumpedNetwork(Network):
         return unavailable
 
     def receive(self, timeout: float) -> can.Message | None:
-        """Receive one frame or None within `timeout` [s] (`BusUnavailable`)."""
+        """Receive one frame or None [timeout in s].
+
+        Raises
+        ------
+        BusUnavailable
+            The bus has gone.
+        """
         try:
             return self.channel.recv(timeout)
         except Exception as error:
@@ -107,7 +121,13 @@ class PumpedNetwork(Network):
             self.notify(frame.arbitration_id, frame.data, frame.timestamp)
 
     def pump(self, timeout: float, until: Callable[[], bool] | None = None) -> bool:
-        """Receive and dispatch frames for `timeout` [s], or until `until` holds."""
+        """Receive and dispatch frames for `timeout` [s], or until `until` holds.
+
+        Returns
+        -------
+        bool
+            Whether `until` holds.
+        """
         ends = self._clock() + timeout
         while True:
             self.idle()

@@ -48,6 +48,8 @@ class Pdo(NamedTuple):
 
     Attributes
     ----------
+    name : str
+        For messages.
     communication, mapping : int
         Index of its parameter records.
     cob_id : int
@@ -126,8 +128,12 @@ class Inputs(NamedTuple):
 
     Attributes
     ----------
+    command : Pdo
+        Target and controlword.
     target : Pdo or None
         Set-points of a stream; `command` where the drive has no other, None where it follows none.
+    offsets : Pdo or None
+        What is fed forward.
     """
 
     command: Pdo

@@ -46,6 +46,8 @@ class OtherTpdo(NamedTuple):
 
     Attributes
     ----------
+    name : str
+        For messages.
     cob_id : int
         Its COB-ID with the flags in bits 29 to 31.
     transmission : int or None
@@ -72,6 +74,10 @@ def set_up_pdos(
 
     Parameters
     ----------
+    server : RemoteDictionary
+        The drive's object dictionary.
+    axis : AxisDrive
+        What the drives file states.
     feed_forward : bool
         An RPDO carries the offsets of velocity and torque.
 

@@ -47,7 +47,19 @@ Data = bytes | bytearray
 
 
 class SyncProcessData(ProcessData):
-    """Process data of all axes (`drivers.cycle_data.ProcessData`)."""
+    """Process data of all axes (`drivers.cycle_data.ProcessData`).
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        The bus.
+    axes : sequence of AxisDrive
+        In joint order.
+    clock : SyncClock
+        Where SYNC's time comes from.
+    communications : sequence of CanopenCommunication
+        See `wire`.
+    """
 
     def __init__(
         self,
@@ -126,7 +138,13 @@ class SyncProcessData(ProcessData):
             self.feed_forward(axis, 0, 0)
 
     def sync(self) -> float:
-        """Send the next SYNC when it is due and collect its answers; return its instant [s]."""
+        """Send the next SYNC when it is due and collect its answers; return its instant [s].
+
+        Raises
+        ------
+        BusUnavailable
+            The bus does not take or give frames any more.
+        """
         clock = self._clock
         if not self._in_lock_step:
             self._network.pump(clock.due())

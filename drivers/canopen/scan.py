@@ -55,6 +55,13 @@ def scan_bus(
         An open bus; one in lock-step is not listened to, since its time stands still.
     listening, answering, timeout : float
         How long to listen, to wait for the first answers, and for each further one [s].
+    only : sequence of int
+        Node numbers to be asked.
+
+    Raises
+    ------
+    BusUnavailable
+        The bus takes no frames or has gone.
     """
     network = PumpedNetwork(bus, synchronous=capabilities_of(bus).lock_step)
     scan = Scan()

@@ -40,7 +40,17 @@ _Answer = TypeVar("_Answer")
 
 
 class PumpedSdoClient(SdoClient):
-    """canopen's SDO client, waiting by pumping its network."""
+    """canopen's SDO client, waiting by pumping its network.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        The network, pumped while the client waits.
+    node : int
+        Whose default SDO server is asked.
+    timeout : float
+        How long an answer may take [s].
+    """
 
     def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
         dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
@@ -75,7 +85,13 @@ class PumpedSdoClient(SdoClient):
         super().download(index, subindex, data, force_segment)
 
     def request_response(self, sdo_request: bytes) -> bytes:
-        """Send a request (`SdoCommunicationError`), drop earlier answers and wait for its own."""
+        """Send a request and wait for its answer; answers to earlier requests are dropped.
+
+        Raises
+        ------
+        canopen.SdoCommunicationError
+            There is no answer, or no end to it.
+        """
         self._exchanges += 1
         if self._exchanges > EXCHANGES:
             raise SdoCommunicationError(f"no end after {EXCHANGES} frames")
@@ -106,7 +122,17 @@ class PumpedSdoClient(SdoClient):
 
 
 class SdoAccess:
-    """The objects of one node by its default SDO server, and its NMT state."""
+    """The objects of one node by its default SDO server, and its NMT state.
+
+    Parameters
+    ----------
+    network : PumpedNetwork
+        That the node is on.
+    node : int
+        Its number.
+    timeout : float
+        How long an answer may take [s].
+    """
 
     def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
         self._network, self._node = network, node

@@ -27,6 +27,10 @@ class KernelClock(SyncClock):
 
     Parameters
     ----------
+    bus : KernelSync
+        Where it comes.
+    period : float
+        Time between two SYNCs [s].
     clock : callable
         The one that the bus goes by [s].
     """
@@ -61,6 +65,10 @@ class AsRecorded(WallClock):
 
     Parameters
     ----------
+    period : float
+        Time between two SYNCs [s].
+    clock : callable
+        The recording's time [s].
     left : callable
         How long until the next frame was sent [s].
     """
@@ -86,8 +94,11 @@ def kernel_sync(
 
     Parameters
     ----------
+    bus : can.BusABC
     requested : {"auto", "lock-step", "wall-clock"}
         As for `choose_sync_clock`.
+    period : float
+        Time between two SYNCs [s].
     answers : collection of int
         Identifiers of the TPDOs that answer a SYNC.
     """
@@ -101,10 +112,14 @@ def choose_sync_clock(bus: can.BusABC, requested: PacingName, period: float) -> 
 
     Parameters
     ----------
+    bus : can.BusABC
+        An open bus.
     requested : {"auto", "lock-step", "wall-clock"}
         "auto" takes lock-step where the bus offers it and the wall clock elsewhere. "lock-step" on
         another bus sends the next SYNC when all answers are in, for a plant behind that bus whose
         time is SYNC.
+    period : float
+        Time between two SYNCs [s].
     """
     able = capabilities_of(bus)
     if requested == "lock-step" or (requested == "auto" and able.lock_step):

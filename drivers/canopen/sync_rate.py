@@ -40,6 +40,8 @@ def achievable_rate(
 
     Parameters
     ----------
+    drives : DrivesFile
+        Axes and bit rate.
     answer : float
         How long the slowest answer to a SYNC takes [s].
     sent : sequence, optional
@@ -57,6 +59,10 @@ class StopwatchBus(can.BusABC):
     ----------
     inner : can.BusABC
         The bus that it stands for; shutting this one down leaves that one open.
+    drives : DrivesFile
+        Whose TPDOs are answers.
+    clock : callable
+        [s].
 
     Attributes
     ----------

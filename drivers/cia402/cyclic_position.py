@@ -61,10 +61,18 @@ class CyclicPosition:
 
     Parameters
     ----------
+    process_data : ProcessData
+        Of all axes.
+    axes : sequence of Axis
+        In joint order.
     trips : Trips
         Their corridor is moved along.
+    period : float
+        Time between two SYNCs [s].
     cycle : callable
         Lets one SYNC pass under supervision.
+    note : callable, optional
+        Takes what the operator should know.
 
     Attributes
     ----------
@@ -175,7 +183,13 @@ class CyclicPosition:
         return path
 
     def advance(self, *, calm: bool = False) -> MoveFailed | None:
-        """Send the next set-points, slowing down to rest while `calm`; return what failed."""
+        """Send the next set-points, or the last again; return what failed, if anything.
+
+        Parameters
+        ----------
+        calm : bool
+            Slow the path down to rest, until that is no longer asked for.
+        """
         path, on_arrival = self._path, self._process_data.on_arrival
         if path is None:
             return None
@@ -263,7 +277,13 @@ class CyclicPosition:
         self._feed_forward.give_back()
 
     def leave(self) -> None:
-        """Change back to profile position, where the axes rest (`DriveRefused`)."""
+        """Change back to profile position, where the axes rest.
+
+        Raises
+        ------
+        DriveRefused
+            A drive does not change its mode.
+        """
         self.withdraw()
         self.give_back()
         self.abandon()

@@ -34,6 +34,13 @@ if TYPE_CHECKING:
 class FeedForward:
     """What is fed forward to all axes in a stream.
 
+    Parameters
+    ----------
+    process_data : ProcessData
+        Of all axes.
+    axes : sequence of Axis
+        In joint order.
+
     Attributes
     ----------
     wanted : bool
@@ -47,7 +54,13 @@ class FeedForward:
         self._found: list[tuple[RemoteDictionary, Entry, int]] = []
 
     def begin(self, *, feeding: bool) -> None:
-        """Prepare a path while the axes rest: ours `feeding`, or else the drives by themselves."""
+        """Get ready for a path that is about to begin, while the axes rest.
+
+        Parameters
+        ----------
+        feeding : bool
+            Something goes with it. If not it is left to the drives to feed forward.
+        """
         self.wanted = feeding
         if not feeding:
             self.give_back()
@@ -84,6 +97,8 @@ def offsets_in_counts(fed: Sequence[Array], axes: Sequence[Axis]) -> Array:
     ----------
     fed : three ndarrays, shape (n, n_axes)
         Velocity, torque, and the part of it that holds the axes [rad/s or m/s, N m or N].
+    axes : sequence of Axis
+        In joint order.
     """
     velocity, torque, holding = fed
     counts = [

@@ -183,7 +183,13 @@ class Path:
         return list(_whole(counts))
 
     def step(self, *, calm: bool = False) -> None:
-        """Go on by one period, slowing down to rest while `calm`."""
+        """Go on by one period.
+
+        Parameters
+        ----------
+        calm : bool
+            Slow down to rest; otherwise the path's own pace is taken up again.
+        """
         before = self.pace
         self.out -= self.out * self._period / LATELY
         if calm or self.caution > 0.0 or self.out > OUT * LATELY or before < 1.0:

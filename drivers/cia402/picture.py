@@ -25,6 +25,10 @@ class AxisPicture:
 
     Attributes
     ----------
+    drive : AxisDrive
+        What the drives file states of it.
+    name : str
+    node : int
     heard : float
         When any frame of the drive came last [s]; -inf if none ever did.
     nmt : str
@@ -72,7 +76,18 @@ class AxisPicture:
 
 
 class Picture(ABC):
-    """What was seen of all axes of a drives file, by a bus that is listened to, or asked."""
+    """What was seen of all axes of a drives file, by a bus that is listened to, or asked.
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        The axes in joint order.
+
+    Attributes
+    ----------
+    axes : list of AxisPicture
+        In joint order.
+    """
 
     def __init__(self, drives: DrivesFile) -> None:
         self.axes = [AxisPicture(axis) for axis in drives.axes]

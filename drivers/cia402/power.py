@@ -30,7 +30,17 @@ OFF_ATTEMPTS = 2
 
 
 class Power:
-    """Switches drives on and off."""
+    """Switches drives on and off.
+
+    Parameters
+    ----------
+    process_data : ProcessData
+        Of all axes.
+    servers : sequence of RemoteDictionary
+        The drives in joint order.
+    supervision : Supervision
+        Puts faults into words.
+    """
 
     def __init__(
         self,

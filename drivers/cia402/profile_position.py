@@ -69,6 +69,15 @@ class _Motion:
 class ProfilePosition:
     """Set-points under way.
 
+    Parameters
+    ----------
+    process_data : ProcessData
+        Of all axes.
+    axes : sequence of Axis
+        In joint order.
+    period : float
+        Time between two SYNCs [s].
+
     Attributes
     ----------
     active : dict

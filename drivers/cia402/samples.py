@@ -24,7 +24,13 @@ _new_tuple = tuple.__new__  # half the time of Sample(...), at every SYNC
 
 
 class SampleReader:
-    """Turns the values of process data into samples."""
+    """Turns the values of process data into samples.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+        In joint order.
+    """
 
     def __init__(self, axes: Sequence[Axis]) -> None:
         scales = [axis.scale for axis in axes]
@@ -39,7 +45,17 @@ class SampleReader:
         self._limits = tuple(SampleFlag.LIMIT.value if word & _LIMIT else 0 for word in words)
 
     def sample(self, time: float, process_data: ProcessData, reached: bool) -> Sample:
-        """Return the sample of the last SYNC."""
+        """Return the sample of the last SYNC.
+
+        Parameters
+        ----------
+        time : float
+            The SYNC's instant [s].
+        process_data : ProcessData
+            What it brought.
+        reached : bool
+            See `Sample`.
+        """
         positions = process_data.positions
         increments = map(sub, positions, self._zeros) if self._shifted else positions
         q = tuple(map(mul, self._per_increment, increments))

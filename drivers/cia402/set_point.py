@@ -81,6 +81,10 @@ class SetPoint:
         Target position (607A) [increments].
     window : float
         Largest distance from the target at which it counts as reached [increments].
+    rest : Standstill
+        Judges whether the axis rests.
+    phase : Phase
+        How far it has come.
     """
 
     target: int
@@ -117,6 +121,8 @@ class HaltedAxis:
 
     Attributes
     ----------
+    rest : Standstill
+        Judges whether the axis rests.
     phase : Phase
         TRAVELLING, then REACHED.
     """

@@ -15,7 +15,20 @@ if TYPE_CHECKING:
 
 
 def check_move(move: Move, axis: Axis) -> None:
-    """Refuse a set-point outside the limits of an axis (`LimitExceeded`)."""
+    """Refuse a set-point outside the limits of an axis.
+
+    Parameters
+    ----------
+    move : Move
+        The set-point.
+    axis : Axis
+        Which; its place is named from 1.
+
+    Raises
+    ------
+    LimitExceeded
+        With value, bound and remedy.
+    """
     unit, own, scale = axis.drive.unit, axis.own, axis.scale
     limits, place = axis.drive.limits, joint_of(axis)
     if not limits.q_min <= move.target <= limits.q_max:
@@ -45,6 +58,8 @@ def refuse_outside(axes: Sequence[Axis], positions: Sequence[int]) -> None:
 
     Parameters
     ----------
+    axes : sequence of Axis
+        In joint order.
     positions : sequence of int
         Where they stand [increments].
 

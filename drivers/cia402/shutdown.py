@@ -73,6 +73,14 @@ class Shutdown:
 
     Parameters
     ----------
+    process_data : ProcessData
+        Of all axes.
+    life_sign : LifeSign
+        Kept going until it must cease.
+    axes : sequence of Axis
+        In joint order.
+    period : float
+        Time between two SYNCs [s].
     switch_off : callable
         Switches one drive off by objects.
 
@@ -167,7 +175,13 @@ class Shutdown:
             self._ask_unseen()
 
     def conclude(self) -> list[str]:
-        """Watch axes that are off, await the reaction of the others; return axes that sagged."""
+        """Watch the axes that are off, and await the reaction of those that are not.
+
+        Returns
+        -------
+        list of str
+            Axes that have sagged, for the operator.
+        """
         sagged = self._watch_rest()
         if not all(self.off):
             self._life_sign.cease()

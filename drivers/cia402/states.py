@@ -153,6 +153,8 @@ def route(state: State, goal: State, *, reset_fault: bool = False) -> tuple[Comm
 
     Parameters
     ----------
+    state, goal : State
+        Where the drive is and where it shall be.
     reset_fault : bool
         Permit a fault to be reset; without it FAULT has no way out.
 
@@ -177,7 +179,13 @@ def route(state: State, goal: State, *, reset_fault: bool = False) -> tuple[Comm
 
 
 def next_command(state: State, goal: State, *, reset_fault: bool = False) -> Command | None:
-    """Return the next command from `state` to `goal` (see `route`); None where none is due."""
+    """Return the next command on the way from `state` to `goal` (see `route`).
+
+    Returns
+    -------
+    Command or None
+        None at the goal, and in states that the drive leaves by itself.
+    """
     if state is goal or state in PASSING_STATES:
         return None
     return route(state, goal, reset_fault=reset_fault)[0]

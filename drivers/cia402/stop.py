@@ -169,6 +169,8 @@ class AxisStop:
         The last that was received [increments].
     speed, deceleration, window : float
         As for `StopBound.of`.
+    rest : Standstill
+        Judges whether it rests.
     settling : float
         How long `rest` takes to be certain [s].
     delay : float
@@ -176,6 +178,8 @@ class AxisStop:
 
     Attributes
     ----------
+    phase : StopPhase
+        How far it has come.
     state : State or None
         What it showed at the last SYNC, None where that is unknown.
     bound : StopBound
@@ -249,6 +253,8 @@ class AxisStop:
 
         Parameters
         ----------
+        time : float
+            The SYNC's instant [s].
         word, position : int
             Statusword and position of its TPDO [increments].
         fresh : bool

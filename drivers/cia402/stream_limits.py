@@ -41,6 +41,8 @@ def check_path(
     ----------
     path : ndarray, shape (n, n_axes)
         Set-points [rad or m].
+    axes : sequence of Axis
+        In joint order.
     here : sequence of float
         Where the axes stand [rad or m].
     period : float
@@ -76,7 +78,7 @@ def check_feed_forward(
     axes: Sequence[Axis],
     period: float,
 ) -> None:
-    """Refuse feed-forward beyond the limits, or without zero at both ends (`LimitExceeded`).
+    """Refuse what is fed forward beyond the limits, or without beginning and ending with zero.
 
     Parameters
     ----------
@@ -86,6 +88,11 @@ def check_feed_forward(
         Velocity, torque, and what of it holds the axes [rad/s or m/s, N m or N].
     axes, period
         See `check_path`.
+
+    Raises
+    ------
+    LimitExceeded
+        With axis, instant, value, bound and remedy.
     """
     names = ("velocity", "torque", "holding torque")
     for what, values in zip(names, fed, strict=True):

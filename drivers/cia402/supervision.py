@@ -34,6 +34,11 @@ RESET = "remove the cause, then reset the fault (hil drives reset-faults)"
 class Supervision:
     """Takes emergencies and judges statuswords.
 
+    Parameters
+    ----------
+    servers : sequence of RemoteDictionary
+        The drives in joint order.
+
     Attributes
     ----------
     emergency : bool

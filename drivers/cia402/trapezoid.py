@@ -23,7 +23,17 @@ if TYPE_CHECKING:
 
 
 class Trapezoid:
-    """One move of one axis."""
+    """One move of one axis.
+
+    Parameters
+    ----------
+    start, speed : float
+        Where it is, and how fast it goes.
+    target : float
+        Where it shall come to rest.
+    velocity, acceleration : float
+        Of the profile, positive.
+    """
 
     def __init__(
         self, start: float, speed: float, target: float, velocity: float, acceleration: float

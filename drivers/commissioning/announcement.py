@@ -45,8 +45,12 @@ class Change:
 
     Attributes
     ----------
+    entry : Entry
+        Where it stands.
     present : int or None
         Value on the drive; None where it cannot be read.
+    value : int
+        Value to be written.
     """
 
     entry: Entry
@@ -65,6 +69,8 @@ class Announcement:
 
     Attributes
     ----------
+    limits : EffectiveLimits
+        Which hold.
     found : mapping of Entry to int
         What the drive holds of all that will or may be written.
     changes : tuple of Change
@@ -90,6 +96,12 @@ def announce(
 
     Parameters
     ----------
+    server : RemoteDictionary
+        The drive's object dictionary.
+    axis, drives : AxisDrive, DrivesFile
+        What the drives file states.
+    period : float
+        Time between two SYNCs [s].
     communication : Communication
         How it will communicate; left as it is.
     find : callable, optional

@@ -41,8 +41,16 @@ def commission(
 
     Parameters
     ----------
+    server : RemoteDictionary
+        Its object dictionary.
+    axis, drives : AxisDrive, DrivesFile
+        What the drives file states.
+    period : float
+        Time between two SYNCs [s].
     wait : callable
         ``wait(condition, timeout)`` lets time pass; returns whether the condition came to hold.
+    limits : EffectiveLimits
+        Which hold on this axis.
     communication : Communication
         How it communicates; what is found is put in.
 

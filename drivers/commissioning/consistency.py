@@ -42,7 +42,13 @@ _SPINDLE = Fraction(1, 1000)
 
 
 def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
-    """Refuse a drive that contradicts the drives file (`DriveRefused`); note assumptions."""
+    """Refuse a drive that contradicts the drives file, and note what stays on trust.
+
+    Raises
+    ------
+    DriveRefused
+        The drive says something else than the drives file.
+    """
     for comparison in comparisons(server, axis):
         if comparison.grade is Grade.REFUSED:
             raise DriveRefused(

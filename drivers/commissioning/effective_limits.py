@@ -74,10 +74,14 @@ class Bound(NamedTuple):
 
     Attributes
     ----------
+    entry : Entry
+        The object.
     key : str
         Field of `AxisLimits`.
     stated : float
         Its value in the drives file [SI, joint side].
+    measure : Measure
+        How the object counts it.
     """
 
     entry: Entry
@@ -104,6 +108,10 @@ def effective_limits(
     ----------
     find : callable
         What an object held before we wrote to it, None where it is missing.
+    axis : AxisDrive
+        What the drives file states.
+    label : str
+        How messages name the drive.
 
     Raises
     ------

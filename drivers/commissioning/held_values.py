@@ -52,6 +52,11 @@ def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
 
     Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
     together, and so do those of an assignment: whoever changes one loses them all.
+
+    Raises
+    ------
+    NodeSilent, DriveRefused
+        No answer, or another length than expected.
     """
     if entry.index in COMMANDS:
         return {}

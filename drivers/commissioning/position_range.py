@@ -45,12 +45,21 @@ def range_of(find: Callable[[Entry], int | None]) -> tuple[int, int] | None:
 
 
 def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap | None:
-    """Return how positions wrap around within the limits (`DriveRefused` in too narrow a range).
+    """Return how positions wrap around within an axis's limits; None where they do not.
 
     Parameters
     ----------
     ends : tuple of int or None
         Of the drive's range (`range_of`).
+    axis : AxisDrive
+        What the drives file states.
+    label : str
+        How messages name the drive.
+
+    Raises
+    ------
+    DriveRefused
+        The range is too narrow for the axis.
     """
     if ends is None:
         return None

@@ -50,6 +50,8 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
     ----------
     read : callable
         Value of an object, None where the drive does not have it.
+    axis : AxisDrive
+        What the drives file states.
     """
     maker = MAKERS.get(axis.identity.vendor)
     present = read(objects.RATED_CURRENT)
@@ -86,7 +88,13 @@ def expected_torque(axis: AxisDrive) -> float | None:
 
 
 def torque_unit(present: int, ampere: float, per_ampere: float) -> TorqueUnit | None:
-    """Return the unit of 6076 by rated current times torque constant; None if neither fits."""
+    """Return the unit of 6076 by rated current [A] times torque constant [N m/A].
+
+    Returns
+    -------
+    TorqueUnit or None
+        None where neither unit leads anywhere near that product.
+    """
     for unit, newton_metre in NEWTON_METRE.items():
         if present and _within(present * newton_metre / (ampere * per_ampere), ALIKE):
             return unit

@@ -22,6 +22,13 @@ def readback(
     """Return what judges by the table what the drive of one axis keeps, and shows it in SI.
 
     An object that is not in the table must read back exactly.
+
+    Parameters
+    ----------
+    axis, drives : AxisDrive, DrivesFile
+        What the drives file states.
+    requirements : mapping of Entry to Requirement
+        Of the bus.
     """
     counted = measures(axis)
 

@@ -48,6 +48,8 @@ class Requirement:
 
     Attributes
     ----------
+    entry : Entry
+        Which.
     use : Use
         What we do with it.
     without : str
@@ -60,6 +62,8 @@ class Requirement:
         Values that serve in place of ours, even where the object cannot be written.
     kept : Kept
         What may stand there after ours was written and taken.
+    quantity : Quantity or None
+        What it counts.
     own_holds : bool
         It limits the axis: a tighter value of the drive's own is left as it is.
     instead : tuple of Entry

@@ -193,7 +193,13 @@ def _refuse_zeros(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Ent
 def _write_limit(
     server: RemoteDictionary, entries: Sequence[Entry], values: Mapping[Entry, int]
 ) -> bool:
-    """Write a limit to one or several objects unless it is there; return whether any exists."""
+    """Write a limit that one or several objects keep, but leave alone what is there already.
+
+    Returns
+    -------
+    bool
+        The drive has any of them.
+    """
     present = {entry: server.find(entry) for entry in entries}
     if not any(present[entry] == values[entry] for entry in entries):
         return server.set_any({entry: values[entry] for entry in entries})

@@ -38,8 +38,12 @@ class Verdict:
 
     Attributes
     ----------
+    grade : Grade
+        How it ended.
     place : str
         The axis as messages name it, or "bus".
+    check : str
+        What was looked at.
     found : str
         The value, with its unit.
     bound : str

@@ -48,6 +48,8 @@ class CurrentCandidate:
 
     Attributes
     ----------
+    declared : Declared
+        The object.
     usable : bool
         A number of 16 or 32 bits that a PDO can carry, as far as is known.
     basis : Basis or None

@@ -163,7 +163,13 @@ class Dictionary:
         )
 
     def find(self, index: int, subindex: int = 0) -> Declared | None:
-        """Return the declaration at a place (`FileError` if damaged), None where there is none."""
+        """Return what is declared at a place, None where nothing is.
+
+        Raises
+        ------
+        FileError
+            Something is, but cannot be understood.
+        """
         if (index, subindex) in self.damaged:
             raise FileError(self.damaged[index, subindex])
         return self.entries.get((index, subindex))

@@ -18,6 +18,8 @@ class FoundNode:
 
     Attributes
     ----------
+    node : int
+        Its number.
     state, shown_by : str
         NMT state of its last heartbeat, empty where none was heard; on EtherCAT the AL state.
     boots, emergencies : int
@@ -52,6 +54,8 @@ class Scan:
 
     Attributes
     ----------
+    nodes : dict of int to FoundNode
+        By node number.
     syncs : int
         SYNCs heard, from another master.
     """

@@ -34,7 +34,19 @@ _CURRENTS = (objects.TORQUE, objects.CURRENT)
 
 
 def read_dictionary(access: Access, node: int, rules: BusRules, axis: int = 1) -> Dictionary:
-    """Read from a drive what a review needs."""
+    """Read from a drive what a review needs.
+
+    Parameters
+    ----------
+    access : Access
+        To its objects.
+    node : int
+        Its number on the bus.
+    rules : BusRules
+        Of the bus.
+    axis : int
+        Which axis of the node.
+    """
     reading = _Reading(access)
     for entry in (*rules.requirements, *_CURRENTS, *rules.asked):
         reading.ask(entry)

@@ -53,7 +53,13 @@ class Finding:
 def gaps(
     dictionary: Dictionary, row: Requirement, axis: AxisDrive | None, table: Table
 ) -> Iterator[Finding]:
-    """Yield the gaps of a dictionary in one row's object (`FileError` if damaged)."""
+    """Yield what a dictionary lacks of the object of a row of the table.
+
+    Raises
+    ------
+    FileError
+        It is declared in a way that cannot be understood.
+    """
     if row.lack is Lack.SILENT and Use.ASK in row.use:
         return
     about, declared = str(row.entry), dictionary.entry(row.entry)

@@ -55,6 +55,8 @@ class Review:
         That it supports (6502).
     currents : tuple of CurrentCandidate
         Objects that may show the motor current, the most suitable first.
+    current : CurrentCandidate or None
+        The one to be used.
     tpdos : tuple of tuple of int or None
         What process data carry, where that is not what we would have.
     findings : tuple of Finding
@@ -85,6 +87,10 @@ def review(dictionary: Dictionary, rules: BusRules, axis: AxisDrive | None = Non
 
     Parameters
     ----------
+    dictionary : Dictionary
+        Of a data sheet or of a live drive.
+    rules : BusRules
+        Of the bus that the drive is for.
     axis : AxisDrive, optional
         What a drives file states of the drive: which object shows its current, and what else stops
         the axis. Without one a drive is not refused for what a file may state.

@@ -42,6 +42,8 @@ class EthercatBus(Fieldbus):
 
     Parameters
     ----------
+    wire : Wire
+        Open.
     pacing : {"auto", "lock-step", "wall-clock"}
         "lock-step" sends the next frame as soon as the last one is back, for a plant whose time
         is that of cycles; else frames keep deadlines of the wall clock.
@@ -129,6 +131,8 @@ class TimedEthercatBus(EthercatBus, TimedFieldbus):
 
     Parameters
     ----------
+    stopwatch : StopwatchWire
+        In front of the wire.
     lock_step : bool
         As of the bus that it stands for.
     """

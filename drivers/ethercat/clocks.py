@@ -79,6 +79,7 @@ class Clocks:
 
     Parameters
     ----------
+    line : Line
     stations : sequence of Station
         All slaves on it, in order.
 

@@ -61,7 +61,15 @@ _WORDS = {
 
 
 class SdoClient:
-    """Reads and writes objects through a mailbox."""
+    """Reads and writes objects through a mailbox.
+
+    Parameters
+    ----------
+    mailbox : Mailbox
+        Of a slave.
+    timeout : float
+        How long an answer may take [s].
+    """
 
     def __init__(self, mailbox: Mailbox, timeout: float) -> None:
         self._mailbox, self._timeout = mailbox, timeout

@@ -69,7 +69,13 @@ class EthercatCommunication(Communication):
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
-        """Have the drive know its cycle and exchange what we need."""
+        """Have the drive know its cycle and exchange what we need.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent
+            Why the drive cannot take part.
+        """
         del drives
         self.set_up_process_data(server, axis)
         for entry in CYCLES:

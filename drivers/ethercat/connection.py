@@ -41,6 +41,12 @@ class EthercatConnection(Connection):
 
     Parameters
     ----------
+    line : Line
+        That they are on.
+    clock : SyncClock
+        Where the time of a cycle comes from.
+    file : DrivesFile
+        What is stated of them.
     feed_forward : bool
         The drives are to take offsets of velocity and torque.
     """
@@ -107,7 +113,13 @@ class EthercatConnection(Connection):
             server.access.go_operational()
 
     def await_answers(self) -> None:
-        """Exchange process data until all drives are in OP and take part."""
+        """Exchange process data until all drives are in OP and take part.
+
+        Raises
+        ------
+        DriveRefused, NodeSilent
+            Which do not get there, with their AL status codes.
+        """
         self.supervision.forget()
         self._await_op()
         self._data.farthest = 0.0

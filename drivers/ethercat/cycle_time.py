@@ -49,6 +49,8 @@ class StopwatchWire:
     ----------
     inner : Wire
         That it stands for; closing this one leaves that one open.
+    clock : callable
+        [s].
     """
 
     def __init__(self, inner: Wire, clock: Callable[[], float] = time.perf_counter) -> None:

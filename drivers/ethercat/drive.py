@@ -62,11 +62,16 @@ class EthercatDrive:
     ----------
     find : callable
         Returns the slave; called when it is first needed.
+    line : Line
+        That it is on.
+    label : str
+        How messages name it.
     timeout : float
         How long its mailbox may take to answer [s].
 
     Attributes
     ----------
+    label : str
     emergencies : callable
         ``emergencies(data)`` takes each emergency.
     outputs, inputs : Mapped
@@ -92,7 +97,13 @@ class EthercatDrive:
 
     @property
     def station(self) -> Station:
-        """The slave (`NoAnswer`)."""
+        """The slave.
+
+        Raises
+        ------
+        NoAnswer
+            There is none.
+        """
         if self._station is None:
             self._station = self._find()
         return self._station
@@ -156,6 +167,8 @@ class EthercatDrive:
         ----------
         logical : int
             Where its outputs stand in logical memory; inputs and the state of its mailbox follow.
+        timeout : float
+            Of its watchdog [s].
         sync0 : (int, int), optional
             First SYNC0 in the reference's time, and its cycle [ns].
 
@@ -202,7 +215,13 @@ class EthercatDrive:
         self.station.write(reg.WATCHDOG_TIME, self._watchdog)
 
     def refuse_unwatched(self) -> None:
-        """Refuse a drive whose watchdog differs from what was set (`DriveRefused`)."""
+        """Refuse a drive whose watchdog is not as it was set.
+
+        Raises
+        ------
+        DriveRefused
+            Another master may be at work.
+        """
         unwatched = self.why_unwatched([self.station.read(*each) for each in GUARDS])
         if unwatched:
             raise DriveRefused(

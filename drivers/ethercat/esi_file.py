@@ -47,6 +47,8 @@ def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
 
     Parameters
     ----------
+    path : path
+        The file.
     node : int, optional
         Position on the line.
 

@@ -60,7 +60,7 @@ def at(slave: int, place: int) -> int:
 
 
 def frame_of(source: bytes, datagrams: Sequence[Datagram]) -> bytearray:
-    """Make a frame of datagrams (`ValueError` if they do not fit into one).
+    """Make a frame of datagrams.
 
     Parameters
     ----------
@@ -68,6 +68,11 @@ def frame_of(source: bytes, datagrams: Sequence[Datagram]) -> bytearray:
         Address of the sender, six bytes.
     datagrams : sequence of Datagram
         One at least.
+
+    Raises
+    ------
+    ValueError
+        They do not fit into one frame.
     """
     body = bytearray()
     for number, (command, address, data) in enumerate(datagrams, start=1):

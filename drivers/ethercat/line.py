@@ -37,6 +37,8 @@ class Line:
 
     Parameters
     ----------
+    wire : Wire
+        Open.
     patience : float
         How long a frame may take that is no process data [s].
 
@@ -64,13 +66,25 @@ class Line:
         return frame_of(self._source, datagrams)
 
     def send(self, frame: bytearray) -> None:
-        """Send a frame under a new number (`BusUnavailable`)."""
+        """Send a frame under a new number.
+
+        Raises
+        ------
+        BusUnavailable
+            None can be sent any more.
+        """
         self._number = (self._number + 1) & 0xFF
         frame[INDEX] = self._number
         self.wire.send(frame)
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return the answer to the last frame (`BusUnavailable`), None if none comes [s]."""
+        """Return what came back of the frame that was sent last, None if nothing does in time [s].
+
+        Raises
+        ------
+        BusUnavailable
+            Nothing can come any more.
+        """
         wire, ends = self.wire, 0.0
         while (frame := wire.receive(timeout)) is not None:
             if len(frame) > INDEX and frame[SOURCE] == self._source[1:]:
@@ -91,7 +105,13 @@ class Line:
         return None if frame is None else answers_of(frame, datagrams)
 
     def ask(self, *datagrams: Datagram) -> tuple[Answer, ...]:
-        """Do as `exchange`, again where the frame is lost (`BusUnavailable` if none comes back)."""
+        """Do as `exchange`, again where the frame is lost.
+
+        Raises
+        ------
+        BusUnavailable
+            None comes back.
+        """
         for _ in range(1 if self._dead else ATTEMPTS):
             answers = self.exchange(*datagrams)
             if answers is not None:

@@ -41,6 +41,8 @@ class Mailbox:
     ----------
     station : Station
         The slave, in PREOP at least.
+    out, back : Area
+        Where they are.
     take : callable
         ``take(service)`` gets what nobody has asked for, as emergencies.
     """
@@ -64,6 +66,7 @@ class Mailbox:
 
         Parameters
         ----------
+        service : bytes
         is_answer : callable
             Whether a service that came is the answer.
         timeout : float

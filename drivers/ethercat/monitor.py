@@ -28,6 +28,10 @@ class LinePicture(Picture):
 
     Parameters
     ----------
+    drives : DrivesFile
+        The axes in joint order.
+    reached : UnpoweredDrives
+        Their objects.
     inputs : bool
         Digital inputs are asked for too.
     """

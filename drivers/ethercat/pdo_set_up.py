@@ -40,7 +40,13 @@ CANDIDATES = 8
 def set_up_process_data(
     server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool
 ) -> tuple[Mapped, Mapped]:
-    """Map and assign what we use (`DriveRefused`); return what outputs and inputs carry."""
+    """Map and assign what we use; return what outputs and inputs carry in the end.
+
+    Raises
+    ------
+    DriveRefused
+        Fixed process data that do not carry it.
+    """
     outputs = _set_up(server, ASSIGNED_OUT, MAPPING_OUT, outputs_of(feed_forward=feed_forward))
     inputs = _set_up(server, ASSIGNED_IN, MAPPING_IN, inputs_of(axis))
     return outputs, inputs

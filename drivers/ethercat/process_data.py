@@ -72,6 +72,17 @@ _WATCHDOGS = Datagram(Command.BRD, reg.WATCHDOG_STATUS << 16, bytes(2))
 class EthercatProcessData(ProcessData):
     """Process data of all axes (`drivers.cycle_data.ProcessData`).
 
+    Parameters
+    ----------
+    line : Line
+        That the drives are on.
+    axes : sequence of AxisDrive
+        In joint order.
+    drives : sequence of EthercatDrive
+        The same.
+    clock : SyncClock
+        Where the time of a cycle comes from.
+
     Attributes
     ----------
     feeding : bool
@@ -247,7 +258,13 @@ class EthercatProcessData(ProcessData):
     # A cycle
 
     def sync(self) -> float:
-        """Exchange process data when it is due; return the instant of the inputs [s]."""
+        """Exchange process data when it is due; return the instant of the inputs [s].
+
+        Raises
+        ------
+        BusUnavailable
+            The interface does not take or give frames any more.
+        """
         clock, line = self._clock, self._line
         while (due := clock.due()) > 0:  # whoever sleeps too long passes this deadline over
             time.sleep(due)

@@ -45,6 +45,8 @@ class ReferenceClock(WallClock):
 
     Attributes
     ----------
+    host : callable
+        As given.
     follows : bool
         It is the reference's.
     skew : float

@@ -29,10 +29,16 @@ def scan_line(line: Line, is_asked: Callable[[int], bool], timeout: float) -> Sc
 
     Parameters
     ----------
+    line : Line
     is_asked : callable
         Whether the slave at a position, from 1, is to be asked.
     timeout : float
         How long each answer may take [s].
+
+    Raises
+    ------
+    BusUnavailable
+        No frame comes back, or another master is at work.
     """
     scan = Scan()
     for station in Slaves(line).all:

@@ -21,7 +21,12 @@ LISTENING = 0.1
 
 
 class Slaves:
-    """The slaves on a line, which are given addresses when one is first asked for."""
+    """The slaves on a line, which are given addresses when one is first asked for.
+
+    Parameters
+    ----------
+    line : Line
+    """
 
     def __init__(self, line: Line) -> None:
         self._line = line
@@ -30,7 +35,15 @@ class Slaves:
 
     @property
     def all(self) -> Sequence[Station]:
-        """All slaves, in order (`BusUnavailable`; `NoAnswer` where one has gone meanwhile)."""
+        """All, in order.
+
+        Raises
+        ------
+        BusUnavailable
+            No frame comes back, or another master is at work.
+        NoAnswer
+            One has gone meanwhile.
+        """
         if self._found is None:
             states = self._line.read_all(reg.AL_STATUS, 2)
             if states.counter and states.data[0] & MASK & AlState.OP:

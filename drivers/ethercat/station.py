@@ -27,8 +27,14 @@ class Station:
 
     Parameters
     ----------
+    line : Line
+        That it is on.
     position : int
         From 1.
+
+    Attributes
+    ----------
+    position, address : int
     """
 
     def __init__(self, line: Line, position: int) -> None:
@@ -36,7 +42,13 @@ class Station:
         self.address = FIRST_ADDRESS + position - 1
 
     def find(self) -> None:
-        """Give the slave its address (`NoAnswer`)."""
+        """Give the slave its address.
+
+        Raises
+        ------
+        NoAnswer
+            None is at this position.
+        """
         place, address = at(1 - self.position, reg.STATION), self.address.to_bytes(2, "little")
         if self.line.ask(Datagram(Command.APWR, place, address))[0].counter != 1:
             raise NoAnswer("no working counter", WHERE)

@@ -26,6 +26,8 @@ class OutputsSent:
 
     Parameters
     ----------
+    data : EthercatProcessData
+        Of all axes.
     labels : sequence of str
         How messages name the drives.
     period, timeout : float

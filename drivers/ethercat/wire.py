@@ -29,10 +29,22 @@ class Wire(Protocol):
     """Where frames go out and come back."""
 
     def send(self, frame: bytes | bytearray) -> bool:
-        """Send a frame (`BusUnavailable`); return whether it went out."""
+        """Send a frame; return whether it went out.
+
+        Raises
+        ------
+        BusUnavailable
+            None can any more.
+        """
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return the next frame (`BusUnavailable`), None if none comes in time [s]."""
+        """Return the next frame, None if none comes in time [s].
+
+        Raises
+        ------
+        BusUnavailable
+            None can any more.
+        """
 
     def close(self) -> None:
         """Let the interface go."""

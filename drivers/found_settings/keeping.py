@@ -51,6 +51,7 @@ class SettingsKeeper:
 
     Attributes
     ----------
+    path : Path or None
     later : tuple of Entry
         Objects that the session will write once the drives are on: they are kept with the others.
     unannounced : list of str
@@ -74,7 +75,13 @@ class SettingsKeeper:
 
     @property
     def settings(self) -> FoundSettings:
-        """The settings kept by now (`LookupError` before `open`)."""
+        """What is kept by now.
+
+        Raises
+        ------
+        LookupError
+            Nothing has been kept yet.
+        """
         if self._settings is None:
             raise LookupError("settings are kept once `open` was called")
         return self._settings
@@ -85,7 +92,13 @@ class SettingsKeeper:
         return self._announced and self._settings is not None and not self._settings.restored
 
     def open(self, drives: DrivesFile) -> None:
-        """Begin a session; read an earlier session's file (`FileError`)."""
+        """Begin a session; read what an earlier one left behind.
+
+        Raises
+        ------
+        FileError
+            There is a file that cannot be used.
+        """
         self._settings = FoundSettings(
             bitrate=drives.bitrate,
             sdo_timeout=drives.sdo_timeout,
@@ -151,14 +164,28 @@ class SettingsKeeper:
         server.saved = {each.key for each in kept.objects}
 
     def announced(self, servers: Iterable[RemoteDictionary]) -> None:
-        """Write what was taken to the disk (`FileError`), and keep further objects as they come."""
+        """Put on the disk what was taken; from here on a further object is kept when it comes.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written.
+        """
         self.save()
         self._announced = True
         for server in servers:
             self.guard(server)
 
     def configured(self, servers: Iterable[RemoteDictionary]) -> None:
-        """Write to the disk what drives hold after start-up (`NodeSilent`, `FileError`)."""
+        """Note what drives hold once start-up has written to them, and put that on the disk.
+
+        Raises
+        ------
+        NodeSilent
+            No answer.
+        FileError
+            The file cannot be written.
+        """
         for server in servers:
             held = self.drive(server).holding(partial(_present, server))
             self._settings = self.settings.with_drives([held])
@@ -169,7 +196,13 @@ class SettingsKeeper:
         server.first_write = lambda entry: self._keep(server, entry)
 
     def drive(self, server: RemoteDictionary) -> FoundDrive:
-        """Return what is kept of a drive (`LookupError` if nothing is)."""
+        """Return what is kept of a drive.
+
+        Raises
+        ------
+        LookupError
+            Nothing is.
+        """
         kept = self._drive(server.place)
         if kept is None:
             raise LookupError(f"{server.label}: nothing was kept")
@@ -193,6 +226,8 @@ class SettingsKeeper:
 
         Parameters
         ----------
+        servers : iterable of RemoteDictionary
+            The drives of the session.
         written : collection of RemoteDictionary
             Those that something may have been written to.
 
@@ -215,7 +250,13 @@ class SettingsKeeper:
         ]
 
     def save(self) -> None:
-        """Write the file (`FileError`), if there is to be one."""
+        """Write the file, if there is to be one.
+
+        Raises
+        ------
+        FileError
+            It cannot be written.
+        """
         if self.path is not None and self._write is not None:
             self._write(self.path, dump_found_settings(self.settings).encode())
 

@@ -94,7 +94,13 @@ def restore_drive(server: RemoteDictionary, found: FoundDrive, order: RestoringO
 
 
 def refuse_energised(server: RemoteDictionary) -> None:
-    """Refuse a drive that is not shown off (`DriveRefused`)."""
+    """Refuse a drive that is not shown off.
+
+    Raises
+    ------
+    DriveRefused
+        With the state that it shows.
+    """
     word = server.get(objects.STATUSWORD)
     state = decode_state(word)
     if state not in NOT_ENERGISED:

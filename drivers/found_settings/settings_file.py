@@ -224,6 +224,8 @@ class FoundSettings(FileModel):
     ----------
     restored : bool
         All drives hold again what they held.
+    bitrate : int
+        Of the bus [bit/s].
     sdo_timeout : float
         How long a drive may take to answer [s].
     interface, channel : str or None
@@ -263,7 +265,13 @@ class FoundSettings(FileModel):
 
 
 def load_found_settings(path: Path | str) -> FoundSettings:
-    """Read the file (`FileError`)."""
+    """Read the file.
+
+    Raises
+    ------
+    FileError
+        It is missing, or not such a file.
+    """
     return load_yaml(path, FoundSettings)
 
 
@@ -289,7 +297,13 @@ def dump_found_settings(settings: FoundSettings) -> str:
 
 
 def read_identity(server: RemoteDictionary) -> FoundIdentity:
-    """Ask a drive for its identity (errors as in `RemoteDictionary.get`)."""
+    """Ask a drive for its identity.
+
+    Raises
+    ------
+    NodeSilent, DriveRefused
+        It does not answer.
+    """
     return FoundIdentity(**{key: server.find(entry) for key, entry in IDENTITY.items()})
 
 

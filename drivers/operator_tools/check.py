@@ -70,8 +70,16 @@ def check(
 
     Parameters
     ----------
+    bus : Fieldbus
+        An open bus.
+    drives : DrivesFile
+        The axes to check, in joint order.
+    moves : SmallMoves
+        How far and how fast.
     operator : Operator
         Who agrees to motion, can stop it, and is asked which way it went.
+    keeper : SettingsKeeper, optional
+        See `drivers.session.servo_axes.ServoAxes`.
     gravity : callable, optional
         Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
     late : float

@@ -52,7 +52,15 @@ _REMEDY = "move farther, or an axis that carries a load; else take it from the d
 
 
 class CurrentReadings:
-    """Pairs of counts of one axis."""
+    """Pairs of counts of one axis.
+
+    Parameters
+    ----------
+    server : RemoteDictionary
+        The drive.
+    axis : AxisDrive
+        What the drives file states.
+    """
 
     def __init__(self, server: RemoteDictionary, axis: AxisDrive) -> None:
         self._server = server

@@ -44,6 +44,8 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
 
     Parameters
     ----------
+    seen : Moved
+        What was seen of it.
     gravity : callable or None
         What a robot's model predicts; None where there is no model.
     """

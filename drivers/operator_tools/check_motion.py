@@ -53,6 +53,10 @@ class Moved:
 
     Attributes
     ----------
+    place : str
+        The axis, for messages.
+    drive : AxisDrive
+        What the drives file states.
     number : int
         Its joint, from 0.
     pose : ndarray, shape (n_axes,)
@@ -106,6 +110,10 @@ def judge_rest(
 
     Parameters
     ----------
+    place : str
+        The axis, for messages.
+    drive : AxisDrive
+        What the drives file states.
     q, tau : ndarray, shape (n,)
         [rad], [N m]; NaN where TPDOs are missing.
     """

@@ -60,6 +60,10 @@ def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | No
 
     Parameters
     ----------
+    axes : sequence of DraftedAxis
+        The drives.
+    rules : BusRules
+        Of the bus that they are for.
     bitrate : int, optional
         Of the bus, if it is known [bit/s].
 

@@ -50,8 +50,20 @@ def home(
 
     Parameters
     ----------
+    bus : Fieldbus
+        An open bus.
+    drives : DrivesFile
+        The file that the axis is in.
+    axis : AxisDrive
+        Which.
+    homing : Homing
+        How.
+    operator : Operator
+        Who agrees to it and may stop it.
     patience : float
         How long it may take [s].
+    keeper : SettingsKeeper, optional
+        See `drivers.session.servo_axes.ServoAxes`.
 
     Raises
     ------

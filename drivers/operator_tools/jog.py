@@ -43,8 +43,18 @@ def jog(
 
     Parameters
     ----------
+    bus : Fieldbus
+        An open bus.
+    drives : DrivesFile
+        The file that the axis is in.
+    axis : AxisDrive
+        Which.
     way, velocity : float
         Signed [rad or m], and at most `SLOW` of the limit [rad/s or m/s].
+    operator : Operator
+        Who agrees to it and may stop it.
+    keeper : SettingsKeeper, optional
+        See `drivers.session.servo_axes.ServoAxes`.
 
     Raises
     ------

@@ -39,13 +39,25 @@ class Operator(Protocol):
 
 
 def require_consent(operator: Operator, intent: str) -> None:
-    """Ask the operator before anything is powered (`StoppedByOperator`)."""
+    """Ask the operator before anything is powered.
+
+    Raises
+    ------
+    StoppedByOperator
+        The operator does not agree.
+    """
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
 
 
 def pressed(operator: Operator) -> str:
-    """Return the keys pressed since the last call (`StoppedByOperator` for a stop key)."""
+    """Return the keys pressed since the last call; whoever presses a stop key ends it all.
+
+    Raises
+    ------
+    StoppedByOperator
+        A stop key was pressed; leaving the bus stops the axes.
+    """
     keys = operator.pressed()
     if STOP_KEYS.intersection(keys):
         raise StoppedByOperator("stopped by the operator; the axes are stopped and off")

@@ -30,6 +30,8 @@ class Returned(NamedTuple):
 
     Attributes
     ----------
+    label : str
+        How messages name it.
     drive : FoundDrive
         With `restored` as it is by now.
     written : tuple of (Entry, int or None, int)
@@ -55,6 +57,8 @@ def put_back(bus: Fieldbus, settings: FoundSettings) -> Iterator[Returned]:
     ----------
     bus : Fieldbus
         An open bus on which nobody commands the drives.
+    settings : FoundSettings
+        What they held.
 
     Yields
     ------

@@ -29,7 +29,13 @@ _STATE = "state (6041)"
 
 
 def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
-    """Return the verdict on the state of a drive; refused, with the cause, in a fault."""
+    """State what a drive shows; one in a fault is refused, with the cause.
+
+    Raises
+    ------
+    DriveRefused, NodeSilent
+        An object that cannot be read.
+    """
     state = decode_state(server.get(objects.STATUSWORD))
     found = "undefined" if state is None else state.value
     if state is State.FAULT:
@@ -45,6 +51,10 @@ def reset_faults(bus: Fieldbus, drives: DrivesFile, operator: Operator) -> Itera
     ----------
     bus : Fieldbus
         An open bus on which nobody commands the drives.
+    drives : DrivesFile
+        The axes whose drives are asked.
+    operator : Operator
+        Who agrees.
 
     Yields
     ------

@@ -47,6 +47,8 @@ class Stroke:
 
     Attributes
     ----------
+    move : Move
+        What was commanded.
     time, q, tau : ndarray, shape (n,)
         Of each SYNC [s], [rad], [N m]; NaN where the TPDO is missing.
     following_error : float
@@ -82,6 +84,8 @@ def small_move(axis: AxisDrive, target: float, velocity: float) -> Move:
 
     Parameters
     ----------
+    axis : AxisDrive
+        Whose limits hold.
     target, velocity : float
         [rad], [rad/s].
     """
@@ -103,6 +107,16 @@ def travel(
 
     Parameters
     ----------
+    bus : ServoAxes
+        Entered.
+    number : int
+        The axis on `bus`, from 0.
+    drive : AxisDrive
+        What the drives file states of it.
+    move : Move
+        What to do.
+    operator : Operator
+        Who may stop it.
     poll : callable
         Called on the way, with the time [s].
 

@@ -92,6 +92,8 @@ def measure_wake_ups(
         Time between deadlines, and for how long [s].
     wait : callable
         Waits for so long at most [s], as a bus does when nothing is received.
+    clock : callable
+        Monotonic time [s].
     """
     count = max(1, round(duration / period))
     late = np.empty(count)

@@ -35,6 +35,12 @@ def offsets(
 
     Parameters
     ----------
+    process_data : ProcessData
+        Of all axes.
+    axes : sequence of Axis
+        In joint order.
+    cycle : callable
+        Lets one SYNC pass.
     when : str
         For the message.
     """

@@ -30,9 +30,15 @@ class MissingTelegrams:
 
     Parameters
     ----------
+    axes : sequence of Axis
+        In joint order.
     collect_late : callable
         Takes telegrams off the bus that are merely late; called after a gap.
-    silence, wiring, doubling
+    period : float
+        Time between two SYNCs [s].
+    silence, wiring : str
+        What stays away for so many SYNCs, in words, and what to check of the bus then.
+    doubling : str
         See `drivers.session.connection.Connection`.
 
     Attributes

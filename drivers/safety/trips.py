@@ -47,7 +47,15 @@ _TURNS = 8
 
 
 class Trips:
-    """Looks at the process data of each SYNC and finds why the axes must stop, if they must."""
+    """Looks at the process data of each SYNC and finds why the axes must stop, if they must.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+        In joint order.
+    period : float
+        Time between two SYNCs [s].
+    """
 
     def __init__(self, axes: Sequence[Axis], period: float) -> None:
         self._axes = axes
@@ -85,7 +93,15 @@ class Trips:
         self._lows, self._highs = list(lows), list(highs)
 
     def look(self, time: float, process_data: ProcessData) -> Tripped | None:
-        """Return why the axes must stop now, None if they need not."""
+        """Return why the axes must stop now, None if they need not.
+
+        Parameters
+        ----------
+        time : float
+            The SYNC's instant [s].
+        process_data : ProcessData
+            What it brought.
+        """
         self._turn = turn = (self._turn + 1) % _TURNS
         positions = process_data.positions
         if turn & 1:

@@ -48,6 +48,10 @@ def check_and_configure(
     ----------
     connection : Connection
         To the drives; `written` grows by each as soon as something may have been written to it.
+    drives : DrivesFile
+        What is stated of them.
+    period : float
+        Time between two SYNCs [s].
     keeper : SettingsKeeper
         Keeps what they hold before that.
     reset_faults : bool

@@ -32,8 +32,12 @@ class Connection(ABC):
 
     Parameters
     ----------
+    servers : tuple of RemoteDictionary
+        The drives' object dictionaries.
     communications : tuple of Communication
         How each drive communicates; what is found is put in.
+    process_data : ProcessData
+        Of all axes.
     life_sign : LifeSign
         Ours and theirs.
 
@@ -43,6 +47,10 @@ class Connection(ABC):
         What stays away for so many SYNCs, in words, and what to check of the bus then.
     doubling : str
         What DOUBLED samples for so many SYNCs mean, in words, with the remedy.
+    supervision : Supervision
+        Judges statuswords and emergencies.
+    power : Power
+        Switches drives on and off.
     written : list of RemoteDictionary
         Drives to which something may have been written; grows.
     """
@@ -97,7 +105,13 @@ class Connection(ABC):
         """
 
     def look_at_limits(self) -> None:  # noqa: B027 - most buses hear it
-        """Read back a limit of each drive (`Tripped`), where nobody hears foreign writes to it."""
+        """Read back a limit of each drive, where nobody hears that somebody else writes it.
+
+        Raises
+        ------
+        Tripped
+            It is no longer what start-up wrote.
+        """
 
     @abstractmethod
     def collect_late(self) -> None:
@@ -132,6 +146,10 @@ class UnpoweredDrives:
 
     Attributes
     ----------
+    servers : tuple of RemoteDictionary
+        The drives' object dictionaries in joint order.
+    communications : tuple of Communication
+        How they would communicate.
     process_data : ProcessData
         Lets time pass; the drives send none.
     """
@@ -152,6 +170,10 @@ class Place(NamedTuple):
 
     Attributes
     ----------
+    node : int
+        Its number.
+    name : str
+        For messages.
     alias : int or None
         By which it is found in place of its number, on buses that have such.
     within : InNode
@@ -203,6 +225,10 @@ class Fieldbus(ABC):
 
         Parameters
         ----------
+        drives : DrivesFile
+            The axes in joint order.
+        period : float
+            Time between two SYNCs [s].
         feed_forward : bool
             The drives are to take offsets of velocity and torque.
         """
@@ -217,7 +243,13 @@ class Fieldbus(ABC):
 
     @abstractmethod
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find the nodes of some numbers (by default all), writing nothing (`BusUnavailable`)."""
+        """Find the nodes of some numbers (by default all) and what they offer, writing nothing.
+
+        Raises
+        ------
+        BusUnavailable
+            The bus takes no frames or has gone.
+        """
 
     @abstractmethod
     def wait(self, timeout: float) -> object:

@@ -64,8 +64,14 @@ def leave(
 
     Parameters
     ----------
+    connection : Connection
+        To the drives.
     session : Session, optional
         None where not all drives were configured.
+    keeper : SettingsKeeper
+        Knows what they held.
+    order : RestoringOrder
+        Of the bus.
     """
     outcome = Outcome()
     if session is not None and session.state is not SessionState.CHECKED:

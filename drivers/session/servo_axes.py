@@ -44,6 +44,10 @@ class ServoAxes:
 
     Parameters
     ----------
+    bus : Fieldbus
+        An open bus.
+    drives : DrivesFile
+        The axes in joint order.
     period : float, optional
         Time between two SYNCs [s]; by default that of the drives file.
     reset_faults : bool

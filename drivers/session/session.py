@@ -57,6 +57,12 @@ class Session:
 
     Parameters
     ----------
+    connection : Connection
+        To drives that have been checked and configured.
+    period : float
+        Time between two SYNCs [s].
+    axes : tuple of Axis
+        In joint order.
     note : callable
         Takes what the operator should know though it stops nothing.
     anywhere : bool
@@ -66,6 +72,8 @@ class Session:
 
     Attributes
     ----------
+    axes, connection
+        As given.
     stopping : Stopping
         Stops all axes, and remembers why.
     """

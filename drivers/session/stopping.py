@@ -33,6 +33,12 @@ class Stopping(Shutdown):
 
     Parameters
     ----------
+    connection : Connection
+        To the drives.
+    axes : sequence of Axis
+        In joint order.
+    period : float
+        Time between two SYNCs [s].
     profile, cyclic
         What may be moving the axes.
 
@@ -74,7 +80,13 @@ class Stopping(Shutdown):
         raise trouble
 
     def refuse(self) -> None:
-        """Refuse to move after a trip (`Tripped`, with its reason)."""
+        """Refuse to move after a trip.
+
+        Raises
+        ------
+        Tripped
+            There was one, with its reason.
+        """
         if self.trip is not None:
             raise Tripped(
                 f"all axes were stopped and stay so until a deliberate reset(): {self.trip}"
@@ -82,6 +94,11 @@ class Stopping(Shutdown):
 
     def end(self, note: Callable[[Iterable[str]], None]) -> None:
         """Switch all axes off and allow motion again, where all have shown that they are off.
+
+        Parameters
+        ----------
+        note : callable
+            Takes what the operator should know.
 
         Raises
         ------
