@@ -135,13 +135,6 @@ class Common(NamedTuple):
     degrees: float
 
 
-class Unchanged(NamedTuple):
-    """Omega of each cause in unchanged recordings, and the weights of channels there."""
-
-    omega: dict[Key, Common]
-    weights: Array
-
-
 class _AxisColumns(NamedTuple):
     """Columns that show the noise of an axis, of all axes where it is none: which, and the rows.
 
@@ -165,10 +158,11 @@ class Battery:
         evidence: Evidence,
         columns: Columns,
         given: Iterable[int] = (),
-        unchanged: Unchanged | None = None,
+        unchanged: dict[Key, Common] | None = None,
     ) -> None:
         self.evidence, self.columns, self.given = evidence, columns, tuple(given)
-        self.unchanged = unchanged
+        self.unchanged = unchanged or {}
+        """Omega of each cause, where unchanged recordings show it."""
         e = evidence
         self._order = order = np.argsort(e.group, kind="stable")
         self._y, self._X, self._own = (
@@ -389,7 +383,9 @@ class Battery:
         # noise that wanders is one and the same in all columns of a group
         degrees = min(degrees, max(self._axes[axis].n_groups - 1.0, ALMOST_NONE))
         noise = Common(max(float(phi), white), degrees)
-        parts = self._parts(at) or noise
+        # over what is left, of which a change is no part
+        omega = self.unchanged.get(self.columns.names[at[0]][:2])
+        parts = noise if omega is None else Common(white * omega.dispersion, omega.degrees)
         # the greatest, with the quantile that its degrees of freedom ask for
         level = 1.0 - self.level / len(self.columns.tests)
         phi, degrees = max(
@@ -452,17 +448,7 @@ class Battery:
         z2 = scores[seen] ** 2 / information[seen]
         return Common(float(z2.mean()), _freedom(products[np.ix_(seen, seen)]))
 
-    def _parts(self, at: Indices) -> Common | None:
-        """Omega of the cause of some columns, with the weights of these tests."""
-        key = self.columns.names[at[0]][:2]
-        if self.unchanged is None or key not in self.unchanged.omega:
-            return None
-        omega = self.unchanged.omega[key]
-        squares = self.squares(at).sum(axis=1)
-        ratio = float(squares @ (self.weights / self.unchanged.weights) / squares.sum())
-        return Common(ratio * omega.dispersion, omega.degrees)
-
-    def of_parts(self, part: Indices) -> Unchanged:
+    def of_parts(self, part: Indices) -> dict[Key, Common]:
         """Omega of each cause: what it explains of parts of unchanged recordings.
 
         Parameters
@@ -489,8 +475,7 @@ class Battery:
                 B = _orthonormal(beside[np.ix_(at, at)])
                 along = B.T @ scores[at]
                 drops[key].append((float(along @ along), B.shape[1]))
-        omega = {key: self._moderated(key, each, every, seen) for key, each in drops.items()}
-        return Unchanged(omega, self.weights)
+        return {key: self._moderated(key, each, every, seen) for key, each in drops.items()}
 
     def _moderated(
         self, key: Key, drops: list[tuple[float, int]], every: Array, seen: Array

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.alternatives import Explained
-    from hil.estimation.excluded.battery import Test, Unchanged
+    from hil.estimation.excluded.battery import Common, Test
     from hil.estimation.excluded.columns import Key
     from hil.estimation.excluded.evidence import Evidence
     from hil.model.robot import Robot
@@ -204,7 +204,7 @@ class _Step:
         return tuple((beside.solution - self.battery.solution).tolist())
 
 
-def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> Unchanged:
+def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> dict[Key, Common]:
     """Return what each cause explains of parts of the earlier recordings, see `battery`."""
     early = evidence.only(~evidence.is_later)
     early = replace(early, later=np.ones(len(early.axis), dtype=bool))
