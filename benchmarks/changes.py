@@ -5,8 +5,9 @@
 takes run folders of any one machine, by default the two recordings of `examples/pan_tilt`. First,
 what `hil validate` says changed from TRAIN to TEST is printed. Then changes are planted into the
 recordings of TEST, one at a time and on every axis, each at the size that these recordings are
-stated to show: torques of an axis times a factor, an offset of its position, a delay of its torque,
-and friction. Printed are those that are found, with the right axis and cause. 80 % are to be found.
+stated to show, in either direction: torques of an axis times a factor, an offset of its position, a
+delay of its torque, and friction. Printed are those that are found, with the right axis and cause.
+80 % are to be found.
 """
 
 from __future__ import annotations
@@ -58,13 +59,14 @@ def main(train: Sequence[Path | str], test: Sequence[Path | str]) -> tuple[int, 
             size = sizes.get((cause, axis + 1))
             if size is None or size > most:
                 continue
-            proof = changed(robot, before, _planted(robot, p, after, cause, axis, size))
-            named = [(each.cause, each.axes) for each in proof.found] if proof else []
-            right = (cause, (axis + 1,)) in named or any(
-                f"axis {axis + 1}: " in other for each in proof.found for other in each.others
-            )
-            planted, found = planted + 1, found + right
-            print(f"{cause} of axis {axis + 1} by {size:.3g}: {named or 'nothing named'}")
+            for signed in (size, -size):
+                proof = changed(robot, before, _planted(robot, p, after, cause, axis, signed))
+                named = [(each.cause, each.axes) for each in proof.found] if proof else []
+                right = (cause, (axis + 1,)) in named or any(
+                    f"axis {axis + 1}: " in other for each in proof.found for other in each.others
+                )
+                planted, found = planted + 1, found + right
+                print(f"{cause} of axis {axis + 1} by {signed:.3g}: {named or 'nothing named'}")
     print(f"{found} of {planted} found")
     return len(unchanged.found), found, planted
 

@@ -212,13 +212,14 @@ class Battery:
         self._residual = y - Q @ (Q.T @ y)
         before = np.einsum("ij,ij->j", D, D)
         D -= Q @ (Q.T @ D)
+        self._counts = blocks.counts[0]
+        self._respond(D, root)
         self._left, self.information = D, np.einsum("ij,ij->j", D, D)
         self._scores = D.T @ self._residual
         silent = before <= NOTHING**2 * before.max(initial=0.0)
         self.visible: Mask = ~silent & (self.information > SPAN * before)
         """Columns that what is estimated does not span, shape (n_columns,)."""
         self.visible[list(self.given)] = False
-        self._counts = blocks.counts[0]
         self.left = np.maximum(blocks.mean_squares(regression.solution), least)
         """Mean square that is left of each channel, shape (n_channels,)."""
         self.misfit = float(self._counts @ np.log(self.left))
@@ -226,6 +227,28 @@ class Battery:
         self._pieces = [slice(a, b) for a, b in pairwise([*self._starts.tolist(), len(y)])]
         self.shares = self._by_group(D**2)
         """Of the groups in the information, shape (n_groups, n_columns)."""
+
+    def _respond(self, left: Array, root: Array) -> None:
+        """Scale columns of delays to what a delay does to the recorded torques.
+
+        Columns are of the torque that the model states, and a delay moves all of the torque. What
+        is left of either beside friction and base parameters may hardly be alike. So the column of
+        a delay is an instrument (Wooldridge, Introductory Econometrics, 15.1) for the derivative of
+        the recorded torque, whose noise would hide a delay were it the column itself. What else of
+        that derivative is left adds to the mean square of the axis.
+        """
+        self.elsewhere = np.zeros(left.shape[1])
+        """Share of the mean square of its axis that a unit of each cause adds beside its column."""
+        rate = -1e-3 * self.evidence.rate[self._order] * root
+        for k, name in enumerate(self.columns.names):
+            square = float(left[:, k] @ left[:, k])
+            if name.cause == "late torque" and square > 0.0:
+                moved = np.where(self._D[:, k] != 0.0, rate, 0.0)
+                moved -= self._Q @ (self._Q.T @ moved)
+                response = max(float(left[:, k] @ moved) / square, 0.0)
+                left[:, k] *= response
+                beside = float(moved @ moved) - response**2 * square
+                self.elsewhere[k] = beside / self._counts[name.axis]
 
     @property
     def _weighted(self) -> Array:
@@ -293,16 +316,42 @@ class Battery:
     def sizes(self) -> dict[tuple[str, int], float]:
         """Size of each cause of one column by itself."""
         return {
-            key: float(self._scores[k] / self.information[k])
+            key: float(self.alone([k])[0])
             for key, (k, *more) in self.columns.tests.items()
             if not more and self.visible[k]
         }
 
-    def most(self, columns: Indices) -> Array:
-        """What a unit of each adds to the mean square of the axis where that is most, as share."""
-        squares = np.zeros((self.evidence.n_channels, len(columns)))
-        np.add.at(squares, self._channel, self._left[:, columns] ** 2)
+    def alone(self, columns: Indices | list[int]) -> Array:
+        """Return the size of each column, were it the only one."""
+        found: Array = self._scores[columns] / self.information[columns]
+        return found
+
+    def squares(self, columns: Indices) -> Array:
+        """What a unit of each adds to the sum of squares of each axis, shape (n_channels, n)."""
+        found = np.zeros((self.evidence.n_channels, len(columns)))
+        np.add.at(found, self._channel, self._left[:, columns] ** 2)
+        return found
+
+    def most(self, squares: Array) -> Array:
+        """Return the largest share of an axis's mean square that some sums of squares are."""
         found: Array = (squares / np.maximum(self._counts, 1.0)[:, None]).max(axis=0)
+        return found
+
+    def outweighed(self, squares: Array, size: Array) -> Array:
+        """Return by how much causes of a size are found with larger errors than small ones.
+
+        Axes are weighed by what is left of their torques, of which a cause of several axes is a
+        part until it is found: with weights w_a in place of 1 the error of its size is by
+        sqrt(sum_a I_a sum_a I_a w_a^2) / sum_a I_a w_a larger.
+
+        Parameters
+        ----------
+        squares : ndarray, shape (n_channels, n)
+        size : ndarray, shape (n,)
+        """
+        w = 1.0 / (1.0 + squares * size**2 / np.maximum(self._counts, 1.0)[:, None])
+        total = squares.sum(axis=0) * (squares * w**2).sum(axis=0)
+        found: Array = np.sqrt(total) / (squares * w).sum(axis=0)
         return found
 
     def test(self, columns: Sequence[int], *, itself: bool = False) -> Test | None:
@@ -334,7 +383,9 @@ class Battery:
         # noise that wanders is one and the same in all columns of a group
         degrees = min(degrees, max(self._axes[axis].n_groups - 1.0, ALMOST_NONE))
         noise = Common(max(float(phi), white), degrees)
-        parts = self.unchanged.get(self.columns.names[at[0]][:2], noise)
+        # over what is left, of which a change is no part
+        omega = self.unchanged.get(self.columns.names[at[0]][:2])
+        parts = noise if omega is None else Common(white * omega.dispersion, omega.degrees)
         # the greatest, with the quantile that its degrees of freedom ask for
         level = 1.0 - self.level / len(self.columns.tests)
         phi, degrees = max(

@@ -15,6 +15,9 @@ from hil.model.drive_train_file import USUAL_BOUND
 if TYPE_CHECKING:
     from hil.model.robot import Robot
 
+FIRST_ORDER = 0.5
+"""Largest size of a first-order column, as a share (of the travel of a prismatic joint) or in rad:
+of a gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""
 LEFT_OUT = (
     "take the load off, or state the missing parameters of that link in the robot file (hil"
     " diagnose ranks the parameters, hil payload finds a load)"
@@ -58,6 +61,20 @@ class Cause(NamedTuple):
             return self.unit
         unit = self.unit if robot.revolute[axis] else self.slides
         return unit.format(torque=robot.torque_unit(axis), position=robot.position_unit(axis))
+
+    def largest(self, robot: Robot, axis: int, hours: float) -> float:
+        """Return the largest size that a column of the first order stands for, in this unit.
+
+        Parameters
+        ----------
+        hours : float
+            Duration of the recordings, by which a cause grows that is stated per hour.
+        """
+        unit = self.unit_of(robot, axis)
+        shares = {"%": 100.0, "%/h": 100.0 / max(hours, 1e-9), "degrees": 180.0 / np.pi}
+        if unit == "mm":
+            shares[unit] = 1e3 * float(robot.q_max[axis] - robot.q_min[axis])
+        return FIRST_ORDER * shares.get(unit, np.inf)
 
 
 PERCENT = 100.0 * USUAL_BOUND

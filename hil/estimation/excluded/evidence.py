@@ -61,6 +61,8 @@ class Evidence:
         Without that of rotors of known inertia [N m].
     recorded : ndarray, shape (n,)
         With it.
+    rate : ndarray, shape (n,)
+        Change of `recorded` by time [N m/s].
     X : ndarray, shape (n, n_base)
     own : ndarray, shape (n, n_own)
         Columns of the channel alone.
@@ -82,6 +84,7 @@ class Evidence:
     group: Indices
     torque: Array
     recorded: Array
+    rate: Array
     X: Array
     own: Array
     motion: Array
@@ -180,7 +183,7 @@ class Evidence:
         )
 
 
-COLUMNS = ("axis", "group", "torque", "recorded", "X", "own", "period", "time")
+COLUMNS = ("axis", "group", "torque", "recorded", "rate", "X", "own", "period", "time")
 """Attributes of `Evidence` with a row each."""
 
 
@@ -260,6 +263,7 @@ def _part(
     n_base = len(base_parameters(robot))
     smooth = s.once("smooth motion", lambda: np.array([s.smoothed(x) for x in s.link]))
     motion = np.stack([smooth[:, index + k] for k in (-1, 0, 1)])
+    tau = s.smoothed(s.tau[:, [each.axis]])[:, 0]
     # of an axis at rest the change from one sample to the next is its encoder's noise
     rest = [k for k in range(robot.n_joints) if not s.moving(robot, k).any()]
     motion[..., rest] = motion[1][..., rest]
@@ -275,6 +279,7 @@ def _part(
         group=place * 1000 + number,
         torque=each.torques[some, 0],
         recorded=each.torques[some].sum(axis=1),
+        rate=(tau[index + 1] - tau[index - 1]) / (2.0 * s.period),
         X=each.X[some, :n_base],
         own=own,
         motion=motion,

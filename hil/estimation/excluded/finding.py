@@ -59,9 +59,6 @@ they scatter twice as much as noise within them explains. Then nothing may be si
 is uncertain. It is 1.0 to 1.5 where nothing is wrong, with strong drift of friction, too, up to 3.5
 beside a cause that a column explains, and 13 to 18 where one axis counts the other way, two are
 exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the runs of `LARGE`."""
-FIRST_ORDER = 0.5
-"""Largest size of a first-order column, as a share (of the travel of a prismatic joint) or in rad:
-of a gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain as much. Let the right one explain z^2;
 another that is correlated by r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However alike
@@ -110,6 +107,8 @@ def excluded(
         battery = step.beside
     instead = _Instead(robot, evidence, first, battery, tests, tuple(step.found for step in found))
     causes, stated = instead.found, limits(robot, battery, every, len(tests), leaves)
+    if evidence.later is not None and not instead.shows_changes:
+        stated = tuple(each.model_copy(update={"size": None}) for each in stated)
     if evidence.later is not None and not instead.departs:
         friction, more = friction_changes(robot, p, evidence)
         # where all torques of an axis changed, its friction did with them
@@ -172,13 +171,17 @@ class _Step:
         """In words, together with what explains as much."""
         explains = explained_by(self.battery, self.tests, self.test.dispersion)
         same = [k for k, gain in explains.items() if alike(gain, explains[self.key])]
-        # a slip before an axis shows anything is a zero that is off
-        same = [k for k in same if k[0] != "slip" or ("zero", k[1]) not in same]
+        tests = {k: self.battery.test(self.tests[k], itself=True) for k in same}
+        may_be = {
+            k: test
+            for k, test in tests.items()
+            if test is not None and possible(self.robot, self.battery.evidence, k, test)
+        }
         named = [
-            (key, test, with_size(self.robot, self.battery.columns, key, test))
-            for key in sorted(same, key=lambda k: rank_of(*k))
-            if (test := self.battery.test(self.tests[key], itself=True)) is not None
-            and possible(self.robot, self.battery.evidence, key, test)
+            (key, may_be[key], with_size(self.robot, self.battery.columns, key, may_be[key]))
+            for key in sorted(may_be, key=lambda k: rank_of(*k))
+            # a slip before an axis shows anything is a zero that is off
+            if key[0] != "slip" or ("zero", key[1]) not in may_be
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
@@ -214,14 +217,8 @@ def possible(robot: Robot, evidence: Evidence, key: Key, test: Test) -> bool:
     cause = CAUSES[name_of(key)]
     if (test.size < cause.least).any():
         return False
-    size = float(np.abs(test.size).max())
-    unit = cause.unit_of(robot, key[1])
-    if unit == "%/h":
-        unit, size = "%", size * float(np.ptp(evidence.time)) / 3600.0
-    of_one = {"%": 0.01, "degrees": np.pi / 180.0}
-    if unit == "mm":  # a share of the travel of a prismatic joint
-        of_one["mm"] = 1e-3 / float(robot.q_max[key[1]] - robot.q_min[key[1]])
-    return size * of_one.get(unit, 0.0) <= FIRST_ORDER
+    hours = float(np.ptp(evidence.time)) / 3600.0
+    return bool(np.abs(test.size).max() <= cause.largest(robot, key[1], hours))
 
 
 def likeliest(
@@ -278,12 +275,17 @@ class _Instead:
     def _of_change(self, departure: Departure) -> tuple[Found, ...]:
         """Return what changed, if the later recordings are like the earlier ones beside that."""
         thin, _ = self._thin
-        if self.causes and self._of(self.battery.given).possible and not self.departs:
+        if self.causes and self.shows_changes:
             return self.causes
         if self._stated.possible and not departure.significant(thin, self._stated.residual):
             return ()
         found = self._likeliest()
         return () if found is None else (found,)
+
+    @property
+    def shows_changes(self) -> bool:
+        """Whether any column would be named, see `_of_change`."""
+        return self._of(self.battery.given).possible and not self.departs
 
     @cached_property
     def departs(self) -> bool:

@@ -17,6 +17,7 @@ of normal distributions with one mean.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -75,7 +76,8 @@ def friction_changes(
     known = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
     level = LEVEL / FAMILIES / len(axes)
-    need = np.array([noncentrality(1, max(round(each), 1), level) for each in degrees])
+    need = [np.sqrt(noncentrality(1, max(math.floor(each), 1), level)) for each in degrees]
+    size = need * error + np.abs(change)  # as of `limits`
     found = tuple(
         Found(
             cause=FRICTION,
@@ -93,7 +95,7 @@ def friction_changes(
             axis=axes[k] + 1,
             part="",
             unit="%",
-            size=100.0 * float(np.sqrt(need[k]) * error[k]) if known[k] else None,
+            size=100.0 * float(size[k]) if known[k] else None,
             torque=levels[k].share,
         )
         for k in range(len(axes))

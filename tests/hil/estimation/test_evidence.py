@@ -23,6 +23,7 @@ def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
         group=np.repeat(np.arange(2 * n_parts), rows),
         torque=rng.standard_normal(n),
         recorded=rng.standard_normal(n),
+        rate=rng.standard_normal(n),
         X=rng.standard_normal((n, 3)),
         own=rng.standard_normal((n, n_own)),
         motion=rng.standard_normal((3, 3, n, 2)),

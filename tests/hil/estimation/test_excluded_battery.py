@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,8 +45,10 @@ def evidence(
     walk = rng.standard_normal(N_AXES * n_groups)[group] * np.array(slow)[axis]
     X = rng.standard_normal((n, 2))
     torque = X @ [3.0, 4.0] + rng.standard_normal(n) + walk + size * values[:, 0]
+    rate = np.zeros(n)
     made = Evidence(
-        axis=axis, group=group, torque=torque, recorded=torque, X=X, own=np.zeros((n, 0)),
+        axis=axis, group=group, torque=torque, recorded=torque, rate=rate, X=X,
+        own=np.zeros((n, 0)),
         motion=np.zeros((3, 3, n, N_AXES)), period=np.ones(n), time=np.arange(float(n)),
         parts=parts, finest=np.full(N_AXES, 1e-9),
     )  # fmt: skip
@@ -88,6 +91,36 @@ def test_the_size_of_one_column_is_students_t_about_it(degrees: int) -> None:
     level = LEVEL / 100
     wanted = stats.t.isf(level / 2, degrees) + stats.t.isf(1 - POWER, degrees)
     assert np.sqrt(noncentrality(1, degrees, level)) == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.parametrize("response", [0.1, 1.0])
+def test_a_delay_is_sized_by_what_it_does_to_the_recorded_torque(response: float) -> None:
+    # of the recorded torque's derivative the model states a part, and the rest is as large
+    rng = np.random.default_rng(5)
+    rows, columns = evidence(rng, 20, (0.0, 0.0))
+    columns = replace(columns, names=(Column("late torque", 0), *columns.names[1:]))
+    moved = response * (columns.values[:, 0] + rng.standard_normal(len(rows.axis)))
+    moved[rows.axis != 0] = 0.0
+    late = 7.0 / response
+    rows = replace(rows, torque=rows.torque + late * moved, rate=-1e3 * moved)
+    test = Battery(rows, columns).test([0], itself=True)
+    assert test is not None
+    assert test.size[0] == pytest.approx(late, rel=0.25)
+
+
+@pytest.mark.parametrize(("elsewhere", "shown"), [(0.0, True), (1.0, True), (30.0, False)])
+def test_a_delay_that_moves_torques_elsewhere_hides_itself(
+    elsewhere: float, *, shown: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    rows, columns = evidence(rng, 20, (0.0, 0.0))
+    columns = replace(columns, names=(Column("late torque", 0), *columns.names[1:]))
+    moved = columns.values[:, 0] + elsewhere * rng.standard_normal(len(rows.axis))
+    moved[rows.axis != 0] = 0.0
+    size = smallest(Battery(replace(rows, rate=-1e3 * moved), columns), [0], 8)[0]
+    without = smallest(Battery(replace(rows, rate=-1e3 * columns.values[:, 0]), columns), [0], 8)[0]
+    assert np.isfinite(size) == shown
+    assert size >= without
 
 
 def test_dispersions_that_scatter_alike_tell_no_more_than_one() -> None:
