@@ -32,7 +32,7 @@ MOST = 1.2
 
 
 def measure(every: int, folder: Path, *, old: bool) -> Path:
-    """Run the plan at `every` times its period, with drives that renew as rarely (`old`) or at once.
+    """Run the plan at `every` times its period; drives renew as rarely (`old`) or at once.
 
     A run that is there stays.
     """
