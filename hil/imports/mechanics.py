@@ -69,6 +69,9 @@ LAGS = (0.05, 0.1)
 stack of software, another computer's clock."""
 DEGREE = np.pi / 180.0
 """Factor of positions that are in degrees and stated as radians."""
+SLOW = 0.004
+"""Time between the samples that are compared [s]: motion of a robot up to 20 Hz has twelve in a
+period. Faster recordings are replaced by means, alike of positions and of torques."""
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
 """Ranges of a joint that make nobody doubt the unit of its position [rad]: two turns are the widest
 of robots, and what moves less would not exceed them in the other unit either."""
@@ -87,6 +90,7 @@ def mechanical_suspicions(
         Joints that move, with accelerations beyond their noise: what a model leaves of the torques
         of others says nothing of the columns.
     """
+    excerpts = [_thinned(each) for each in excerpts]
     prepared = [_motion(number, each) for number, each in enumerate(excerpts)]
     try:
         solver = SimultaneousFit(robot, prepared)
@@ -219,6 +223,16 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             reading = sized(robot, cause, -1)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
             yield "gravity", (), f"gravity points along [{towards}]", reading
+
+
+def _thinned(excerpt: Excerpt) -> Excerpt:
+    """Return the means of as many successive samples as come in `SLOW`."""
+    n = max(1, round(SLOW / excerpt.period))
+    q, tau, qd = (
+        x[: len(x) // n * n].reshape(-1, n, x.shape[1]).mean(axis=1)
+        for x in (excerpt.q, excerpt.tau, excerpt.qd)
+    )
+    return replace(excerpt, period=n * excerpt.period, q=q, tau=tau, qd=qd)
 
 
 def _motion(number: int, excerpt: Excerpt) -> tuple[FreeMotion, Signals]:

@@ -19,6 +19,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.imports.readers.arrow import plain_rows
 from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, instant, layout_of
 from hil.imports.readers.stacked import Channels, is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
@@ -53,16 +54,31 @@ class TextTable:
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""
-        row, line = 0, 1 + self._layout.skipped
+        row, line, long = 0, 1 + self._layout.skipped, False
         for text in _whole_lines(self.path, self._layout.skipped):
+            long |= len(text) >= BLOCK  # a block takes as long to read as Arrow to import
+            block = self._read_plain(text, columns) if long else None
             try:
-                block = self._read(text, columns)
-                self._refuse_longer_rows(text, len(block), line)
+                if block is None:
+                    block = self._read(text, columns)
+                    self._refuse_longer_rows(text, len(block), line)
             except ValueError:  # which states no lines, as for rows that are too short
                 block = self._read_row_by_row(text, columns, row, line)
             row, line = row + len(block), line + text.count(b"\n")
             if len(block):
                 yield block
+
+    def _read_plain(self, text: bytes, columns: Sequence[int]) -> Array | None:
+        """Read rows of numbers without comments and quotation marks at once; None for others."""
+        layout = self._layout
+        if layout.decimal == ",":
+            text = text.replace(b",", b".")
+        bare = not any(mark in text for mark in (b'"', layout.comment.encode()))
+        # a CR alone would end a row of Arrow's
+        lone = b"\r" in text and text.count(b"\r") > text.count(b"\r\n")
+        if layout.delimiter == " " or not bare or lone:
+            return None
+        return plain_rows(text, layout.delimiter, layout.width, columns)
 
     def _read(self, text: bytes, columns: Sequence[int]) -> Array:
         try:
@@ -212,17 +228,14 @@ def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
     with _opened(path) as file:
         for _ in range(skipped):
             file.readline()
-        rest = b"" if skipped else file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
-        while block := file.read(BLOCK):
-            _refuse_binary(path, block)
-            end = block.rfind(b"\n") + 1
-            if not end and len(rest) + len(block) > BLOCK:
+        begin = b"" if skipped else file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
+        while block := begin + file.read(BLOCK):
+            end = b"" if block.endswith(b"\n") else file.readline(BLOCK)
+            if len(end) == BLOCK:
                 raise FileError(f"{path}: has a line of more than {BLOCK} bytes: it is no table")
-            whole, rest = (rest + block[:end], block[end:]) if end else (b"", rest + block)
-            if whole:
-                yield whole
-        if rest:
-            yield rest
+            block, begin = block + end, b""
+            _refuse_binary(path, block)
+            yield block
 
 
 def _refuse_binary(path: Path, block: bytes) -> None:
