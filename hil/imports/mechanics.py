@@ -131,7 +131,12 @@ def mechanical_suspicions(
         yield from _late(robot, prepared, solver) if (share > 0.003).any() else ()
         return
     left, cause, axes, words = min(
-        (_left(robot, excerpts, reading, solver), cause, axes, words)
+        (
+            _left(robot, excerpts, reading, solver, axes if "torque" in cause else ()),
+            cause,
+            axes,
+            words,
+        )
         for _, cause, axes, words, reading in tried
     )
     # torques that follow no motion of their axes contradict the map as what is impossible does
@@ -166,12 +171,21 @@ def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
 
 
 def _left(
-    robot: Robot, excerpts: Sequence[Excerpt], reading: Reading, solver: SimultaneousFit
+    robot: Robot,
+    excerpts: Sequence[Excerpt],
+    reading: Reading,
+    solver: SimultaneousFit,
+    axes: tuple[int, ...] = (),
 ) -> float:
-    """Share of the mean squares that a reading leaves if it is taken at its word."""
+    """Share of the mean squares that a reading leaves if it is taken at its word.
+
+    In the geometric mean over `axes`, if given: a reading of their torques alone leaves the
+    equations of all other axes as they are, however many these are.
+    """
     turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
-    return float(np.exp(np.log(solver.weight / SimultaneousFit(turned, read).weight).mean()))
+    shares = np.log(solver.weight / SimultaneousFit(turned, read).weight)
+    return float(np.exp(shares[list(axes)].mean() if axes else shares.mean()))
 
 
 def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
