@@ -36,6 +36,7 @@ from hil.estimation.excluded.result import located
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
+from hil.imports.two_clocks import clock_of_torques
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 
@@ -107,6 +108,26 @@ def mechanical_suspicions(
             " motion; name the columns of torques, of the same recording and of this robot",
         )
         return
+    refusals = list(_misread(robot, excerpts, prepared, solver, shown & (share > NOTHING)))
+    yield from refusals
+    # share of the variance of an axis's torque that is left from which on lags are looked for:
+    # twins of robots leave a third of it, and five times as much where torques are 50 ms late
+    if not refusals and (share > 0.003).any():
+        another = list(clock_of_torques(excerpts, robot, shown))
+        yield from another or _late(robot, prepared, solver)
+
+
+def _misread(
+    robot: Robot,
+    excerpts: Sequence[Excerpt],
+    prepared: Prepared,
+    solver: SimultaneousFit,
+    strangers: Mask,
+) -> Iterator[Suspicion]:
+    """Yield a suspicion where another reading of the map explains the torques.
+
+    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes.
+    """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
     every = [
@@ -117,7 +138,7 @@ def mechanical_suspicions(
     drives = stated.driven[driven] >= 1.0 - LEAVES
     enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
     likely = [each for each in every if each[0].misfit < enough and each[0].possible]
-    astray = set(np.flatnonzero(shown & (share > NOTHING)).tolist())
+    astray = set(np.flatnonzero(strangers).tolist())
     tried = [
         (*each[:4], signed)
         for each in every
@@ -126,18 +147,11 @@ def mechanical_suspicions(
     ]
     tried += [min(likely, key=lambda each: each[0].misfit)] if likely else []
     if not tried:
-        # share of the variance of an axis's torque that is left from which on lags are looked for:
-        # twins of robots leave a third of it, and five times as much where torques are 50 ms late
-        yield from _late(robot, prepared, solver) if (share > 0.003).any() else ()
         return
     left, cause, axes, words = min(
-        (
-            _left(robot, excerpts, reading, solver, axes if "torque" in cause else ()),
-            cause,
-            axes,
-            words,
-        )
+        (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
         for _, cause, axes, words, reading in tried
+        for of_torques in [axes if "torque" in cause else ()]
     )
     # torques that follow no motion of their axes contradict the map as what is impossible does
     contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))

@@ -46,6 +46,12 @@ def test_rows_that_are_uneven_by_all_velocities_are_named(tmp_path):
     assert "record a time stamp with each row" in one.message
 
 
+def test_a_factor_that_all_velocities_have_in_common_makes_no_row_uneven(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns |= {name: 0.993 * columns[name] for name in ("v1", "v2")}
+    assert stated(tmp_path, columns, time={"rate": RATE}).suspicions == ()
+
+
 def test_noise_of_one_encoder_is_no_uneven_clock(tmp_path):
     columns = table(20.0, rate=RATE)
     columns["q1"] += 2e-3 * np.random.default_rng(1).standard_normal(len(columns["t"]))
