@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrow import plain_rows
 from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, instant, layout_of
@@ -155,8 +156,8 @@ class TextTable:
                 return float(np.datetime64(instant(cell), "ns").astype(np.int64))
         name = f" ({self.names[column]})" if self.names[column] else ""
         raise FileError(
-            f"{at}: {cell[:40]!r} in column {column + 1}{name}, row {row}, is no number; choose"
-            " another column or rows, or state the file's layout in format"
+            f"{at}: '{one_line(cell, 40)}' in column {column + 1}{name}, row {row}, is no"
+            " number; choose another column or rows, or state the file's layout in format"
         )
 
 
@@ -231,10 +232,10 @@ def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
         begin = b"" if skipped else file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
         while block := begin + file.read(BLOCK):
             end = b"" if block.endswith(b"\n") else file.readline(BLOCK)
-            if len(end) == BLOCK:
-                raise FileError(f"{path}: has a line of more than {BLOCK} bytes: it is no table")
             block, begin = block + end, b""
             _refuse_binary(path, block)
+            if len(end) == BLOCK:
+                raise FileError(f"{path}: has a line of more than {BLOCK} bytes: it is no table")
             yield block
 
 
@@ -248,12 +249,16 @@ def _refuse_binary(path: Path, block: bytes) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[IO[bytes]]:
-    """A file, unpacked; errors of the file system and of decompression as `FileError`."""
+    """A file, unpacked and UTF-16 as UTF-8; errors of both, and of the disk, as `FileError`."""
     with file_errors(path, "read"):
         try:
             with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-                yield cast("IO[bytes]", file)
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+                file.seek(0)
+                yield cast(
+                    "IO[bytes]", codecs.EncodedFile(file, "utf-8", "utf-16") if wide else file
+                )
+        except (EOFError, zlib.error, gzip.BadGzipFile, UnicodeError) as error:
             raise FileError(
                 f"{path}: cannot be unpacked: {error}; copy or download it again"
             ) from error
