@@ -64,9 +64,12 @@ def suspicions(
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         clock = list(clock_suspicions(excerpts, evidence, robot))
         # what all velocities have in common is said once; it makes speeds and positions look wrong
-        clock += () if clock else clock_of_velocities(excerpts, compared(evidence))
         found = clock + found
-        found += () if clock else misread_velocities(evidence, robot)
+        misread = [] if clock else list(misread_velocities(evidence, robot))
+        if not clock and not misread:
+            clock = list(clock_of_velocities(excerpts, compared(evidence)))
+            found = clock + found
+        found += misread
         wrong = any(suspicion.certain for suspicion in found)
         held = [] if wrong else list(_held(excerpts, evidence))
         found += held

@@ -123,7 +123,8 @@ def _suspicion(
     tiny = np.finfo(float).tiny
     # the geometric mean, since a clock is that of all joints and what a model misses is of some
     left = np.log(np.maximum(many.left, tiny)) - np.log(np.maximum(one.left, tiny))
-    if left.mean() <= np.log(LEAVES):
+    # a row is of an instant no better known than the period
+    if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:
         name = {"tau": "torque", "qd": "velocity"}[key]
         yield Suspicion("shape", ("joints", 0, name), _words(name, many), certain=False)
 
