@@ -124,6 +124,14 @@ def drifting(kind: str, share: float) -> Change:
     return column(kind, lambda x: np.interp(np.arange(len(x)) * (1 + share), np.arange(len(x)), x))
 
 
+def jumping(kind: str, seconds: float) -> Change:
+    """Columns of a kind that are late from the middle on."""
+    return column(
+        kind,
+        lambda x: np.where(np.arange(len(x)) > len(x) // 2, np.roll(x, round(seconds / PERIOD)), x),
+    )
+
+
 def hold(name: str, every: int) -> Change:
     """Columns whose values are held."""
     return column(name, lambda x: np.repeat(x[::every], every)[: len(x)])
@@ -197,6 +205,9 @@ MISTAKES = (
     Mistake("all torques held for 8 rows", r"torque.*held", hold("m", 8)),
     Mistake("position of axis 3 held for 3 rows", r"joints\.2\.position.*held", hold("q3", 3)),
     *(Mistake(f"torques by a clock {100 * s:g} % fast", "clock", drifting("m", s)) for s in (0.02, 0.005)),
+    *(Mistake(f"torques jump by {1e3 * s:g} ms", "clock", jumping("m", s)) for s in (0.1, -0.3)),
+    Mistake("velocities by a clock 1 % fast", "clock", drifting("v", 0.01)),
+    Mistake("velocities jump by 100 ms", "clock", jumping("v", 0.1)),
     # turned about axis 1, gravity is as wrong as the axis's zero
     Mistake("gravity sideways", "gravity|axis 1: its zero", robot=gravity(2)),
     Mistake("from another link: tilted by 90 degrees", "gravity|axis 1: its zero", robot=gravity(1)),

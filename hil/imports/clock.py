@@ -64,7 +64,7 @@ def clock_suspicions(
         )
     elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
         return
-    elif (steps := _uneven(excerpts, shown)) is not None:
+    elif (steps := _uneven(excerpts, shown, common)) is not None:
         low, high = np.quantile(steps, [0.1, 0.9])
         yield Suspicion(
             "velocity",
@@ -126,15 +126,16 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
     return np.maximum(ratio, np.finfo(float).tiny), np.maximum(error, np.finfo(float).eps)
 
 
-def _uneven(excerpts: Sequence[Excerpt], shown: Mask) -> Array | None:
+def _uneven(excerpts: Sequence[Excerpt], shown: Mask, common: float) -> Array | None:
     """Times between samples by the velocities, in periods; None where these do not agree on them.
 
-    Each joint's steps are foretold by what the others say of the time that passed.
+    Each joint's steps are foretold by what the others say of the time that passed. A factor that
+    all velocities have in `common` makes no step differ from another.
     """
     every = []
     left, whole = np.zeros(int(shown.sum())), np.zeros(int(shown.sum()))
     for each in excerpts:
-        qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / 2
+        qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / (2 * common)
         scale = np.sqrt(np.mean(qd**2, axis=0)) * each.period
         step, speed = np.diff(each.q[:, shown], axis=0) / scale, qd * each.period / scale
         # speeds of a third of the mean square of one joint, at least, show time

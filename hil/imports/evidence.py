@@ -19,7 +19,7 @@ from hil.least_squares.standstill import extent, moving
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import Check
     from hil.imports.samples import Samples
     from hil.least_squares.standstill import Extent
@@ -57,13 +57,17 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Excerpt:
-    """Even samples of a part of a recording: arrays (n, n_joints), SI, joint side."""
+    """Even samples of a part of a recording: arrays (n, n_joints), SI, joint side.
+
+    Motion is fitted at some `points`; the first sample is `begin` after the recording's [s].
+    """
 
     period: float
     q: Array
     tau: Array
     qd: Array
     points: int
+    begin: float = 0.0
 
     @cached_property
     def extent(self) -> Extent:
@@ -101,7 +105,8 @@ def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
         q, tau, qd = even_samples(samples, part)
         # points at which motion is fitted, of all excerpts together
         points = max(20, round(3000 * part.duration / whole))
-        found.append(Excerpt(part.stretch.period, q, tau, qd, points))
+        begin = float(part.grid[0] - pieces[0].grid[0])
+        found.append(Excerpt(part.stretch.period, q, tau, qd, points, begin))
     return found
 
 
@@ -134,7 +139,7 @@ class Evidence:
     @classmethod
     def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:
         """Join what the excerpts show."""
-        samples, noises = zip(*map(_fitted, excerpts), strict=True)
+        _, samples, noises = zip(*map(fitted, excerpts), strict=True)
         noise_qd, noise_qdd = np.max(noises, axis=0)
         moves = moving([excerpt.extent for excerpt in excerpts])
         recorded = np.max([extent(each.qd, each.period).noise for each in excerpts], axis=0)
@@ -144,12 +149,23 @@ class Evidence:
         return cls(q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, recorded, moves, duration)
 
 
-def _fitted(excerpt: Excerpt) -> tuple[tuple[Array, ...], Array]:
-    """Parabolas through the positions about some instants, and means of all else.
+def half_width(period: float) -> int:
+    """Return how many samples a fit takes on either side."""
+    return max(2, round(HALF_WIDTH / period))
 
-    Besides the standard deviations that noise of positions gives velocities and accelerations.
+
+def fitted(excerpt: Excerpt) -> tuple[Integers, tuple[Array, ...], Array]:
+    """Fit parabolas through the positions about some samples, and average all else there.
+
+    Returns
+    -------
+    samples : ndarray of int, shape (n,)
+    values : tuple of ndarray, shape (n, n_joints)
+        q, qd, qdd, torque and recorded velocity.
+    noise : ndarray, shape (2, n_joints)
+        Standard deviations that noise of positions gives qd and qdd.
     """
-    half = max(2, round(HALF_WIDTH / excerpt.period))
+    half = half_width(excerpt.period)
     at = np.linspace(half, len(excerpt.q) - 1 - half, excerpt.points).round().astype(int)
     about = at[:, None] + np.arange(-half, half + 1)
     t = np.arange(-half, half + 1) * excerpt.period
@@ -157,4 +173,4 @@ def _fitted(excerpt: Excerpt) -> tuple[tuple[Array, ...], Array]:
     motion = (np.einsum("w,pwj->pj", row, excerpt.q[about]) for row in fit)
     means = (values[about].mean(axis=1) for values in (excerpt.tau, excerpt.qd))
     noise = np.linalg.norm(fit, axis=1)[1:, None] * excerpt.extent.noise
-    return (*motion, *means), noise
+    return at, (*motion, *means), noise

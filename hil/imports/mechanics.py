@@ -36,6 +36,7 @@ from hil.estimation.excluded.result import located
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
+from hil.imports.two_clocks import clock_of_torques
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 
@@ -69,6 +70,9 @@ LAGS = (0.05, 0.1)
 stack of software, another computer's clock."""
 DEGREE = np.pi / 180.0
 """Factor of positions that are in degrees and stated as radians."""
+SLOW = 0.004
+"""Time between the samples that are compared [s]: motion of a robot up to 20 Hz has twelve in a
+period. Faster recordings are replaced by means, alike of positions and of torques."""
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
 """Ranges of a joint that make nobody doubt the unit of its position [rad]: two turns are the widest
 of robots, and what moves less would not exceed them in the other unit either."""
@@ -87,6 +91,7 @@ def mechanical_suspicions(
         Joints that move, with accelerations beyond their noise: what a model leaves of the torques
         of others says nothing of the columns.
     """
+    excerpts = [_thinned(each) for each in excerpts]
     prepared = [_motion(number, each) for number, each in enumerate(excerpts)]
     try:
         solver = SimultaneousFit(robot, prepared)
@@ -103,6 +108,26 @@ def mechanical_suspicions(
             " motion; name the columns of torques, of the same recording and of this robot",
         )
         return
+    refusals = list(_misread(robot, excerpts, prepared, solver, shown & (share > NOTHING)))
+    yield from refusals
+    # share of the variance of an axis's torque that is left from which on lags are looked for:
+    # twins of robots leave a third of it, and five times as much where torques are 50 ms late
+    if not refusals and (share > 0.003).any():
+        another = list(clock_of_torques(excerpts, robot, shown))
+        yield from another or _late(robot, prepared, solver)
+
+
+def _misread(
+    robot: Robot,
+    excerpts: Sequence[Excerpt],
+    prepared: Prepared,
+    solver: SimultaneousFit,
+    strangers: Mask,
+) -> Iterator[Suspicion]:
+    """Yield a suspicion where another reading of the map explains the torques.
+
+    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes.
+    """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
     every = [
@@ -113,7 +138,7 @@ def mechanical_suspicions(
     drives = stated.driven[driven] >= 1.0 - LEAVES
     enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
     likely = [each for each in every if each[0].misfit < enough and each[0].possible]
-    astray = set(np.flatnonzero(shown & (share > NOTHING)).tolist())
+    astray = set(np.flatnonzero(strangers).tolist())
     tried = [
         (*each[:4], signed)
         for each in every
@@ -122,13 +147,11 @@ def mechanical_suspicions(
     ]
     tried += [min(likely, key=lambda each: each[0].misfit)] if likely else []
     if not tried:
-        # share of the variance of an axis's torque that is left from which on lags are looked for:
-        # twins of robots leave a third of it, and five times as much where torques are 50 ms late
-        yield from _late(robot, prepared, solver) if (share > 0.003).any() else ()
         return
     left, cause, axes, words = min(
-        (_left(robot, excerpts, reading, solver), cause, axes, words)
+        (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
         for _, cause, axes, words, reading in tried
+        for of_torques in [axes if "torque" in cause else ()]
     )
     # torques that follow no motion of their axes contradict the map as what is impossible does
     contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
@@ -162,12 +185,21 @@ def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
 
 
 def _left(
-    robot: Robot, excerpts: Sequence[Excerpt], reading: Reading, solver: SimultaneousFit
+    robot: Robot,
+    excerpts: Sequence[Excerpt],
+    reading: Reading,
+    solver: SimultaneousFit,
+    axes: tuple[int, ...] = (),
 ) -> float:
-    """Share of the mean squares that a reading leaves if it is taken at its word."""
+    """Share of the mean squares that a reading leaves if it is taken at its word.
+
+    In the geometric mean over `axes`, if given: a reading of their torques alone leaves the
+    equations of all other axes as they are, however many these are.
+    """
     turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
-    return float(np.exp(np.log(solver.weight / SimultaneousFit(turned, read).weight).mean()))
+    shares = np.log(solver.weight / SimultaneousFit(turned, read).weight)
+    return float(np.exp(shares[list(axes)].mean() if axes else shares.mean()))
 
 
 def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
@@ -219,6 +251,16 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             reading = sized(robot, cause, -1)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
             yield "gravity", (), f"gravity points along [{towards}]", reading
+
+
+def _thinned(excerpt: Excerpt) -> Excerpt:
+    """Return the means of as many successive samples as come in `SLOW`."""
+    n = max(1, round(SLOW / excerpt.period))
+    q, tau, qd = (
+        x[: len(x) // n * n].reshape(-1, n, x.shape[1]).mean(axis=1)
+        for x in (excerpt.q, excerpt.tau, excerpt.qd)
+    )
+    return replace(excerpt, period=n * excerpt.period, q=q, tau=tau, qd=qd)
 
 
 def _motion(number: int, excerpt: Excerpt) -> tuple[FreeMotion, Signals]:

@@ -58,8 +58,11 @@ def other_units(robot: Robot, joint: int) -> dict[str, float]:
     turning = {"in mm": 1e3}
     if robot.revolute[joint]:
         turning = {"in deg": 180 / pi, "in rpm": 30 / pi, "in turns": 0.5 / pi}
-    motor = {f"on the motor's side at a gear ratio of {gear:g}": gear}
-    return turning | (motor if gear != 1 else {})
+    if gear == 1:
+        return turning
+    side = f"on the motor's side at a gear ratio of {gear:g}"
+    both = {f"{unit} {side}": factor * gear for unit, factor in turning.items()}
+    return turning | {side: gear} | both
 
 
 def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:

@@ -54,7 +54,8 @@ def source_suspicions(samples: Samples, segments: Sequence[Integers]) -> Iterato
             part = rows[begin : begin + ROWS]
             if len(part) < _ENOUGH:
                 continue
-            q = samples.values[part, : samples.n_joints].clip(-GREATEST, GREATEST)
+            q = np.asfortranarray(samples.values[part, : samples.n_joints])
+            q = q.clip(-GREATEST, GREATEST)
             if (mixed := _visits(q) or _alternating(q, samples.time[part])) is not None:
                 yield _suspicion(samples, part, mixed)
                 return
@@ -104,7 +105,7 @@ def _alternating(q: Array, time: Array) -> _Mixed | None:
     """Find two sources in turn with nearly equal positions."""
     ranges = np.ptp(q, axis=0)
     moves = ranges > FAR * ranges.max()
-    if not moves.any() or any(rows_held(x) > 1 for x in q[:, moves].T):
+    if not moves.any() or any(rows_held(x) > 1 for x in q.T[moves]):
         return None
     every = _least(q, time)
     second = (_least(q[::2], time[::2]) + _least(q[1::2], time[1::2])) / 2

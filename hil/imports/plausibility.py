@@ -16,7 +16,14 @@ from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Suspicion
 from hil.imports.held import repeats
 from hil.imports.mechanics import mechanical_suspicions
-from hil.imports.misread import misread_torques, misread_velocities, range_suspicions, small
+from hil.imports.misread import (
+    compared,
+    misread_torques,
+    misread_velocities,
+    range_suspicions,
+    small,
+)
+from hil.imports.two_clocks import clock_of_velocities
 from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:
@@ -58,7 +65,11 @@ def suspicions(
         clock = list(clock_suspicions(excerpts, evidence, robot))
         # what all velocities have in common is said once; it makes speeds and positions look wrong
         found = clock + found
-        found += () if clock else misread_velocities(evidence, robot)
+        misread = [] if clock else list(misread_velocities(evidence, robot))
+        if not clock and not misread:
+            clock = list(clock_of_velocities(excerpts, compared(evidence)))
+            found = clock + found
+        found += misread
         wrong = any(suspicion.certain for suspicion in found)
         held = [] if wrong else list(_held(excerpts, evidence))
         found += held

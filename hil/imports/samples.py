@@ -111,7 +111,7 @@ def read_samples(
                 torques = conversion.torques(block)
                 unsigned[unsigned] = [could_lack_signs(x) for x in torques[:, unsigned].T]
                 time, values = conversion.of(block, n - begins[-1])
-                file.write(values.tobytes())
+                file.write(values.data)
                 times.append(time)
                 complete.append(np.isfinite(time) & conversion.complete(values))
                 n += len(time)
@@ -161,6 +161,9 @@ def _file_blocks(
         positions.extend([position] * len(found))
     streams = [table.blocks(columns) for table, columns, _ in tables.values()]
     every = [p for _, _, positions in tables.values() for p in positions]
+    if len(streams) == 1:
+        yield from streams[0]
+        return
     order = np.argsort(every, kind="stable")
     for parts in _side_by_side(streams, [table.path for table, _, _ in tables.values()]):
         yield np.concatenate(parts, axis=1)[:, order]

@@ -70,12 +70,11 @@ def spike_suspicions(
 ) -> Iterator[Suspicion]:
     """Columns with spikes, each with how many samples stand out, and where the first one is."""
     n = robot.n_joints
-    found = [_Spikes() for _ in range(3 * n)]
-    for rows, _ in _parts(stretches):
-        for column, x in enumerate(samples.read(rows).T):
-            _add(found[column], samples, rows, column, x)
-    if not any(spikes.count for spikes in found):
+    if not any(out.any() for *_, (_, out) in _columns(samples, stretches)):
         return
+    found = [_Spikes() for _ in range(3 * n)]
+    for rows, column, x, (excursion, out) in _columns(samples, stretches):
+        _add(found[column], rows, x, excursion, out, position=column < n)
     moves = _moving(samples, stretches)
     for column, spikes in enumerate(found):
         kind, joint = divmod(column, n)
@@ -113,6 +112,20 @@ def _parts(stretches: Sequence[Stretch]) -> Iterator[tuple[Integers, float]]:
                 yield rows, stretch.period
 
 
+def _columns(
+    samples: Samples, stretches: Sequence[Stretch]
+) -> Iterator[tuple[Integers, int, Array, tuple[Array, Mask]]]:
+    """Yield rows, columns without missing values, whole turns undone, and what stands out there."""
+    turning = samples.n_joints if samples.wraps else 0
+    for rows, _ in _parts(stretches):
+        values = np.ascontiguousarray(samples.read(rows).T).clip(-GREATEST, GREATEST)
+        for column in np.flatnonzero(np.isfinite(values).all(axis=1)).tolist():
+            x, recorded = values[column], None
+            if column < turning:
+                recorded = samples.values[rows, column].clip(-GREATEST, GREATEST)
+            yield rows, column, x, _outstanding(x, recorded)
+
+
 def _moving(samples: Samples, stretches: Sequence[Stretch]) -> Mask:
     """Joints that move, shape (n_joints,)."""
     positions = slice(0, samples.n_joints)
@@ -122,21 +135,10 @@ def _moving(samples: Samples, stretches: Sequence[Stretch]) -> Mask:
     ])  # fmt: skip
 
 
-def _add(spikes: _Spikes, samples: Samples, rows: Integers, column: int, x: Array) -> None:
+def _add(
+    spikes: _Spikes, rows: Integers, x: Array, excursion: Array, out: Mask, *, position: bool
+) -> None:
     """Add what a part `x` of a column, whole turns undone, has of spikes."""
-    if not np.isfinite(x).all():
-        return
-    x, position = x.clip(-GREATEST, GREATEST), column < samples.n_joints
-    excursion = _excursion(x)
-    # and a hundredth of the ordinary range: where a joint hardly ever moves, its turns are as quick
-    out = excursion > max(_ordinary(x), 0.01 * np.ptp(np.quantile(x, MIDDLE)))
-    if out.any():  # rounding flickers by an increment each way; the last digit of a double is none
-        out &= excursion > (2.0 + 1e-6) * increment(x)
-    if position and samples.wraps:
-        recorded = samples.values[rows, column].clip(-GREATEST, GREATEST)
-        turned = _excursion(recorded)
-        turns = turned > max(_ordinary(recorded), TURNS)
-        excursion, out = np.where(turns, turned, excursion), out | turns
     if out.any() and not spikes.count:
         spikes.first = int(rows[REACH + np.argmax(out)])
     spikes.count += int(out.sum())
@@ -147,12 +149,32 @@ def _add(spikes: _Spikes, samples: Samples, rows: Integers, column: int, x: Arra
     spikes.of_all += float((bent**2).sum() if position else ((x - x.mean()) ** 2).sum())
 
 
-def _ordinary(x: Array) -> float:
-    """Excursion up to which samples are ordinary; rounding, too, is ordinary."""
-    steps = np.abs(x[REACH:] - x[:-REACH])
+def _outstanding(x: Array, recorded: Array | None) -> tuple[Array, Mask]:
+    """Return how far samples stand out, and which stand out; `recorded` has its whole turns."""
+    excursion, out = _beyond_ordinary(x)
+    # and a hundredth of the ordinary range: where a joint hardly ever moves, its turns are as quick
+    if out.any():
+        out &= excursion > 0.01 * np.ptp(np.quantile(x, MIDDLE))
+    if out.any():  # rounding flickers by an increment each way; the last digit of a double is none
+        out &= excursion > (2.0 + 1e-6) * increment(x)
+    if recorded is not None:
+        turned, turns = _beyond_ordinary(recorded)
+        turns &= turned > TURNS
+        excursion, out = np.where(turns, turned, excursion), out | turns
+    return excursion, out
+
+
+def _beyond_ordinary(x: Array) -> tuple[Array, Mask]:
+    """Return how far samples stand out, and which by more than samples ordinarily change."""
+    excursion = _excursion(x)
+    farthest, steps = float(excursion.max()), np.abs(x[REACH:] - x[:-REACH])
     # ordinary changes that a spike exceeds, 10: 28 standard deviations of white noise, as an
     # ordinary change of it is 1.96 times the square root of two of them
-    return float(max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max()))
+    if np.count_nonzero(steps <= farthest / 10.0) < OFTEN * (len(steps) - 1):
+        return excursion, np.zeros(len(excursion), dtype=bool)  # without the quantile's sorting
+    # rounding, too, is ordinary
+    most = max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max())
+    return excursion, np.asarray(excursion > most)
 
 
 def _excursion(x: Array) -> Array:

@@ -27,7 +27,7 @@ from hil.imports.instants import (
     lost,
     stretch_of,
 )
-from hil.imports.tables import ROWS
+from hil.imports.tables import ROWS, SECONDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -187,11 +187,23 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
     if steps[worst] < -10 * period or len(back) > max(1, 0.01 * len(rows)):
         raise WrongStamps(
             f"time runs backwards at {len(back)} of {len(rows)} rows, from {time[worst]:.6g} s to"
-            f" {time[worst + 1]:.6g} s at row {rows[worst + 1] + 1}; choose another column of time,"
-            " or end a segment there with rows"
+            f" {time[worst + 1]:.6g} s at row {rows[worst + 1] + 1}"
+            f"{_wrapped(period - steps[worst], period)}; choose another column of time, or end a"
+            " segment there with rows"
         )
     counts.disordered += len(back)
     return rows[np.argsort(time, kind="stable")]
+
+
+def _wrapped(fall: float, period: float) -> str:
+    """Return words for a fall of stamps that is the range of a counter; none for another one."""
+    for bits in (16, 32):
+        for unit, seconds in SECONDS.items():
+            if abs(fall - 2.0**bits * seconds) < 2.5 * period:
+                return (
+                    f": a counter of {bits} bits in {unit} began anew, add {2**bits} from there on"
+                )
+    return ""
 
 
 def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Integers:

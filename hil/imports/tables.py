@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from checked_files.budget import refuse_beyond
+from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError
 
 if TYPE_CHECKING:
@@ -107,14 +108,15 @@ def column_of(table: Table, column: int | str) -> int:
     found = [index for index, name in enumerate(table.names) if name == column]
     if len(found) == 1:
         return found[0]
+    quoted = f"'{whole_line(column)}'"  # a name that is escaped already is escaped once
     if found:
         numbers = " and ".join(str(index + 1) for index in found)
-        raise NoColumn(f"{table.path} has {column!r} as columns {numbers}; give a number")
+        raise NoColumn(f"{table.path} has {quoted} as columns {numbers}; give a number")
     for name, what in table.left_out.items():
         if column == name or (column.startswith(name) and column[len(name)] in "./({"):
-            raise NoColumn(f"{table.path} has no column {column!r}: {name} is {what}")
+            raise NoColumn(f"{table.path} has no column {quoted}: {name} is {what}")
     also = "".join(f"; {note}" for note in table.notes)
-    raise NoColumn(f"{table.path} has no column {column!r}; {_offered(table.names, column)}{also}")
+    raise NoColumn(f"{table.path} has no column {quoted}; {_offered(table.names, column)}{also}")
 
 
 def _offered(names: Sequence[str], wanted: str) -> str:

@@ -45,7 +45,7 @@ _FRESH = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 _ENDING = re.compile(rf"(\.[0-9a-f]{{8}})?{re.escape(PART)}$")
 
 
-def write_file(path: Path, content: bytes) -> None:
+def write_file(path: Path, content: bytes | memoryview) -> None:
     """Write `content` to `path`, whole or not at all.
 
     Raises

@@ -97,7 +97,7 @@ def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
             file.create_dataset(name, data=array).attrs["unit"] = _units(name, robot)
         file.attrs.update(meta)
         file.attrs["checksum"] = _checksum(arrays, meta)
-    write_file(path, image.getvalue())
+    write_file(path, image.getbuffer())
 
 
 def read_measured(path: Path) -> Measured:

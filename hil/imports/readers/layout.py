@@ -18,6 +18,8 @@ DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|(\d\d?)\.(\d\d?)\.(\d{4})[T ])?\d\d:\d\
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _COMMENTS = ("%", "#", "//")
+_END_OF_SETTINGS = "***End_of_Header***"
+"""Line after the settings of a measurement file of LabVIEW."""
 _LOOKED_AT = 30
 _ABOVE = 5
 """Rows above the numbers in which the names may be: comments, types and units follow these."""
@@ -70,10 +72,12 @@ def layout_of(text: str, stated: Format) -> Layout:
         No row of numbers is found, or lines that cannot be rows.
     """
     lines = text.split("\n")
+    settings = [number for number, line in enumerate(lines) if line.startswith(_END_OF_SETTINGS)]
+    begin = max(stated.skip, 1 + max(settings, default=-1))
     used = [
         (number, line.strip("\r"))
         for number, line in enumerate(lines)
-        if number >= stated.skip and line.strip() and not line.lstrip().startswith(stated.comment)
+        if number >= begin and line.strip() and not line.lstrip().startswith(stated.comment)
     ]
     if not used:
         raise NoNumbers("has no rows")

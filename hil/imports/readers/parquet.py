@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.imports.readers.arrow import numbers
 from hil.imports.tables import ROWS
 from hil.model.robot_file import MOST_JOINTS
 from hil.optional_packages import needed_for
@@ -194,7 +195,7 @@ def _numbers(column: Any, place: _Place) -> Array:
         column = _elements(column, 0)
     if pa.types.is_timestamp(column.type):
         column = column.cast(pa.timestamp("ns")).cast(pa.int64())
-    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False))
+    return numbers(column.cast(pa.float64(), safe=False))
 
 
 def _elements(lists: Any, element: int) -> Any:

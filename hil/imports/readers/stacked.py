@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.tables import ArrayTable
 
@@ -104,8 +105,8 @@ def _row(path: Path, number: int, line: str, name: str) -> tuple[float, float]:
         time, value = (_number(cell) for cell in cells if cell)
     except ValueError:
         raise FileError(
-            f"{path}:{number}: {line.strip()[:40]!r} in trace {name!r} must be a time stamp and a"
-            " number; choose another trace, or remove this one"
+            f"{path}:{number}: '{one_line(line, 40)}' in trace '{one_line(name)}' must be a time"
+            " stamp and a number; choose another trace, or remove this one"
         ) from None
     return time, value
 

@@ -18,7 +18,9 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
+from hil.imports.readers.arrow import plain_rows
 from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, instant, layout_of
 from hil.imports.readers.stacked import Channels, is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
@@ -53,16 +55,31 @@ class TextTable:
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""
-        row, line = 0, 1 + self._layout.skipped
+        row, line, long = 0, 1 + self._layout.skipped, False
         for text in _whole_lines(self.path, self._layout.skipped):
+            long |= len(text) >= BLOCK  # a block takes as long to read as Arrow to import
+            block = self._read_plain(text, columns) if long else None
             try:
-                block = self._read(text, columns)
-                self._refuse_longer_rows(text, len(block), line)
+                if block is None:
+                    block = self._read(text, columns)
+                    self._refuse_longer_rows(text, len(block), line)
             except ValueError:  # which states no lines, as for rows that are too short
                 block = self._read_row_by_row(text, columns, row, line)
             row, line = row + len(block), line + text.count(b"\n")
             if len(block):
                 yield block
+
+    def _read_plain(self, text: bytes, columns: Sequence[int]) -> Array | None:
+        """Read rows of numbers without comments and quotation marks at once; None for others."""
+        layout = self._layout
+        if layout.decimal == ",":
+            text = text.replace(b",", b".")
+        bare = not any(mark in text for mark in (b'"', layout.comment.encode()))
+        # a CR alone would end a row of Arrow's
+        lone = b"\r" in text and text.count(b"\r") > text.count(b"\r\n")
+        if layout.delimiter == " " or not bare or lone:
+            return None
+        return plain_rows(text, layout.delimiter, layout.width, columns)
 
     def _read(self, text: bytes, columns: Sequence[int]) -> Array:
         try:
@@ -139,8 +156,8 @@ class TextTable:
                 return float(np.datetime64(instant(cell), "ns").astype(np.int64))
         name = f" ({self.names[column]})" if self.names[column] else ""
         raise FileError(
-            f"{at}: {cell[:40]!r} in column {column + 1}{name}, row {row}, is no number; choose"
-            " another column or rows, or state the file's layout in format"
+            f"{at}: '{one_line(cell, 40)}' in column {column + 1}{name}, row {row}, is no"
+            " number; choose another column or rows, or state the file's layout in format"
         )
 
 
@@ -212,17 +229,14 @@ def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
     with _opened(path) as file:
         for _ in range(skipped):
             file.readline()
-        rest = b"" if skipped else file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
-        while block := file.read(BLOCK):
+        begin = b"" if skipped else file.read(len(codecs.BOM_UTF8)).removeprefix(codecs.BOM_UTF8)
+        while block := begin + file.read(BLOCK):
+            end = b"" if block.endswith(b"\n") else file.readline(BLOCK)
+            block, begin = block + end, b""
             _refuse_binary(path, block)
-            end = block.rfind(b"\n") + 1
-            if not end and len(rest) + len(block) > BLOCK:
+            if len(end) == BLOCK:
                 raise FileError(f"{path}: has a line of more than {BLOCK} bytes: it is no table")
-            whole, rest = (rest + block[:end], block[end:]) if end else (b"", rest + block)
-            if whole:
-                yield whole
-        if rest:
-            yield rest
+            yield block
 
 
 def _refuse_binary(path: Path, block: bytes) -> None:
@@ -235,12 +249,16 @@ def _refuse_binary(path: Path, block: bytes) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[IO[bytes]]:
-    """A file, unpacked; errors of the file system and of decompression as `FileError`."""
+    """A file, unpacked and UTF-16 as UTF-8; errors of both, and of the disk, as `FileError`."""
     with file_errors(path, "read"):
         try:
             with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-                yield cast("IO[bytes]", file)
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+                file.seek(0)
+                yield cast(
+                    "IO[bytes]", codecs.EncodedFile(file, "utf-8", "utf-16") if wide else file
+                )
+        except (EOFError, zlib.error, gzip.BadGzipFile, UnicodeError) as error:
             raise FileError(
                 f"{path}: cannot be unpacked: {error}; copy or download it again"
             ) from error

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from small_recording import a_map, motion, table, write_csv, write_map
 
+from checked_files.yaml_file import FileError
 from hil.imports.importing import import_recordings
 
 RATE = 200.0
@@ -44,6 +45,12 @@ def test_rows_that_are_uneven_by_all_velocities_are_named(tmp_path):
     (one,) = stated(tmp_path, columns, time={"rate": 200}).suspicions
     assert "samples are not even in time: by the recorded velocities of joints 1, 2" in one.message
     assert "record a time stamp with each row" in one.message
+
+
+def test_a_factor_that_all_velocities_have_in_common_makes_no_row_uneven(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns |= {name: 0.993 * columns[name] for name in ("v1", "v2")}
+    assert stated(tmp_path, columns, time={"rate": RATE}).suspicions == ()
 
 
 def test_noise_of_one_encoder_is_no_uneven_clock(tmp_path):
@@ -112,3 +119,18 @@ def test_what_was_understood_is_explained_joint_by_joint(tmp_path):
     assert lines[0].startswith("joint 1: position q1 [rad], velocity v1 [rad/s], torque m1 [N m]")
     for check in ("range", "still", "velocity", "time"):
         assert any(line.startswith(f"check {check}: ") for line in lines)
+
+
+def test_a_counter_that_begins_anew_is_named_with_its_bits(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["t"] = np.round((1e6 * columns["t"] + 2**32 - 8e6) % 2**32)
+    words = r"row 1601: a counter of 32 bits in us began anew, add 4294967296 from there on; choose"
+    with pytest.raises(FileError, match=words):
+        stated(tmp_path, columns, time={"column": "t", "unit": "us"})
+
+
+def test_velocities_in_rpm_of_the_motor_are_named_by_unit_and_side(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["v1"] *= 50 * 30 / np.pi
+    with pytest.raises(FileError, match="velocity is in rpm on the motor's side at a gear ratio"):
+        stated(tmp_path, columns)

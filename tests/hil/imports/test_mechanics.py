@@ -100,6 +100,22 @@ def test_two_joints_exchanged(seen, manutec, which, key, words):
     assert said(seen, manutec, **changes) == [(("joints", 1, *key), f"axes 2 and 3: {words}")]
 
 
+def test_two_torques_exchanged_of_axes_that_move_alike_among_others_that_are_right(manutec):
+    # each of the two torques has the other's rhythm, so a part of it fits the wrong motion as well
+    w = 2 * np.pi * np.array([0.11, 0.13, 0.13, 0.19, 0.23, 0.29])
+    phase = np.array([0, 0, 0.6, 0, 0, 0])
+    q = 0.7 * np.sin(np.outer(T, w) + phase) + np.array([0, 0.3, -0.4, 0, 0.5, 0])
+    qd, qdd = 0.7 * w * np.cos(np.outer(T, w) + phase), -0.7 * w**2 * np.sin(np.outer(T, w) + phase)
+    tau = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd) + manutec.reflected_inertia * qdd
+    tau += 10 * np.tanh(qd / 0.03) + np.random.default_rng(1).normal(
+        0, 0.15 * np.std(tau, axis=0), tau.shape
+    )
+    assert said(excerpt(q, tau), manutec) == []
+    assert said(excerpt(q, tau[:, [0, 2, 1, 3, 4, 5]]), manutec) == [
+        (("joints", 1, "torque", "column"), "axes 2 and 3: each has the torque of the other")
+    ]
+
+
 def test_degrees_that_are_stated_as_radians_where_no_limits_tell(seen, manutec):
     text = re.sub(r"(velocity|acceleration|torque)_limit: \S+", r"\1_limit: unknown", manutec.text)
     robot, one = parse_robot(text, "unlimited.yaml"), seen.q * [1, 1, 1, 1, 180 / np.pi, 1]

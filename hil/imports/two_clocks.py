@@ -1,0 +1,196 @@
+"""Torques or velocities by another clock than the positions, as in files merged from two sources.
+
+Rows of a merged file are of one instant only if both sources count time alike. Where one counts
+faster, or lost some samples, its columns lag by a time that changes along the recording, which no
+shift of a column corrects. What is recorded with a lag l and is y = X p without one obeys
+
+    y(t + l) = X(t) p,    so to first order    y(t + l0) = X(t) p - (l - l0) y'(t + l0).
+
+Least squares over p and a lag l of each part of the recording, which all joints share, by Newton's
+iteration. Of torques p are base parameters and friction of each axis, of velocities a scale of each
+joint. Lags that change are stated where they leave half of the mean squares that one lag for the
+whole recording leaves, or less, in the geometric mean over the joints.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.estimation.excluded.finding import LEAVES
+from hil.imports.evidence import Suspicion, fitted, half_width
+from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from hil.arrays import Array, Integers, Mask
+    from hil.imports.evidence import Excerpt
+    from hil.model.robot import Robot
+
+PARTS, SHORTEST = 12, 2.0
+"""Parts of a recording at most, and the duration of one at least [s]: half a period of a slow
+motion tells a lag from other friction."""
+ROUNDS = 20
+"""Rounds of Newton's iteration at most; a lag of a tenth of a second takes some six."""
+REACH = 0.1
+"""Change of a lag in a round at most [s]: a sixth of a period of the fastest that arms move."""
+
+
+class _Rows(NamedTuple):
+    """Rows of one excerpt: samples, columns (n, n_joints, k), what is known, parts of each row."""
+
+    excerpt: Excerpt
+    key: str
+    samples: Integers
+    X: Array
+    known: Array
+    part: Integers
+
+
+class _Lags(NamedTuple):
+    """Lag and middle of each part [s], and mean squares left of each joint's column."""
+
+    lags: Array
+    middles: Array
+    left: Array
+
+
+def clock_of_torques(excerpts: Sequence[Excerpt], robot: Robot, shown: Mask) -> Iterator[Suspicion]:
+    """Yield a suspicion where the lag of all torques changes along the recording.
+
+    Parameters
+    ----------
+    excerpts : sequence of Excerpt
+    robot : Robot
+    shown : ndarray of bool, shape (n_joints,)
+        Joints that move, with accelerations beyond their noise.
+    """
+
+    def rows(q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
+        own = np.stack([np.ones_like(qd), np.sign(qd), qd], axis=2)
+        columns = [regressor(robot, q, qd, qdd), _of_each(own)]
+        return np.concatenate(columns, axis=2), motor_torque(robot, q, qd, qdd)
+
+    yield from _suspicion(excerpts, shown, "tau", rows)
+
+
+def clock_of_velocities(excerpts: Sequence[Excerpt], shown: Mask) -> Iterator[Suspicion]:
+    """Yield a suspicion where the lag of all recorded velocities changes along the recording.
+
+    Parameters
+    ----------
+    excerpts : sequence of Excerpt
+    shown : ndarray of bool, shape (n_joints,)
+        Joints whose recorded velocity can be compared with the derivative of the position.
+    """
+    yield from _suspicion(
+        excerpts, shown, "qd", lambda _q, qd, _qdd: (_of_each(qd[:, :, None]), 0.0 * qd)
+    )
+
+
+def _of_each(own: Array) -> Array:
+    """Columns of each joint alone, shape (n, n_joints, n_joints k), of values (n, n_joints, k)."""
+    n, joints, k = own.shape
+    found = np.zeros((n, joints, joints, k))
+    found[:, range(joints), range(joints)] = own
+    return found.reshape(n, joints, joints * k)
+
+
+def _suspicion(
+    excerpts: Sequence[Excerpt],
+    shown: Mask,
+    key: str,
+    columns: Callable[[Array, Array, Array], tuple[Array, Array]],
+) -> Iterator[Suspicion]:
+    parts = [
+        max(1, min(PARTS // len(excerpts), int(len(each.q) * each.period / SHORTEST)))
+        for each in excerpts
+    ]
+    rows, first, most = [], 0, max(PARTS, len(excerpts))
+    for each, n in zip(excerpts, parts, strict=True):
+        samples, (q, qd, qdd, *_), _ = fitted(each)
+        X, known = columns(q, qd, qdd)
+        part = (first + np.arange(len(samples)) * n // len(samples)) * PARTS // most
+        rows.append(_Rows(each, key, samples, X[:, shown], known[:, shown], part))
+        first += n
+    if first < 2 or not shown.any():
+        return
+    one = _lags([each._replace(part=0 * each.part) for each in rows], shown)
+    many = _lags(rows, shown)
+    tiny = np.finfo(float).tiny
+    # the geometric mean, since a clock is that of all joints and what a model misses is of some
+    left = np.log(np.maximum(many.left, tiny)) - np.log(np.maximum(one.left, tiny))
+    # a row is of an instant no better known than the period
+    if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:
+        name = {"tau": "torque", "qd": "velocity"}[key]
+        yield Suspicion("shape", ("joints", 0, name), _words(name, many), certain=False)
+
+
+def _words(name: str, found: _Lags) -> str:
+    lags, at = found.lags, found.middles
+    slope, begin = np.polyfit(at, lags, 1)
+    steps = [
+        float(np.sum((lags[:k] - lags[:k].mean()) ** 2) + np.sum((lags[k:] - lags[k:].mean()) ** 2))
+        for k in range(1, len(lags))
+    ]
+    jump = 1 + int(np.argmin(steps))
+    if len(lags) > 2 and steps[jump - 1] < np.sum((lags - begin - slope * at) ** 2):
+        size = lags[jump:].mean() - lags[:jump].mean()
+        change = f"jumps by {1e3 * size:.0f} ms between {at[jump - 1]:.0f} and {at[jump]:.0f} s"
+    else:
+        change = (
+            f"goes from {1e3 * lags[0]:.0f} ms at {at[0]:.0f} s to {1e3 * lags[-1]:.0f} ms at"
+            f" {at[-1]:.0f} s, as of clocks that differ by {100 * abs(slope):.2g} %"
+        )
+    plural = {"torque": "torques", "velocity": "velocities"}[name]
+    return (
+        f"{plural} of all joints are by another clock than the positions: their lag {change}; no"
+        " shift of columns corrects that: merge the two sources by stamps of one clock, or choose"
+        " rows in which the lag is constant"
+    )
+
+
+def _lags(rows: Sequence[_Rows], shown: Mask) -> _Lags:
+    """Find the lag of each part of the recording."""
+    part = np.unique(np.concatenate([each.part for each in rows]), return_inverse=True)[1]
+    X, known = (np.concatenate([getattr(r, name) for r in rows]) for name in ("X", "known"))
+    time = np.concatenate([r.excerpt.begin + r.samples * r.excerpt.period for r in rows])
+    one = np.eye(part.max() + 1)[part]
+    lags, weight, tiny = np.zeros(one.shape[1]), np.zeros(0), np.finfo(float).tiny
+    finest = min(r.excerpt.period for r in rows) / 4
+    ends = np.cumsum([len(r.samples) for r in rows])[:-1]
+    for _ in range(ROUNDS):
+        late = np.split(lags[part], ends)
+        each = [_columns(r, lag) for r, lag in zip(rows, late, strict=True)]
+        y, slopes = (np.concatenate(x)[:, shown] for x in zip(*each, strict=True))
+        y = y - known
+        columns = np.concatenate([X, -slopes[:, :, None] * one[:, None, :]], axis=2)
+        if not len(weight):
+            weight = 1.0 / np.maximum(y.var(axis=0), tiny)
+        N = np.einsum("nja,j,njb->ab", columns, weight, columns, optimize=True)
+        v = np.einsum("nja,j,nj->a", columns, weight, y, optimize=True)
+        scale = np.sqrt(np.maximum(np.diag(N), tiny))
+        x = np.linalg.lstsq(N / np.outer(scale, scale), v / scale, rcond=1e-10)[0] / scale
+        left = np.mean((y - columns @ x) ** 2, axis=0)
+        weight = 1.0 / np.maximum(left, tiny)
+        change = np.clip(x[-len(lags) :], -REACH, REACH)
+        lags = lags + change
+        if np.abs(change).max() < finest:
+            break
+    return _Lags(lags, one.T @ time / one.sum(axis=0), left)
+
+
+def _columns(rows: _Rows, lag: Array) -> tuple[Array, Array]:
+    """Means about `lag` [s] after each sample of what was recorded, and their derivatives."""
+    excerpt, recorded = rows.excerpt, getattr(rows.excerpt, rows.key)
+    half = half_width(excerpt.period)
+    sums = np.vstack([np.zeros(recorded.shape[1]), np.cumsum(recorded, axis=0)])
+    means = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+    last = len(means) - 1
+    at = np.rint(rows.samples - half + lag / excerpt.period).astype(np.int64).clip(0, last)
+    before, after = (at - half).clip(0), (at + half).clip(max=last)
+    slopes = (means[after] - means[before]) / ((after - before) * excerpt.period)[:, None]
+    return means[at], slopes

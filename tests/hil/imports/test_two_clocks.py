@@ -1,0 +1,59 @@
+"""Columns of a second source whose clock goes otherwise, or jumps, are named as such."""
+
+import re
+
+import numpy as np
+import pytest
+from synthetic import TABLE_3_A
+
+from hil.imports.evidence import Excerpt
+from hil.imports.two_clocks import clock_of_torques, clock_of_velocities
+from hil.model.dynamics import inverse_dynamics
+
+PERIOD, W = 0.005, 2 * np.pi * np.array([0.31, 0.37, 0.47, 0.53, 0.61, 0.71])
+MOVING = np.ones(6, dtype=bool)
+
+
+def recorded(robot, begin, lag_of_tau, lag_of_qd):
+    """An excerpt of 10 s of a free motion with friction, two of its columns by other clocks."""
+    t, rng = begin + np.arange(0, 10, PERIOD), np.random.default_rng(1)
+
+    def motion(at):
+        phase = np.outer(at, W)
+        return 0.5 * np.sin(phase), 0.5 * W * np.cos(phase), -0.5 * W**2 * np.sin(phase)
+
+    q, qd, qdd = motion(t - lag_of_tau(t))
+    tau = inverse_dynamics(robot, TABLE_3_A, q, qd, qdd) + robot.reflected_inertia * qdd
+    tau += 10 * np.tanh(qd / 0.03) + 0.2 * rng.standard_normal(q.shape)
+    qd = motion(t - lag_of_qd(t))[1] + 0.002 * rng.standard_normal(q.shape)
+    q = motion(t)[0] + 1e-5 * rng.standard_normal(q.shape)
+    return Excerpt(PERIOD, q, tau, qd, 1500, begin)
+
+
+def said(robot, lag_of_tau=lambda t: 0 * t, lag_of_qd=lambda t: 0 * t):
+    excerpts = [recorded(robot, begin, lag_of_tau, lag_of_qd) for begin in (0.0, 25.0)]
+    found = [*clock_of_torques(excerpts, robot, MOVING), *clock_of_velocities(excerpts, MOVING)]
+    assert not any(each.certain for each in found)
+    return [each.message.partition(";")[0].partition(" than the positions: ") for each in found]
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.05, -0.02])
+def test_one_clock_raises_no_suspicion_whatever_the_lag(manutec, lag):
+    assert said(manutec, lambda t: lag + 0 * t, lambda t: lag + 0 * t) == []
+
+
+@pytest.mark.parametrize(
+    ("lag", "words"),
+    [
+        (lambda t: 0.004 * t, r"their lag goes from \d+ ms at 1 s to 13\d ms at 34 s, as of clocks"
+                              r" that differ by 0\.4\d? %"),
+        (lambda t: -0.1 * (t > 25), r"their lag jumps by -(9\d|10\d) ms between \d+ and 26 s"),
+    ],
+)  # fmt: skip
+def test_a_lag_that_changes_is_of_another_clock(manutec, lag, words):
+    ((torques, _, changes),) = said(manutec, lag_of_tau=lag)
+    assert torques == "torques of all joints are by another clock"
+    assert re.fullmatch(words, changes), changes
+    ((velocities, _, changes),) = said(manutec, lag_of_qd=lag)
+    assert velocities == "velocities of all joints are by another clock"
+    assert re.fullmatch(words, changes), changes
