@@ -93,14 +93,14 @@ def excluded(
     unchanged = scales_of_parts(robot, p, evidence) if evidence.later is not None else None
     battery = first = Battery(evidence, every, every.fitted, unchanged)
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
-    found: list[_Step] = []
+    found: list[Step] = []
     while len(found) < MOST:
         level = battery.level / max(len(tests) - len(found), 1)
         likely = likeliest(battery, tests, level, partial(possible, robot, evidence))
         if likely is None:
             break
         key, test = likely
-        step = _Step(robot, key, test, battery, battery.beside(test.columns.tolist()), tests)
+        step = Step(robot, key, test, battery, battery.beside(test.columns.tolist()), tests)
         if found and step.taken < (1.0 - SAME**2) * found[0].taken:
             break  # what a column of the first order leaves of the first
         found.append(step)
@@ -146,7 +146,7 @@ def alike(gain: float, best: float) -> bool:
 
 
 @dataclass(frozen=True)
-class _Step:
+class Step:
     """A cause that was found, its test beside itself, the battery before it, and that beside it."""
 
     robot: Robot

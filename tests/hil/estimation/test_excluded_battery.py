@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +13,13 @@ from scipy import stats
 from hil.estimation.excluded.battery import LEVEL, Battery, moderated
 from hil.estimation.excluded.columns import Column, Columns
 from hil.estimation.excluded.evidence import Evidence
-from hil.estimation.excluded.finding import likeliest
+from hil.estimation.excluded.finding import Step, likeliest, possible
 from hil.estimation.excluded.limits import POWER, noncentrality, smallest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 
@@ -121,6 +124,24 @@ def test_a_delay_that_moves_torques_elsewhere_hides_itself(
     without = smallest(Battery(replace(rows, rate=-1e3 * columns.values[:, 0]), columns), [0], 8)[0]
     assert np.isfinite(size) == shown
     assert size >= without
+
+
+def test_a_slip_is_named_where_the_zero_that_explains_as_much_is_too_large(manutec: Robot) -> None:
+    rng = np.random.default_rng(5)
+    rows, columns = evidence(rng, 20, (0.0, 0.0))
+    values = columns.values.copy()
+    values[:, 1] = 1.5 * values[:, 0]
+    slips = (Column("slip", 0, "60"), Column("slip", 0, "120"))
+    names = (Column("zero", 0), *slips, *columns.names[3:])
+    columns = replace(columns, names=names, values=values)
+    degrees = 35.0  # beyond the first order; as a slip it is two thirds of that
+    battery = Battery(replace(rows, torque=rows.torque + degrees * values[:, 0]), columns)
+    tests = columns.tests
+    found = likeliest(battery, tests, LEVEL / len(tests), partial(possible, manutec, rows))
+    assert found is not None
+    assert found[0] == ("slip", 0)
+    step = Step(manutec, *found, battery, battery.beside([1, 2]), tests)
+    assert (step.found.cause, step.found.others) == ("slip", ())
 
 
 def test_dispersions_that_scatter_alike_tell_no_more_than_one() -> None:
