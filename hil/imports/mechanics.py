@@ -108,13 +108,15 @@ def mechanical_suspicions(
             " motion; name the columns of torques, of the same recording and of this robot",
         )
         return
-    refusals = list(_misread(robot, excerpts, prepared, solver, shown & (share > NOTHING)))
-    yield from refusals
+    misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
+    yield from misread or ()
     # share of the variance of an axis's torque that is left from which on lags are looked for:
     # twins of robots leave a third of it, and five times as much where torques are 50 ms late
-    if not refusals and (share > 0.003).any():
+    if not misread and (share > 0.003).any():
         another = list(clock_of_torques(excerpts, robot, shown))
-        yield from another or _late(robot, prepared, solver)
+        yield from another
+        if misread is None and not another:
+            yield from _late(robot, prepared, solver)
 
 
 def _misread(
@@ -123,10 +125,11 @@ def _misread(
     prepared: Prepared,
     solver: SimultaneousFit,
     strangers: Mask,
-) -> Iterator[Suspicion]:
-    """Yield a suspicion where another reading of the map explains the torques.
+) -> list[Suspicion] | None:
+    """Return a suspicion where another reading of the map explains the torques.
 
-    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes.
+    None where no other reading came into question. Torques of `strangers`, shape (n_joints,), do
+    not follow the motion of their axes.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
@@ -147,7 +150,7 @@ def _misread(
     ]
     tried += [min(likely, key=lambda each: each[0].misfit)] if likely else []
     if not tried:
-        return
+        return None
     left, cause, axes, words = min(
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
         for _, cause, axes, words, reading in tried
@@ -159,20 +162,20 @@ def _misread(
     # a third of the residual. On recordings of an arm that no model of it explains others leave
     # 0.22, right ones of the maps of `benchmarks/wrong_maps.py` 0.07 at most
     if left <= (LEAVES if contradicted else 1.0 / 9.0):
-        yield Suspicion(
-            "shape",
-            ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],),
+        place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
+        message = (
             f"{located([axis + 1 for axis in axes], words)}: the model leaves"
-            f" {100 * left:.2g} % of the mean squares then; {CAUSES[cause].remedy}",
+            f" {100 * left:.2g} % of the mean squares then; {CAUSES[cause].remedy}"
         )
-    elif drives and likely:
-        yield Suspicion(
-            "shape",
-            ("joints", driven, "torque", "sign"),
+        return [Suspicion("shape", place, message)]
+    if drives and likely:
+        message = (
             f"friction would drive joint {driven + 1}: {100 * stated.driven[driven]:.0f} % of the"
             " mean square that the rigid bodies leave has the direction of its speed; correct the"
-            " sign of its torque or of its position",
+            " sign of its torque or of its position"
         )
+        return [Suspicion("shape", ("joints", driven, "torque", "sign"), message)]
+    return []
 
 
 def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
