@@ -242,7 +242,7 @@ class Battery:
         rate = -1e-3 * self.evidence.rate[self._order] * root
         for k, name in enumerate(self.columns.names):
             square = float(left[:, k] @ left[:, k])
-            if name.cause == "late torque" and square > 0.0:
+            if name.cause == "late torque" and square > 0.0 and self.evidence.rate.any():
                 moved = np.where(self._D[:, k] != 0.0, rate, 0.0)
                 moved -= self._Q @ (self._Q.T @ moved)
                 response = max(float(left[:, k] @ moved) / square, 0.0)

@@ -62,7 +62,7 @@ class Evidence:
     recorded : ndarray, shape (n,)
         With it.
     rate : ndarray, shape (n,)
-        Change of `recorded` by time [N m/s].
+        Change of `recorded` by time [N m/s]; zero where changes are not looked for.
     X : ndarray, shape (n, n_base)
     own : ndarray, shape (n, n_own)
         Columns of the channel alone.
@@ -188,7 +188,11 @@ COLUMNS = ("axis", "group", "torque", "recorded", "rate", "X", "own", "period", 
 
 
 def measured(
-    robot: Robot, solver: SimultaneousFit, prepared: Sequence[tuple[ParameterMotion, Signals]]
+    robot: Robot,
+    solver: SimultaneousFit,
+    prepared: Sequence[tuple[ParameterMotion, Signals]],
+    *,
+    rates: bool = False,
 ) -> Evidence:
     """Rows of strokes and trajectories that were measured here.
 
@@ -198,6 +202,8 @@ def measured(
     ----------
     prepared : sequence of (ParameterMotion, Signals)
         What the solver is of.
+    rates : bool
+        Whether a change is looked for, which takes `Evidence.rate`.
     """
     unasked = [
         (s, [each])
@@ -205,7 +211,7 @@ def measured(
         for axis in set(range(robot.n_joints)) - set(motion.moved)
         for each in _unasked(robot, s, axis)
     ]
-    return rows_of(robot, solver.stacked, solver.loaded, unasked)
+    return rows_of(robot, solver.stacked, solver.loaded, unasked, rates=rates)
 
 
 def rows_of(
@@ -213,6 +219,8 @@ def rows_of(
     asked: Sequence[tuple[Signals, Sequence[Stacked]]],
     loaded: Mask,
     unasked: Sequence[tuple[Signals, Sequence[Stacked]]] = (),
+    *,
+    rates: bool = False,
 ) -> Evidence:
     """Thin out the columns of axes that move, measurement by measurement.
 
@@ -224,6 +232,8 @@ def rows_of(
         Axes with friction of the load.
     unasked : sequence of (Signals, sequence of Stacked)
         Axes that moved besides.
+    rates : bool
+        See `measured`.
     """
     stacked = [*asked, *unasked]
     several = -(-FEWEST_GROUPS // max(len({s for s, _ in asked}), 1))
@@ -234,7 +244,7 @@ def rows_of(
         own = [(place[s], s, each) for s, axes in stacked for each in axes if each.axis == axis]
         own.sort(key=lambda part: part[1].time[0])  # later recordings lie in one piece
         step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
-        parts += [_part(robot, s, each, step, k, several, loaded) for k, s, each in own]
+        parts += [_part(robot, s, each, step, k, several, loaded, rates) for k, s, each in own]
     evidence = gathered(parts)
     limits = [
         limit_or_reached(limit, evidence.recorded[evidence.axis == axis])
@@ -255,7 +265,14 @@ def _unasked(robot: Robot, s: Signals, axis: int) -> Iterator[Stacked]:
 
 
 def _part(
-    robot: Robot, s: Signals, each: Stacked, step: int, place: int, several: int, loaded: Mask
+    robot: Robot,
+    s: Signals,
+    each: Stacked,
+    step: int,
+    place: int,
+    several: int,
+    loaded: Mask,
+    rates: bool,
 ) -> Evidence:
     """Rows of one axis in one measurement, friction's basis beside."""
     some = slice(step // 2, None, step) if len(each.index) > step else slice(None)
@@ -263,7 +280,10 @@ def _part(
     n_base = len(base_parameters(robot))
     smooth = s.once("smooth motion", lambda: np.array([s.smoothed(x) for x in s.link]))
     motion = np.stack([smooth[:, index + k] for k in (-1, 0, 1)])
-    tau = s.smoothed(s.tau[:, [each.axis]])[:, 0]
+    rate = np.zeros(len(index))
+    if rates:
+        tau = s.smoothed(s.tau[:, [each.axis]])[:, 0]
+        rate = (tau[index + 1] - tau[index - 1]) / (2.0 * s.period)
     # of an axis at rest the change from one sample to the next is its encoder's noise
     rest = [k for k in range(robot.n_joints) if not s.moving(robot, k).any()]
     motion[..., rest] = motion[1][..., rest]
@@ -279,7 +299,7 @@ def _part(
         group=place * 1000 + number,
         torque=each.torques[some, 0],
         recorded=each.torques[some].sum(axis=1),
-        rate=(tau[index + 1] - tau[index - 1]) / (2.0 * s.period),
+        rate=rate,
         X=each.X[some, :n_base],
         own=own,
         motion=motion,

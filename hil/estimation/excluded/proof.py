@@ -110,7 +110,7 @@ def changed(
         solver = SimultaneousFit(robot, [*earlier, *later])
     except NotIdentifiable:
         return None
-    evidence = measured(robot, solver, [*earlier, *later])
+    evidence = measured(robot, solver, [*earlier, *later], rates=True)
     first = min(float(s.time[0]) for _, s in earlier)
     shown = evidence.time + first >= begin
     if shown.all() or not shown.any():
