@@ -34,6 +34,8 @@ ROBOT = "manutec-r15"
 SYNC = 0x80
 SETTLING = 3.0
 """How long drives are left alone afterwards, to react by themselves [s]."""
+HEARD = 0.002
+"""Time between two looks is that of a SYNC [s], 4 ms: half of it."""
 STEP = 0.01
 FOREIGN = 400
 """In the second stroke."""
@@ -132,7 +134,9 @@ class LoggedBus(can.BusABC, WitnessedLog):
         self.plant = load_plant(ROBOT)
         at_once = () if condition else tuple(faults)
         network = FaultyNetwork(self.plant, "sync", FaultPlan(faults=at_once))
-        WitnessedLog.__init__(self, network, Witness(network, reaction), interrupted=interrupted)
+        # what another participant writes is heard at once, and answered before the next SYNC
+        witness = Witness(network, reaction, unnoticed=HEARD)
+        WitnessedLog.__init__(self, network, witness, interrupted=interrupted)
         self.truth = self.plant.state
         self._condition, self._waiting = condition, tuple(faults)
         self._syncs, self._foreign = 0, tuple(foreign)

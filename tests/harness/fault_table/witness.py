@@ -82,7 +82,8 @@ class Witness:
             then = {axis: self._since.get(axis, self._network.time) for axis in now}
             self._since = then
             long_ago = self._network.time - self._unnoticed
-            self.unwatched |= {axis for axis in now if then[axis] < long_ago}
+            # where nothing may go unnoticed, one look is enough
+            self.unwatched |= {a for a in now if not self._unnoticed or then[a] < long_ago}
         if self.began is not None:
             self._measure(self._network.time - self.began)
 
