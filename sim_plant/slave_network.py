@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import struct
 from collections import defaultdict
+from collections.abc import Sequence
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, overload
 
 from sim_plant.canopen.object_dictionary import bounds
 from sim_plant.drive.cia402_node import Cia402Node
@@ -22,7 +23,7 @@ from sim_plant.drive.process_image import AxisImage, Field, FrameBlock
 from sim_plant.timed_network import TimedNetwork
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator
 
     from sim_plant.canopen.pdo import Report, Rpdo
     from sim_plant.machine_protocol import Machine
@@ -41,6 +42,37 @@ _by_identifier = itemgetter(1)
 
 CanFrame: TypeAlias = tuple[float, int, bytes]
 """A data frame that a drive sends: instant [s], 11-bit identifier, data."""
+
+
+class FramesOfSync(Sequence[CanFrame]):
+    """Frames that answer a SYNC, unpacked only when read.
+
+    Parameters
+    ----------
+    time : float
+        Instant of all frames [s].
+    packed : bytes
+        One `FRAME` after another.
+    """
+
+    __slots__ = ("packed", "time")
+
+    def __init__(self, time: float, packed: bytes) -> None:
+        self.time, self.packed = time, packed
+
+    def __len__(self) -> int:
+        return len(self.packed) // FRAME.size
+
+    def __iter__(self) -> Iterator[CanFrame]:
+        for identifier, size, data in FRAME.iter_unpack(self.packed):
+            yield self.time, identifier, data[:size]
+
+    @overload
+    def __getitem__(self, index: int) -> CanFrame: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[CanFrame]: ...
+    def __getitem__(self, index: int | slice) -> CanFrame | list[CanFrame]:
+        return list(self)[index]
 
 
 class _Synced(NamedTuple):
@@ -108,13 +140,14 @@ class SlaveNetwork(TimedNetwork):
             node.boot()
         return self._take()
 
-    def receive(self, identifier: int, data: bytes) -> list[CanFrame]:
-        """Take a data frame with 11-bit identifier; return what the drives send."""
-        sent = self.answer(identifier, data)
-        return self._frames_of(sent) if isinstance(sent, bytes) else sent
+    def receive(self, identifier: int, data: bytes) -> Sequence[CanFrame]:
+        """Take a data frame with 11-bit identifier; return what the drives send.
 
-    def answer(self, identifier: int, data: bytes) -> list[CanFrame] | bytes:
-        """Do as `receive`; all that answers a SYNC may come as one block of `FRAME`."""
+        Returns
+        -------
+        sequence of CanFrame
+            `FramesOfSync` if frames of one SYNC are all that is sent.
+        """
         if self._stale:
             self._wire()
         synced = (self._counted if data else self._synced).get(identifier)
@@ -140,7 +173,7 @@ class SlaveNetwork(TimedNetwork):
         self._latch()
         return self._take()
 
-    def _sync(self, synced: _Synced) -> list[CanFrame] | bytes:
+    def _sync(self, synced: _Synced) -> Sequence[CanFrame]:
         if self._clock == "sync":
             self._advance(self.cycle)
         actions, rpdos, reports, block = synced
@@ -154,10 +187,11 @@ class SlaveNetwork(TimedNetwork):
             self._attend(news)
             block.pack()
         if not (block is None or actions or self._event_actions or self._present or self._stale):
+            frames = FramesOfSync(self._timers.now, block.frames)
             if not self._past:
-                return block.frames
+                return frames
             past, self._past = self._past, []
-            return past + self._frames_of(block.frames)
+            return [*past, *frames]
         for act in actions:
             act()
         if block is None:
@@ -165,12 +199,8 @@ class SlaveNetwork(TimedNetwork):
             self._present += [(now, report.identifier, report.data()) for report in reports]
         else:
             block.pack()
-            self._present += self._frames_of(block.frames)
+            self._present += FramesOfSync(self._timers.now, block.frames)
         return self._take()
-
-    def _frames_of(self, block: bytes) -> list[CanFrame]:
-        now = self._timers.now
-        return [(now, number, data[:size]) for number, size, data in FRAME.iter_unpack(block)]
 
     def _emit(self, identifier: int, data: bytes) -> None:
         self._present.append((self._timers.now, identifier, data))

@@ -122,7 +122,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
             refused.frames = held + self._unheard(sync=sync)
             raise
         if answer is None:
-            return held + self._passed_on(self._network.receive(identifier, data))
+            return held + self._passed_on(list(self._network.receive(identifier, data)))
         return held + answer + self._unheard(sync=sync)
 
     def receive_remote(self, identifier: int) -> list[CanFrame]:

@@ -19,12 +19,12 @@ from sim_plant.faults.frame_faults import NotSent
 from sim_plant.serving.hand import Hand
 from sim_plant.serving.plant_options import PlantOptions
 from sim_plant.serving.wall_clock import TICK, WallClock
-from sim_plant.slave_network import FRAME, SlaveNetwork
+from sim_plant.slave_network import FRAME, FramesOfSync, SlaveNetwork
 from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
     import queue
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Iterable, Iterator
 
     from sim_plant.plant import Plant
     from sim_plant.slave_network import CanFrame
@@ -51,9 +51,6 @@ class PlantChannel:
         self._durations = [(47 + 8 * n) / options.bitrate for n in range(9)]
         self._wire_free = 0.0
         self._of_blocks: dict[bytes, float] = {}
-        network = self._network
-        answer = network.answer if isinstance(network, SlaveNetwork) else network.receive
-        self._answer: Callable[[int, bytes], list[CanFrame] | bytes] = answer
         self._stop = threading.Event()
         self._follower = threading.Thread(target=self._follow_wall, name=name, daemon=True)
 
@@ -87,8 +84,8 @@ class PlantChannel:
                 if message.is_remote_frame:
                     self._deliver(network.receive_remote(message.arbitration_id))
                 else:
-                    frames = self._answer(message.arbitration_id, bytes(message.data))
-                    if isinstance(frames, bytes):
+                    frames = network.receive(message.arbitration_id, bytes(message.data))
+                    if isinstance(frames, FramesOfSync):
                         self._deliver_block(frames)
                     else:
                         self._deliver(frames)
@@ -120,10 +117,10 @@ class PlantChannel:
                 inbox.put(_message(free, identifier, data, name))
         self._wire_free = free
 
-    def _deliver_block(self, block: bytes) -> None:
-        """Put the frames of one instant into all inboxes; whoever reads one takes it apart."""
-        now, sizes = self._network.time, block[4 :: FRAME.size]
-        start = self._wire_free if self._wire_free > now else now
+    def _deliver_block(self, frames: FramesOfSync) -> None:
+        """Put the frames of one SYNC into all inboxes, to be unpacked by each reader."""
+        block, sizes = frames.packed, frames.packed[4 :: FRAME.size]
+        start = self._wire_free if self._wire_free > frames.time else frames.time
         if sizes not in self._of_blocks:
             self._of_blocks[sizes] = sum(self._durations[size] for size in sizes)
         self._wire_free = start + self._of_blocks[sizes]

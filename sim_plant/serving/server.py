@@ -14,7 +14,7 @@ from sim_plant.slave_network import CYCLE_DEFAULT, SlaveNetwork
 
 if TYPE_CHECKING:
     import threading
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from sim_plant.faults.fault_plan import FaultPlan
     from sim_plant.plant import Plant
@@ -84,7 +84,7 @@ def serve(
             _send(bus, _answer(network, message))
 
 
-def _answer(network: SlaveNetwork | FaultyNetwork, message: can.Message) -> list[CanFrame]:
+def _answer(network: SlaveNetwork | FaultyNetwork, message: can.Message) -> Sequence[CanFrame]:
     if message.is_extended_id or message.is_error_frame or message.is_fd:
         return []
     if message.is_remote_frame:
