@@ -6,12 +6,15 @@ import math
 import struct
 from abc import ABC, abstractmethod
 from operator import itemgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.drive_bus import SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
 
     from drivers.sync_clock import SyncClock
 
@@ -19,6 +22,22 @@ SPEED_TIME = 0.008
 """Over which speeds are taken at least [s]: positions need not change at every cycle."""
 CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
 """Types of what is read, as `struct` has them; bytes of other types are skipped."""
+
+
+class Cycles(NamedTuple):
+    """Process data of several SYNCs in turn, none of them irregular.
+
+    Attributes
+    ----------
+    times : list of float, length k
+        Instants of the SYNCs [s].
+    positions, currents : ndarray, shape (k, n_axes)
+        As in `ProcessData`.
+    """
+
+    times: list[float]
+    positions: NDArray[np.float64]
+    currents: NDArray[np.float64]
 
 
 class ProcessData(ABC):
@@ -47,12 +66,15 @@ class ProcessData(ABC):
         By axis, what came in place of its telegram, in words.
     time : float
         The last SYNC's instant [s].
+    looks_ahead : bool
+        `sync_ahead` may send several SYNCs.
     on_arrival : tuple of int
         Axes on which set-points of a stream act when they arrive, and then those of all do; where
         there are none they act at the next SYNC.
     """
 
     on_arrival: tuple[int, ...] = ()
+    looks_ahead = False
 
     def __init__(self, n_axes: int, clock: SyncClock) -> None:
         self._clock = clock
@@ -98,6 +120,23 @@ class ProcessData(ABC):
             The bus does not take or give telegrams any more.
         """
 
+    def sync_ahead(self, times: int) -> Cycles | None:
+        """Do as `sync` for up to several SYNCs: one, unless the bus is in lock-step.
+
+        Parameters
+        ----------
+        times : int
+            Largest number of SYNCs, at least 1.
+
+        Returns
+        -------
+        Cycles or None
+            Of all SYNCs but the last, with unchanged statuswords; None if only one was sent.
+        """
+        del times
+        self.sync()
+        return None
+
     @abstractmethod
     def tick(self) -> None:
         """Let one period pass while the drives send no process data yet."""
@@ -140,6 +179,14 @@ class ProcessData(ABC):
         if self.time - self._anchor[0] >= SPEED_TIME:
             self._before, self._anchor = self._anchor, (self.time, self.positions)
         self.time = instant
+
+    def _pass_all(self, instants: Sequence[float], positions: NDArray[np.float64]) -> None:
+        """Let the instants of several cycles [s] come, with positions of shape (k, n_axes)."""
+        for k, instant in enumerate(instants):
+            if self.time - self._anchor[0] >= SPEED_TIME:
+                here = self.positions if k == 0 else tuple(positions[k - 1].tolist())
+                self._before, self._anchor = self._anchor, (self.time, here)
+            self.time = instant
 
     def _publish(self, found: Mapping[int, int]) -> None:
         """Set the flags: those of single axes, and of all where cycles were passed over."""

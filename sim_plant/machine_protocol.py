@@ -120,6 +120,25 @@ class Machine(Protocol):
         that the firmware acts at the right instant, however long `duration` is.
         """
 
+    def advance_quietly(
+        self, durations: Sequence[float], watch: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Let the physics run for each duration [s] in turn and latch after each.
+
+        Ends before the first latch that an axis has news at.
+
+        Parameters
+        ----------
+        durations : sequence of float
+        watch : ndarray, shape (3, n_axes)
+            See `sim_plant.drive.process_image.ProcessImage`.
+
+        Returns
+        -------
+        ndarray, shape (k, 7 n_axes)
+            What `read` would have returned after each; k is at most the number of durations.
+        """
+
     def read(self) -> NDArray[np.int64]:
         """Latch encoders and current sensors of all axes at the present instant.
 

@@ -26,7 +26,7 @@ from sim_plant.plant_file import PlantFile, load_plant_file, plant_path
 from sim_plant.servo_axis import ServoAxis
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -37,6 +37,7 @@ STOCK = 4096
 PERIOD = STOCK * machine_step.SLOW_STEPS
 """Steps that a stock of random numbers lasts."""
 _run = machine_step.run_and_latch
+_run_quietly = machine_step.run_quietly
 
 
 WHOLE = 1e-3
@@ -162,6 +163,7 @@ class Plant:
     def _compile(self) -> None:
         """Compile before the first SYNC, whose answer a master waits for only so long."""
         _run(0, 0, self._step, 0, *self._memory)
+        self.advance_quietly([0.0], np.zeros((3, len(self.axes)), dtype=np.int64))
         servo.latch(self.const, self.state, self.profile, self._noise[0], self._image, self.flaws)
 
     @property
@@ -190,6 +192,36 @@ class Plant:
             steps -= abs(done)
             if done < 0:
                 self._report_events()
+
+    def advance_quietly(
+        self, durations: Sequence[float], watch: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Advance and latch several times, as long as no axis has news.
+
+        See `sim_plant.machine_protocol.Machine`. The time in which random numbers run out is left
+        to `advance`.
+        """
+        h, rests, steps = self._step, [self._rest], []
+        left = PERIOD - 1 - self._number % PERIOD
+        for duration in durations[: 0 if self._giving else STOCK - 1 - self._noise_row]:
+            rest = rests[-1] + duration
+            some = int(rest / h + WHOLE)
+            left -= some
+            rest -= some * h
+            if left < 0 or rest > WHOLE * h:
+                break
+            steps.append(some)
+            rests.append(rest)
+        readings = np.empty((len(steps), *self._image.shape), dtype=np.int64)
+        counts = np.array(steps, dtype=np.int64)
+        done = _run_quietly(
+            counts, self._number, h, self._noise_row, watch, readings, *self._memory
+        )
+        self._number += sum(steps[:done])
+        self._noise_row += done
+        self._rest = rests[done]
+        self._latched = False
+        return readings[:done].reshape(done, self._readings.size)
 
     def _report_events(self) -> None:
         events = self.state[:, st.EVENTS].astype(int).tolist()

@@ -12,7 +12,7 @@ frames of one instant leave in the order of their identifiers, as arbitration wo
 from __future__ import annotations
 
 import struct
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Sequence
 from operator import itemgetter
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, overload
@@ -59,6 +59,14 @@ class FramesOfSync(Sequence[CanFrame]):
 
     def __init__(self, time: float, packed: bytes) -> None:
         self.time, self.packed = time, packed
+
+    @classmethod
+    def of(cls, frames: Sequence[CanFrame]) -> FramesOfSync:
+        """Pack frames of one instant, if they are not packed yet."""
+        if isinstance(frames, cls):
+            return frames
+        packed = b"".join(FRAME.pack(number, len(data), data) for _, number, data in frames)
+        return cls(frames[0][0], packed)
 
     def __len__(self) -> int:
         return len(self.packed) // FRAME.size
@@ -114,6 +122,7 @@ class SlaveNetwork(TimedNetwork):
         self._clock = clock
         self._past: list[CanFrame] = []
         self._present: list[CanFrame] = []
+        self._foreseen: deque[FramesOfSync] = deque()
         self._stale = True
         self._synced: dict[int, _Synced] = {}
         self._counted: dict[int, _Synced] = {}
@@ -148,6 +157,8 @@ class SlaveNetwork(TimedNetwork):
         sequence of CanFrame
             `FramesOfSync` if frames of one SYNC are all that is sent.
         """
+        if self._foreseen:
+            return self._foreseen.popleft()
         if self._stale:
             self._wire()
         synced = (self._counted if data else self._synced).get(identifier)
@@ -156,6 +167,31 @@ class SlaveNetwork(TimedNetwork):
         for handle in self._routes.get(identifier, ()):
             handle(data)
         return self._take()
+
+    def foresee(self, identifier: int, times: int) -> int:
+        """Simulate at once what several SYNCs without data set off, up to any news or timer.
+
+        The next frames must be those SYNCs: `receive` returns the answers to one after the other.
+
+        Returns
+        -------
+        int
+            For how many SYNCs; 0 where the next may have other consequences than TPDOs.
+        """
+        if self._stale:
+            self._wire()
+        synced = self._synced.get(identifier)
+        if synced is None or self._clock != "sync":
+            return 0
+        actions, rpdos, _, block = synced
+        waits = self._past or self._present or self._event_actions or actions
+        if block is None or waits or any(rpdo.pending is not None for rpdo in rpdos):
+            return 0
+        instants, readings = self._advance_quietly(times, self.cycle)
+        if not instants:
+            return 0
+        self._foreseen.extend(map(FramesOfSync, instants, block.pack_all(readings)))
+        return len(instants)
 
     def receive_remote(self, identifier: int) -> list[CanFrame]:
         """Take a remote frame; return what the drives send."""

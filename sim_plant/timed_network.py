@@ -6,7 +6,12 @@ handed what happens on its axis.
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from itertools import accumulate, repeat
+from operator import sub
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from sim_plant.canopen.timers import Timers
 from sim_plant.drive.process_image import ProcessImage
@@ -14,8 +19,16 @@ from sim_plant.drive.process_image import ProcessImage
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from sim_plant.drive.cia402_drive import Cia402Drive
     from sim_plant.machine_protocol import Machine
+
+    Integers = NDArray[np.int64]
+
+
+MANY = 3
+"""Instants from which on it pays to advance to all at once: the present one and two more."""
 
 
 class TimedNetwork:
@@ -54,6 +67,28 @@ class TimedNetwork:
             self._settle()
         machine.advance(end - timers.now)
         timers.now = end
+
+    def _advance_quietly(self, times: int, duration: float) -> tuple[list[float], Integers]:
+        """Let a duration pass several times, before the next timer and before any drive has news.
+
+        Returns
+        -------
+        instants : list of float
+            Ends of the durations that have passed [s].
+        readings : ndarray, shape (k, 7 n_axes)
+            Latched then.
+        """
+        timers = self._timers
+        instants = list(accumulate(repeat(duration, times), initial=timers.now))
+        instants = instants[: bisect_left(instants, timers.next)]
+        if len(instants) < MANY:
+            return [], np.empty((0, 0), dtype=np.int64)
+        durations = list(map(sub, instants[1:], instants))
+        readings = self._machine.advance_quietly(durations, self._image.watch)
+        passed = instants[1 : len(readings) + 1]
+        if passed:
+            timers.now = passed[-1]
+        return passed, readings
 
     def _settle(self) -> None:
         """Take note that all timers of an instant have run."""

@@ -239,6 +239,9 @@ class IdealBus:
         )
         return self.tamper(sample)
 
+    def samples(self, limit: int) -> Sequence[Sample]:
+        return (self.sample(),)
+
     def halt(self) -> None:
         self.log.append("halted")
 

@@ -29,6 +29,22 @@ class BlockSource(Protocol):
     def put_back(self, block: bytes) -> None:
         """Have the frames of the block received last wait singly."""
 
+    def send_repeatedly(self, msg: can.Message, times: int) -> list[bytes]:
+        """Send a SYNC several times, each as soon as the one before is answered.
+
+        Parameters
+        ----------
+        msg : can.Message
+        times : int
+            How often at most, at least 1.
+
+        Returns
+        -------
+        list of bytes
+            Blocks that answered all SYNCs but the last; what answers the last is to be received as
+            usual. Whatever is more than the same frames with new process data ends the repetition.
+        """
+
 
 @dataclass(frozen=True)
 class Capabilities:

@@ -21,7 +21,7 @@ from drivers.can_bus.frame_block import FrameBlock
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.cia402.set_point import ENABLED
-from drivers.cycle_data import CODES, ProcessData, unpacking
+from drivers.cycle_data import CODES, Cycles, ProcessData, unpacking
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ class SyncProcessData(ProcessData):
         self._in_lock_step = clock.synchronous
         self._receive = network.channel.recv
         self._blocks = capabilities_of(network.channel).blocks if clock.synchronous else None
+        self.looks_ahead = self._blocks is not None
         self._wanted = [(STATUSWORD, POSITION, drive.current.entry) for drive in axes]
         self._slots: dict[int, int] = {}
         self.wire(communications)
@@ -97,7 +98,7 @@ class SyncProcessData(ProcessData):
         order = self._order(pdos)
         self._unpack = unpacking("<" + "".join(layouts), order)
         self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
-        self._last_block = b""
+        self._last_block, self._complete = b"", False
         self._last: list[Data] = [bytes(size) for size in self._sizes]
         self._owed: dict[int, int] = {}
         self._doubt: dict[int, int] = {}
@@ -154,6 +155,43 @@ class SyncProcessData(ProcessData):
         except Exception as error:
             self._send_again(error)
         instant = clock.sent()
+        self._receive_answers(instant)
+        return instant
+
+    def sync_ahead(self, times: int) -> Cycles | None:
+        """Send several SYNCs where the last one was answered in full (see `ProcessData`).
+
+        Raises
+        ------
+        BusUnavailable
+            The bus does not take or give frames any more.
+        """
+        if times == 1 or self._blocks is None or not self._complete or self.irregular:
+            self.sync()
+            return None
+        try:
+            blocks = self._blocks.send_repeatedly(SYNC, times)
+        except Exception as error:
+            self._send_again(error)
+            blocks = []
+        cycles = self._cycles(blocks) if blocks else None
+        self._receive_answers(self._clock.sent())
+        return cycles
+
+    def _cycles(self, blocks: list[bytes]) -> Cycles:
+        values = self._block.unpack_all(b"".join(blocks))
+        if values is None or len(values) != len(blocks) or (values[:, 0::3] != self.words).any():
+            reason = ValueError(f"other frames than before answered {len(blocks)} SYNCs")
+            raise self._network.unavailable("cannot receive", reason)
+        instants = [self._clock.sent() for _ in blocks]
+        self._pass_all(instants, values[:, 1::3])
+        last = self._block.unpack(blocks[-1]) or ()
+        self.positions, self.currents = last[1::3], last[2::3]
+        self._last_block = blocks[-1]
+        return Cycles(instants, values[:, 1::3], values[:, 2::3])
+
+    def _receive_answers(self, instant: float) -> None:
+        clock = self._clock
         self.untimed = clock.uncertain
         try:
             values = self._of_block() or self._unpack(b"".join(self._collected(clock)))
@@ -164,7 +202,6 @@ class SyncProcessData(ProcessData):
         if self._found or self.irregular or clock.passed_over:
             found, self._found = self._found, {}
             self._publish(found)
-        return instant
 
     def _send_again(self, error: Exception) -> None:
         """Send a SYNC that the bus did not take; in lock-step a period passes with each attempt."""
@@ -201,7 +238,7 @@ class SyncProcessData(ProcessData):
         if values is None:
             self._blocks.put_back(block)
         else:
-            self._last_block = block
+            self._last_block, self._complete = block, True
         return values
 
     def _collected(self, clock: SyncClock) -> list[Data]:
@@ -210,6 +247,7 @@ class SyncProcessData(ProcessData):
         if missing or self._owed:
             self._fill(frames)
         self._last, self._last_block = frames, b""
+        self._complete = not (missing or self._owed)
         return frames
 
     def _collect(self, clock: SyncClock) -> tuple[list[Data], int]:

@@ -14,6 +14,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from drivers.cia402.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
 from drivers.cia402.set_point import (
     ENABLED,
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from drivers.axis import Axis
-    from drivers.cycle_data import ProcessData
+    from drivers.cycle_data import Cycles, ProcessData
     from drivers.drive_bus import Move
 
 ACKNOWLEDGE_CYCLES = 25
@@ -137,6 +139,28 @@ class ProfilePosition:
             if time > motion.deadline and axis in self.active:
                 return self._failure(axis, motion, position)
         return None
+
+    def quiet_until(self, words: Sequence[int]) -> float:
+        """Return until when only the statuswords can bring something to do [s], -inf if not so."""
+        until = math.inf
+        for axis, motion in self.active.items():
+            command = motion.command
+            if not isinstance(command, SetPoint) or not command.waits(words[axis]):
+                return -math.inf
+            until = min(until, motion.deadline)
+        return until
+
+    def pass_by(self, cycles: Cycles) -> None:
+        """Take what SYNCs brought before `quiet_until`."""
+        for axis, motion in self.active.items():
+            positions = cycles.positions[:, axis]
+            last = positions[-1]
+            others = np.flatnonzero(positions != last)
+            since = others[-1] + 1 if len(others) else 0
+            if since or motion.still[0] != last:
+                motion.still = int(last), cycles.times[since]
+            if isinstance(motion.command, SetPoint):
+                motion.command.pass_by(positions)
 
     def _write_profile(self, axis: int, move: Move) -> None:
         scale, server = self._axes[axis].scale, self._axes[axis].server

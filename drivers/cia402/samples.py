@@ -10,14 +10,16 @@ import math
 from operator import mul, sub
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from drivers.cia402.states import Status
-from drivers.drive_bus import Sample, SampleFlag
+from drivers.drive_bus import Sample, SampleBlock, SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from drivers.axis import Axis
-    from drivers.cycle_data import ProcessData
+    from drivers.cycle_data import Cycles, ProcessData
 
 _LIMIT = Status.INTERNAL_LIMIT.value
 _new_tuple = tuple.__new__  # half the time of Sample(...), at every SYNC
@@ -30,6 +32,11 @@ class SampleReader:
     ----------
     axes : sequence of Axis
         In joint order.
+
+    Attributes
+    ----------
+    limits : tuple of int, length n_axes
+        `SampleFlag.LIMIT` of each axis that is at its internal limit.
     """
 
     def __init__(self, axes: Sequence[Axis]) -> None:
@@ -38,11 +45,11 @@ class SampleReader:
         self._shifted = any(self._zeros)
         self._per_increment = [scale.position for scale in scales]
         self._per_current = [scale.torque for scale in scales]
-        self._limits = (0,) * len(axes)
+        self.limits = (0,) * len(axes)
 
     def note_limits(self, words: Sequence[int]) -> None:
         """Take which axes are at their internal limit from new statuswords."""
-        self._limits = tuple(SampleFlag.LIMIT.value if word & _LIMIT else 0 for word in words)
+        self.limits = tuple(SampleFlag.LIMIT.value if word & _LIMIT else 0 for word in words)
 
     def sample(self, time: float, process_data: ProcessData, reached: bool) -> Sample:
         """Return the sample of the last SYNC.
@@ -60,13 +67,21 @@ class SampleReader:
         increments = map(sub, positions, self._zeros) if self._shifted else positions
         q = tuple(map(mul, self._per_increment, increments))
         tau = tuple(map(mul, self._per_current, process_data.currents))
-        sample = _new_tuple(Sample, (time, q, tau, self._limits, reached))
+        sample = _new_tuple(Sample, (time, q, tau, self.limits, reached))
         if process_data.irregular:
             sample = _with_gaps(sample, process_data.flags)
         if process_data.untimed:
             flags = tuple(flag | SampleFlag.UNTIMED.value for flag in sample.flags)
             sample = sample._replace(flags=flags)
         return sample
+
+    def block(
+        self, cycles: Cycles, limits: tuple[int, ...], reached: bool, last: Sample
+    ) -> SampleBlock:
+        """Return samples of several regular SYNCs and the last one (see `SampleBlock`)."""
+        q = (cycles.positions - self._zeros) * self._per_increment
+        tau = cycles.currents * self._per_current
+        return SampleBlock(np.array(cycles.times), q, tau, limits, reached, last)
 
 
 def _with_gaps(sample: Sample, gaps: Sequence[int]) -> Sample:

@@ -23,7 +23,9 @@ def unwrapped(process_data: ProcessData, axes: Sequence[Axis]) -> ProcessData:
 
 
 class _Unwrapped:
-    """All but positions and targets is passed on as it is."""
+    """All but positions and targets is passed on as it is; they are unwrapped one by one."""
+
+    looks_ahead = False
 
     def __init__(self, process_data: ProcessData, axes: Sequence[Axis]) -> None:
         self.__dict__.update(_inner=process_data, _wraps=[axis.wrap for axis in axes])

@@ -22,13 +22,15 @@ import math
 from operator import gt, lt, sub
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from drivers.drive_bus import Tripped
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from drivers.axis import Axis
-    from drivers.cycle_data import ProcessData
+    from drivers.cycle_data import Cycles
     from drivers.drives_file import AxisDrive
 
 TORQUE_SHARE = 0.95
@@ -62,6 +64,7 @@ class Trips:
         self._period = period
         self._velocities = [fastest(axis.drive) / axis.per_count for axis in axes]
         self._steps = [2 * velocity * period for velocity in self._velocities]
+        self._half_steps = [step / 2 for step in self._steps]
         self._currents = [
             (axis.drive.trip.torque or TORQUE_SHARE * axis.drive.limits.torque)
             / abs(axis.scale.torque)
@@ -74,7 +77,8 @@ class Trips:
         """Begin to look: all axes rest at `positions` [increments]."""
         self._lows = [positions[axis.index] - axis.window for axis in self._axes]
         self._highs = [positions[axis.index] + axis.window for axis in self._axes]
-        self._last, self._last_time = tuple(positions), time
+        self._last: Sequence[float] = tuple(positions)
+        self._last_time = time
         self._since.clear()
 
     def expect(self, axis: int, position: int, target: float, *, moving: bool) -> None:
@@ -92,20 +96,50 @@ class Trips:
         """Let all axes be between `lows` and `highs` [increments] until others are given."""
         self._lows, self._highs = list(lows), list(highs)
 
-    def look(self, time: float, process_data: ProcessData) -> Tripped | None:
+    def look_ahead(self, cycles: Cycles) -> Tripped | None:
+        """Do as `look` for each of several regular SYNCs; return the first reason to stop."""
+        times, positions, currents = cycles
+        seen = np.concatenate(((self._last,), positions))
+        steps = np.abs(seen[1:] - seen[:-1]).max(axis=0).tolist()
+        # two steps in a row of at most half the bound keep it
+        if (
+            True in map(lt, positions.min(axis=0).tolist(), self._lows)
+            or True in map(gt, positions.max(axis=0).tolist(), self._highs)
+            or True in map(gt, steps, self._half_steps)
+            or True in map(gt, np.abs(currents).max(axis=0).tolist(), self._currents)
+            or self._since
+        ):
+            each = zip(times, positions.tolist(), currents.tolist(), strict=True)
+            found = (self.look(time, *values, irregular=False) for time, *values in each)
+            return next(filter(None, found), None)
+        turn, self._turn = self._turn, (self._turn + len(times)) % _TURNS
+        odd = len(times) - 1 if self._turn & 1 else len(times) - 2
+        if odd >= 0 and (turn + odd + 1) & 1:
+            self._last, self._last_time = positions[odd].tolist(), times[odd]
+        return None
+
+    def look(
+        self,
+        time: float,
+        positions: Sequence[float],
+        currents: Sequence[float],
+        *,
+        irregular: bool,
+    ) -> Tripped | None:
         """Return why the axes must stop now, None if they need not.
 
         Parameters
         ----------
         time : float
             The SYNC's instant [s].
-        process_data : ProcessData
-            What it brought.
+        positions, currents : sequence of float, length n_axes
+            As in `drivers.cycle_data.ProcessData`.
+        irregular : bool
+            Some are those of an earlier SYNC.
         """
         self._turn = turn = (self._turn + 1) % _TURNS
-        positions = process_data.positions
         if turn & 1:
-            if process_data.irregular:  # the SYNC before must do, with a longer time in between
+            if irregular:  # the SYNC before must do, with a longer time in between
                 return None
             last, then = self._last, self._last_time
             self._last, self._last_time = positions, time
@@ -115,9 +149,9 @@ class Trips:
         if True in map(gt, positions, self._highs) or True in map(lt, positions, self._lows):
             jump = self._judge_speed(time - self._last_time, positions, self._last)
             return jump or self._outside(positions)
-        return None if turn else self._judge_torque(time, process_data.currents)
+        return None if turn else self._judge_torque(time, currents)
 
-    def _outside(self, positions: Sequence[int]) -> Tripped:
+    def _outside(self, positions: Sequence[float]) -> Tripped:
         bounds = zip(positions, self._lows, self._highs, strict=True)
         n = next(i for i, (p, low, high) in enumerate(bounds) if not low <= p <= high)
         axis, unit = self._axes[n], self._axes[n].drive.unit
@@ -131,7 +165,7 @@ class Trips:
         )
 
     def _judge_speed(
-        self, elapsed: float, positions: Sequence[int], last: Sequence[int]
+        self, elapsed: float, positions: Sequence[float], last: Sequence[float]
     ) -> Tripped | None:
         for axis, velocity in zip(self._axes, self._velocities, strict=True):
             way = abs(positions[axis.index] - last[axis.index])
@@ -162,7 +196,7 @@ class Trips:
         return None
 
 
-def _cause(way: int, axis: Axis) -> str:
+def _cause(way: float, axis: Axis) -> str:
     """Return in words what else than motion may show such a way [increments]."""
     limits = axis.drive.limits
     if way * axis.per_count > limits.q_max - limits.q_min:

@@ -184,6 +184,11 @@ class ServoAxes:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
         return self._opened().sample()
 
+    def samples(self, limit: int) -> Sequence[Sample]:
+        """Return the samples of the next SYNCs (see `drivers.drive_bus.DriveBus`)."""
+        session = self._opened()
+        return session.samples(limit) if session.looks_ahead else (self.sample(),)
+
     def follow(self) -> Sample:
         """Return the next sample while a drive moves by itself, as in homing.
 

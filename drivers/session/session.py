@@ -42,6 +42,12 @@ LEFT_OUT = 0.5
 UNSUPERVISED = 0.5
 """Share of the heartbeat timeout for which nobody may look at axes in motion."""
 
+AHEAD = 25
+"""SYNCs that may pass in lock-step before the axes are looked at: 0.1 s at 4 ms, no time at all
+beside a plant that waits for us."""
+ROUNDED = 0.01
+"""Share of a period that sums of periods may be off by rounding."""
+
 
 class SessionState(enum.Enum):
     """How far a session has come."""
@@ -125,6 +131,11 @@ class Session:
         stopped = self._state is SessionState.READY and self.stopping.trip is not None
         return SessionState.STOPPED if stopped else self._state
 
+    @property
+    def looks_ahead(self) -> bool:
+        """`samples` may return several."""
+        return self._process_data.looks_ahead
+
     def leave(self) -> None:
         """Take note that nothing can be commanded any more."""
         self._state = SessionState.LEFT
@@ -205,13 +216,48 @@ class Session:
 
     def sample(self) -> Sample:
         """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
+        return self._step(1)[-1]
+
+    def samples(self, limit: int) -> Sequence[Sample]:
+        """Return what the axes reported for the next SYNCs (see `drivers.drive_bus.DriveBus`)."""
+        return self._step(self._idle(limit))
+
+    def _idle(self, limit: int) -> int:
+        """Return how many SYNCs may pass before there is something to do, at most `limit`."""
+        data, profile = self._process_data, self._profile_position
+        if (
+            self._cyclic_position.cyclic
+            or self._missing.open
+            or data.words != self._words
+            or self._supervision.emergency
+            or self._life_sign.trouble
+        ):
+            return 1
+        until = min(self._life_sign.due, profile.quiet_until(data.words))
+        # the last SYNC is looked at by itself
+        times = (until - data.time) / self._period + 1 - ROUNDED
+        return int(max(1.0, min(limit, AHEAD, times)))
+
+    def _step(self, limit: int) -> Sequence[Sample]:
+        """Let SYNCs pass, at most `limit`; look at all, with all care at the last."""
         if self.stopping.trip is not None:
             self.stopping.supervise()
             self.stopping.refuse()
         data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
-        before = data.time
+        before, cycles = data.time, None
+        moving, limits = bool(profile.active or cyclic.moving), self._samples.limits
         try:
-            time = data.sync()
+            if limit > 1:
+                cycles = data.sync_ahead(limit)
+            else:
+                data.sync()
+            if cycles is not None:
+                before = cycles.times[-1]
+                profile.pass_by(cycles)
+                tripped = self._trips.look_ahead(cycles)
+                if tripped:
+                    self._fail(tripped)
+            time = data.time
             if time - before > self._period:
                 self._came_late(time - before)
             if time >= self._life_sign.due:
@@ -228,14 +274,17 @@ class Session:
                 self.stopping.fail(self._unattended(time - before))
             failed = (
                 (profile.active and profile.advance(time, data))
-                or self._trips.look(time, data)
+                or self._trips.look(time, data.positions, data.currents, irregular=data.irregular)
                 or (cyclic.cyclic and cyclic.advance(calm=self._missing.blind))
             )
             if failed:
                 self._fail(failed)
         except DriveError as error:
             self.stopping.fail(error)
-        return self._samples.sample(time, data, not (profile.active or cyclic.moving))
+        last = self._samples.sample(time, data, not (profile.active or cyclic.moving))
+        if cycles is None:
+            return (last,)
+        return self._samples.block(cycles, limits, not moving, last)
 
     def follow(self) -> Sample:
         """Return the next sample while a drive moves by itself, as in homing.

@@ -55,12 +55,12 @@ def _record(
         profile = measurement.profile(number)
         recorder.mark("stroke", number)
         bus.move({measurement.index: Move(profile.end, profile.velocity, profile.acceleration)})
-        each: Callable[[Sample], None] = recorder.add
+        take: Callable[[Sequence[Sample]], float] = recorder.extend
         if partner:
             partner.begin(last.time + profile.window[0], last.time + profile.window[1])
-            each = partner.add
+            take = partner.take
         what = f"{measurement.id}, stroke {number + 1}"
-        last = until_reached(bus, each, last.time, profile.duration, what)
+        last = until_reached(bus, take, last.time, profile.duration, what)
     recorder.mark("stroke", IDLE)
     recorder.mark("partner_stroke", IDLE)
     _rest(bus, recorder)
@@ -124,15 +124,17 @@ class _PartnerStrokes:
         self._due = earliest + SETTLED
         self._last = latest - self._partner.profile(self._q, 0).duration - PARTNER_TURN
 
-    def add(self, sample: Sample) -> None:
-        """Take one sample and start a stroke when one is due."""
-        self._recorder.add(sample)
-        if sample.time >= self._due:
-            if sample.time > self._last:
+    def take(self, samples: Sequence[Sample]) -> float:
+        """Take samples and start a stroke when one is due; return when the next is due [s]."""
+        self._recorder.extend(samples)
+        now = samples[-1].time
+        if now >= self._due:
+            if now > self._last:
                 self._recorder.mark("partner_stroke", IDLE)
                 self._due = math.inf
             else:
-                self._start(sample.time)
+                self._start(now)
+        return self._due
 
     def _start(self, now: float) -> None:
         profile = self._partner.profile(self._q, self._number)
@@ -145,7 +147,9 @@ class _PartnerStrokes:
 
 def _rest(bus: DriveBus, recorder: Recorder) -> Sample:
     """Record samples at rest, padding for the filters; return the last one."""
-    for _ in range(max(1, round(REST / bus.period))):
-        sample = bus.sample()
-        recorder.add(sample)
-    return sample
+    left = max(1, round(REST / bus.period))
+    while left > 0:
+        samples = bus.samples(left)
+        recorder.extend(samples)
+        left -= len(samples)
+    return samples[-1]

@@ -98,7 +98,7 @@ def travel(
     bus.move(moves)
     expected = travel_time(robot, here.q, target, fraction) / slow
     recorder = Recorder()
-    last = until_reached(bus, recorder.add, here.time, expected, "travel")
+    last = until_reached(bus, recorder.extend, here.time, expected, "travel")
     highest = max(move.acceleration for move in moves.values())
     finished(bus, recorder, highest)
     return last
@@ -117,7 +117,7 @@ def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Samp
     recorder = Recorder()
     begin = locate(bus).time
     bus.move({index: Move(profile.end, profile.velocity, profile.acceleration)})
-    last = until_reached(bus, recorder.add, begin, profile.duration, what)
+    last = until_reached(bus, recorder.extend, begin, profile.duration, what)
     finished(bus, recorder, profile.acceleration)
     return last
 
@@ -125,31 +125,40 @@ def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Samp
 def stand(bus: DriveBus, duration: float) -> Sample:
     """Let `duration` [s] pass without a motion; return the last sample."""
     begin = last = locate(bus)
-    while last.time - begin.time < duration:
-        last = bus.sample()
+    while (left := duration - (last.time - begin.time)) > 0:
+        last = bus.samples(max(1, int(left / bus.period)))[-1]
     return last
 
 
 def until_reached(
     bus: DriveBus,
-    each: Callable[[Sample], None],
+    take: Callable[[Sequence[Sample]], float],
     begin: float,
     expected: float,
     what: str,
 ) -> Sample:
-    """Pass every sample to `each` until all axes are at rest at their targets; return that one.
+    """Pass samples to `take` until all axes are at rest at their targets; return the last one.
+
+    Parameters
+    ----------
+    take : callable
+        Returns before which instant it has nothing to command [s].
+    begin, expected : float
+        When the motion began and how long it should take [s].
+    what : str
+        What the motion is.
 
     Raises
     ------
     MoveFailed
-        Not in time, counted from `begin` [s]; `what` says what the motion is.
+        Not in time.
     """
     # half as long again as expected, and `GRACE`
     deadline = begin + 1.5 * expected + GRACE
-    next_sample = bus.sample
+    sample = bus.sample()
+    taken: Sequence[Sample] = (sample,)
     while True:
-        sample = next_sample()
-        each(sample)
+        idle_until = take(taken)
         if sample.reached:
             return sample
         if sample.time > deadline:
@@ -159,6 +168,9 @@ def until_reached(
                 f" {expected:.3g} s; see whether an axis is blocked or its position window and"
                 " velocity limit are too small"
             )
+        idle = min(idle_until, deadline) - sample.time
+        taken = bus.samples(max(1, int(idle / bus.period)))
+        sample = taken[-1]
 
 
 def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> None:

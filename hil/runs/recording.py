@@ -7,18 +7,20 @@ is all that happens between two SYNCs. Only when the measurement is over does it
 
 from __future__ import annotations
 
+import math
 import struct
 from array import array
 from collections import defaultdict
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from drivers.drive_bus import SampleFlag
+from drivers.drive_bus import SampleBlock, SampleFlag
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     import pandas as pd
     from numpy.typing import NDArray
@@ -204,15 +206,26 @@ class Recorder:
         time, q, tau, flags, _ = sample
         self._rows += self._pack(time, *q, *tau, *flags)
 
+    def extend(self, samples: Sequence[Sample]) -> float:
+        """Take several samples; return until when nothing else is wanted of them: for ever."""
+        if isinstance(samples, SampleBlock) and self._size > 1:
+            rows = np.empty(len(samples.time), dtype=_row(self._size))
+            rows["time"], rows["q"], rows["tau"] = samples.time, samples.q, samples.tau
+            rows["flags"] = samples.flags
+            self._rows += rows.tobytes()
+            self.add(samples.last)
+        else:
+            for sample in samples:
+                self.add(sample)
+        return math.inf
+
     def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
         """Count samples from here on to this stroke of axis or partner, or group; `IDLE`: none."""
         self._marks[what].append((len(self._rows) // self._size, number))
 
     def finish(self) -> Recording:
         """Turn what was collected into arrays."""
-        n_joints = (self._size - 8) // 17
-        joints = [("q", "<f8", n_joints), ("tau", "<f8", n_joints), ("flags", "u1", n_joints)]
-        rows = np.frombuffer(self._rows, dtype=[("time", "<f8"), *joints])
+        rows = np.frombuffer(self._rows, dtype=_row(self._size))
         return Recording(
             time=np.array(rows["time"], dtype=np.float64),
             q=np.array(rows["q"], dtype=np.float64, order="C"),
@@ -229,6 +242,14 @@ class Recorder:
         layout = struct.Struct(f"<d{2 * n_joints}d{n_joints}B")
         self._pack, self._size = layout.pack, layout.size
         return layout.pack(*values)
+
+
+@cache
+def _row(size: int) -> np.dtype[np.void]:
+    """Return the layout of a sample of so many bytes."""
+    n_joints = (size - 8) // 17
+    joints = [("q", "<f8", n_joints), ("tau", "<f8", n_joints), ("flags", "u1", n_joints)]
+    return np.dtype([("time", "<f8"), *joints])
 
 
 def under_way(stroke: Numbers, group: Numbers | None) -> Mask:

@@ -97,6 +97,7 @@ class FrameBlock:
             self._frames[16 * number : 16 * number + _HEAD.size] = list(head)
         self._fields = np.array(rows, dtype=np.int64).reshape(-1, _COLUMNS)
         self._memory = image.values, image.watch, self._fields, self._frames
+        self.pack_all(image.values[None, : image.watch.shape[1] * WIDTH].copy())
 
     def latch(self, readings: Integers) -> int:
         """Do as `ProcessImage.latch`, and pack besides: `frames` are right if there are no news."""
@@ -105,6 +106,14 @@ class FrameBlock:
     def pack(self) -> None:
         """Pack what the image shows now."""
         _pack(self._image.values, self._fields, self._frames)
+
+    def pack_all(self, readings: Integers) -> list[bytes]:
+        """Pack the frames of several SYNCs; readings of shape (k, 7 n_axes) without news."""
+        size = len(self._frames)
+        packed = np.empty((len(readings), size), dtype=np.uint8)
+        _pack_all(readings, self._image.values, self._fields, self._frames, packed)
+        whole = packed.tobytes()
+        return [whole[k * size : (k + 1) * size] for k in range(len(readings))]
 
     @property
     def frames(self) -> bytes:
@@ -182,6 +191,20 @@ def _pack(values: Integers, fields: Integers, frames: NDArray[np.uint8]) -> None
             frames[place] = value & 0xFF
             value >>= 8
             place += 1
+
+
+@compiled
+def _pack_all(
+    readings: Integers,
+    values: Integers,
+    fields: Integers,
+    frames: NDArray[np.uint8],
+    packed: NDArray[np.uint8],
+) -> None:
+    for k in range(readings.shape[0]):
+        values[: readings.shape[1]] = readings[k]
+        _pack(values, fields, frames)
+        packed[k] = frames
 
 
 @compiled

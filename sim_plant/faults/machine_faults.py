@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sim_plant.machine_protocol import Reading
 from sim_plant.physics import friction
 from sim_plant.physics import state as st
@@ -17,7 +19,6 @@ from sim_plant.physics import state as st
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_plant.drive_settings import DriveSettings
@@ -140,6 +141,13 @@ class FaultyMachine:
     def advance(self, duration: float) -> None:
         """Let the physics run for `duration` [s]."""
         self.plant.advance(duration)
+
+    def advance_quietly(
+        self, durations: Sequence[float], watch: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Return nothing, since every latch may show a fault (see `Machine`)."""
+        del durations, watch
+        return np.empty((0, len(self._shown)), dtype=np.int64)
 
     def read(self) -> NDArray[np.int64]:
         """Latch what encoders and current sensors show, which may be wrong."""

@@ -148,3 +148,66 @@ def run_and_latch(
     if done == steps:
         servo.latch(const, state, profile, noise[row], image, flaws)
     return done
+
+
+@compiled
+def run_quietly(
+    steps: NDArray[np.int64],
+    number: int,
+    h: float,
+    row: int,
+    watch: NDArray[np.int64],
+    readings: NDArray[np.int64],
+    joints: tuple[int, ...],
+    frames: Array,
+    bodies: Array,
+    gravity: Array,
+    kinds: Array | None,
+    const: Array,
+    state: Array,
+    profile: Array,
+    normal: Array,
+    noise: Array,
+    image: NDArray[np.int64],
+    flaws: Array | None = None,
+) -> int:
+    """Advance and latch several times, up to the time before an axis has news.
+
+    Parameters
+    ----------
+    steps : ndarray, shape (k,)
+        Steps before each latch.
+    watch : ndarray, shape (3, n)
+        Known events, lowest and highest position of each axis: anything else is news.
+    readings : ndarray, shape (k, n, 7)
+        Written, see `physics.servo.latch`.
+
+    Returns
+    -------
+    int
+        Latches before the one with news; the machine stands where it was then.
+    """
+    before, profile_before = state.copy(), profile.copy()
+    if flaws is not None:
+        flaws_before = flaws.copy()
+    for k in range(steps.shape[0]):
+        before[:], profile_before[:] = state, profile
+        if flaws is not None:
+            flaws_before[:] = flaws
+        done = run_and_latch(
+            steps[k], number, h, row + k, joints, frames, bodies, gravity, kinds, const, state,
+            profile, normal, noise, image, flaws,
+        )  # fmt: skip
+        news = done != steps[k]
+        for i in range(image.shape[0]):
+            news |= image[i, 6] != watch[0, i]
+            news |= image[i, 0] < watch[1, i] or image[i, 0] > watch[2, i]
+        if news:
+            # whoever attends to the news lets the time of this latch pass again
+            state[:], profile[:] = before, profile_before
+            if flaws is not None:
+                flaws[:] = flaws_before
+            return k
+        readings[k] = image
+        number += steps[k]
+    return len(steps)

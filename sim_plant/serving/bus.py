@@ -87,6 +87,17 @@ class PlantBus(can.BusABC):
         plant = self._plant or self._opened()
         plant.transmit(msg, self._inbox, self._echo)
 
+    def send_repeatedly(self, msg: can.Message, times: int) -> list[bytes]:
+        """Send a SYNC several times, each as soon as the one before is answered.
+
+        Returns
+        -------
+        list of bytes
+            Answers to all SYNCs but the last, each as `recv_block` returns them. Whatever is more
+            than new process data makes a SYNC the last.
+        """
+        return self._opened().transmit_repeatedly(msg, times, self._inbox, self._echo)
+
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
         if self._direct:

@@ -93,6 +93,28 @@ class PlantChannel:
                 self._deliver(refused.frames)
                 raise
 
+    def transmit_repeatedly(
+        self, message: can.Message, times: int, sender: Inbox, echo: bool
+    ) -> list[bytes]:
+        """Pass a SYNC to the drives several times; return the answers to all but the last.
+
+        These are `FramesOfSync`, packed; what answers the last SYNC goes to the inboxes. It is the
+        first where somebody else listens or acts.
+        """
+        network, packed = self._network, []
+        alone = len(self.inboxes) == 1 and self._hand is None and not echo
+        if alone and isinstance(network, SlaveNetwork):
+            with self._lock:
+                before = network.time
+                for _ in range(network.foresee(message.arbitration_id, times - 1)):
+                    self._occupy(before, 0)
+                    frames = FramesOfSync.of(network.receive(message.arbitration_id, b""))
+                    self._occupy_for(frames)
+                    packed.append(frames.packed)
+                    before = frames.time
+        self.transmit(message, sender, echo)
+        return packed
+
     def _pass_on(self, message: can.Message, time: float, sender: Inbox, *, echo: bool) -> None:
         for inbox in self.inboxes:
             if inbox is not sender or echo:
@@ -118,14 +140,19 @@ class PlantChannel:
         self._wire_free = free
 
     def _deliver_block(self, frames: FramesOfSync) -> None:
-        """Put the frames of one SYNC into all inboxes, to be unpacked by each reader."""
-        block, sizes = frames.packed, frames.packed[4 :: FRAME.size]
+        """Put the frames of a SYNC into all inboxes, to be unpacked by each reader."""
+        start = self._occupy_for(frames)
+        for inbox in self.inboxes:
+            inbox.put((start, frames.packed))
+
+    def _occupy_for(self, frames: FramesOfSync) -> float:
+        """Return when the wire is free for the frames of a SYNC [s], and occupy it for them."""
+        sizes = frames.packed[4 :: FRAME.size]
         start = self._wire_free if self._wire_free > frames.time else frames.time
         if sizes not in self._of_blocks:
             self._of_blocks[sizes] = sum(self._durations[size] for size in sizes)
         self._wire_free = start + self._of_blocks[sizes]
-        for inbox in self.inboxes:
-            inbox.put((start, block))
+        return start
 
     def messages(self, block: Block) -> Iterator[can.Message]:
         """Take a block apart."""
