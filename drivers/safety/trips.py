@@ -13,7 +13,8 @@ torque
     none beyond `drives_file.Trip.torque` lasts longer than `drives_file.Trip.torque_time`.
 
 Corridor and speed take turns, torque is looked at at every eighth SYNC. So the first two trip at
-the latest with the second SYNC that shows it.
+the latest with the second SYNC that shows it. Where several SYNCs pass in one call, which only a
+virtual plant offers, all of them are looked at after the last.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from drivers.axis import Axis
-    from drivers.cycle_data import Cycles
+    from drivers.cycle_data import Cycles, ProcessData
     from drivers.drives_file import AxisDrive
 
 TORQUE_SHARE = 0.95
@@ -110,7 +111,7 @@ class Trips:
             or self._since
         ):
             each = zip(times, positions.tolist(), currents.tolist(), strict=True)
-            found = (self.look(time, *values, irregular=False) for time, *values in each)
+            found = (self._look(time, *values, irregular=False) for time, *values in each)
             return next(filter(None, found), None)
         turn, self._turn = self._turn, (self._turn + len(times)) % _TURNS
         odd = len(times) - 1 if self._turn & 1 else len(times) - 2
@@ -118,7 +119,21 @@ class Trips:
             self._last, self._last_time = positions[odd].tolist(), times[odd]
         return None
 
-    def look(
+    def look(self, time: float, process_data: ProcessData) -> Tripped | None:
+        """Return why the axes must stop now, None if they need not.
+
+        Parameters
+        ----------
+        time : float
+            The SYNC's instant [s].
+        process_data : ProcessData
+            What it brought.
+        """
+        return self._look(
+            time, process_data.positions, process_data.currents, irregular=process_data.irregular
+        )
+
+    def _look(
         self,
         time: float,
         positions: Sequence[float],
@@ -126,17 +141,6 @@ class Trips:
         *,
         irregular: bool,
     ) -> Tripped | None:
-        """Return why the axes must stop now, None if they need not.
-
-        Parameters
-        ----------
-        time : float
-            The SYNC's instant [s].
-        positions, currents : sequence of float, length n_axes
-            As in `drivers.cycle_data.ProcessData`.
-        irregular : bool
-            Some are those of an earlier SYNC.
-        """
         self._turn = turn = (self._turn + 1) % _TURNS
         if turn & 1:
             if irregular:  # the SYNC before must do, with a longer time in between

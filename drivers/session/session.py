@@ -243,48 +243,51 @@ class Session:
         if self.stopping.trip is not None:
             self.stopping.supervise()
             self.stopping.refuse()
-        data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
-        before, cycles = data.time, None
-        moving, limits = bool(profile.active or cyclic.moving), self._samples.limits
+        data, limits, reached = self._process_data, self._samples.limits, not self._moving
+        before = data.time
         try:
-            if limit > 1:
-                cycles = data.sync_ahead(limit)
+            if limit == 1:
+                cycles, time = None, data.sync()
             else:
-                data.sync()
+                cycles, time = data.sync_ahead(limit), data.time
             if cycles is not None:
                 before = cycles.times[-1]
-                profile.pass_by(cycles)
+                self._profile_position.pass_by(cycles)
                 tripped = self._trips.look_ahead(cycles)
                 if tripped:
                     self._fail(tripped)
-            time = data.time
-            if time - before > self._period:
-                self._came_late(time - before)
-            if time >= self._life_sign.due:
-                self._life_sign.service()
-            words = data.words
-            if words != self._words or self._supervision.emergency or self._life_sign.trouble:
-                self._attend(words)
-            if data.irregular or self._missing.open:
-                busy = time - self._late[0] <= LATE_FOR
-                blind = self._missing.look(data.flags, data.misfits, busy=busy)
-                if blind:
-                    self._fail(blind)
-            if time - before > self._unsupervised and profile.active:
-                self.stopping.fail(self._unattended(time - before))
-            failed = (
-                (profile.active and profile.advance(time, data))
-                or self._trips.look(time, data.positions, data.currents, irregular=data.irregular)
-                or (cyclic.cyclic and cyclic.advance(calm=self._missing.blind))
-            )
-            if failed:
-                self._fail(failed)
+            self._judge(time, time - before)
         except DriveError as error:
             self.stopping.fail(error)
-        last = self._samples.sample(time, data, not (profile.active or cyclic.moving))
+        last = self._samples.sample(time, data, not self._moving)
         if cycles is None:
             return (last,)
-        return self._samples.block(cycles, limits, not moving, last)
+        return self._samples.block(cycles, limits, reached, last)
+
+    def _judge(self, time: float, elapsed: float) -> None:
+        """Look at what the SYNC at `time` brought, so long after the one before [s]."""
+        data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
+        if elapsed > self._period:
+            self._came_late(elapsed)
+        if time >= self._life_sign.due:
+            self._life_sign.service()
+        words = data.words
+        if words != self._words or self._supervision.emergency or self._life_sign.trouble:
+            self._attend(words)
+        if data.irregular or self._missing.open:
+            busy = time - self._late[0] <= LATE_FOR
+            blind = self._missing.look(data.flags, data.misfits, busy=busy)
+            if blind:
+                self._fail(blind)
+        if elapsed > self._unsupervised and profile.active:
+            self.stopping.fail(self._unattended(elapsed))
+        failed = (
+            (profile.active and profile.advance(time, data))
+            or self._trips.look(time, data)
+            or (cyclic.cyclic and cyclic.advance(calm=self._missing.blind))
+        )
+        if failed:
+            self._fail(failed)
 
     def follow(self) -> Sample:
         """Return the next sample while a drive moves by itself, as in homing.

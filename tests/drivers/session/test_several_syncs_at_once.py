@@ -1,4 +1,4 @@
-"""In lock-step the plant may answer several SYNCs at once: nobody can tell from what is recorded."""
+"""In lock-step several SYNCs may pass in one call; recordings do not show it."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Streamed:
     def nothing(self, *_: object) -> None:
         """What else a bus has, and nobody calls here."""
 
-    __enter__ = __exit__ = move = sample = halt = reset = nothing
+    __enter__ = __exit__ = move = sample = samples = halt = reset = nothing
 
 
 def test_where_a_path_is_is_asked_of_the_bus_behind_once() -> None:
