@@ -141,7 +141,7 @@ def _conversion(kind: str, value: float) -> str:
 
 
 class RobotFile(FileModel):
-    """A robot file as a whole; names across it are checked by `hil.model.robot.load_robot`.
+    """A robot file as a whole; names across it are checked by `hil.model.robot.Robot.load`.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ from hil.estimation.local_values import LocalValue
 from hil.estimation.prior import FromPrior
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.provenance import Provenance
 from hil.results.residual import BandResidual
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
-    from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
 
 
@@ -226,7 +225,7 @@ class ModelFile(FileModel):
     def _robot(self, path: Path) -> Robot:
         beside = path.parent / "robot.yaml"
         kept = self.robot_file
-        robot = load_robot(beside) if kept is None else parse_robot(kept, f"{path}: robot_file")
+        robot = Robot.load(beside) if kept is None else parse_robot(kept, f"{path}: robot_file")
         names = tuple(parameter.name for parameter in self.parameters)
         if robot.digest != self.provenance.robot_digest or names != base_parameters(robot).names:
             place = f"in {beside}" if kept is None else "that it holds"

@@ -56,7 +56,7 @@ def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
     low, high = model.conf_int(0.9)["p1"]
     assert low < model.params["p1"] < high
     robot.save(tmp_path / "pendulum.yaml")
-    assert hil.Robot.from_file(tmp_path / "pendulum.yaml") == robot
+    assert hil.Robot.load(tmp_path / "pendulum.yaml") == robot
     with pytest.raises(hil.errors.FileError, match="is there already"):
         robot.save(tmp_path / "pendulum.yaml")
     kept = run.save(tmp_path / "run")

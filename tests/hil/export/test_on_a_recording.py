@@ -21,7 +21,7 @@ from hil.export.formats import FORMATS, SIMULATORS, export
 from hil.friction.direction import are_successive
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue, friction_torque
 from hil.model.dynamics import inverse_dynamics
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.results.consistency import with_consistent_robot
 
 pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
@@ -53,7 +53,7 @@ SIMPLE = ("ros2", *SIMULATORS)
 @pytest.fixture(scope="module")
 def model() -> Model:
     """A model with bodies, of a robot with a slide, each axis with a friction of its own."""
-    robot = load_robot("tests/robots/scara.yaml")
+    robot = Robot.load("tests/robots/scara.yaml")
     laws = [
         AxisLaw(
             law="stated",

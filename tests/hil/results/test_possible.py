@@ -13,7 +13,7 @@ from possible_models import model_of, possible
 from hil.errors import InvalidValue
 from hil.estimation.intervals import Edge
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.outcome import outcome
@@ -55,7 +55,7 @@ def test_torques_that_are_all_reversed_have_failed_and_are_not_exported(tmp_path
 @pytest.mark.parametrize("name", ["manutec-r15", "staubli-tx40"])
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_said_of_bodies(name: str, seed: int) -> None:
-    robot = load_robot(name).with_whole_links()
+    robot = Robot.load(name).with_whole_links()
     model = model_of(robot, *possible(robot, seed))
     assert not [*impossible_inertias(model), *impossible_links(model)]
 
@@ -80,7 +80,7 @@ def test_negative_inertia_behind_a_rotor_is_named_though_the_mass_matrix_is_posi
 
 
 def test_a_rotor_inertia_that_is_negative_beyond_its_error_has_failed() -> None:
-    robot = load_robot("staubli-tx40")
+    robot = Robot.load("staubli-tx40")
     p, error = possible(robot)
     rotor = base_parameters(robot).heads.index("Ia3")
     p[rotor] = -0.05

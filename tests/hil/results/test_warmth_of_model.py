@@ -10,7 +10,7 @@ import pytest
 from stated_model import WARMTH, stated_model
 
 from hil.errors import InvalidArray, NotEnoughData
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.results.model import Model
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ QD = np.full(6, 0.7)
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return stated_model(load_robot("manutec-r15"), friction=("offset", "Coulomb"), warm=True)
+    return stated_model(Robot.load("manutec-r15"), friction=("offset", "Coulomb"), warm=True)
 
 
 def friction(model: Model, warmth: object = None) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_times_that_do_not_ascend_are_refused(model: Model) -> None:
 
 
 def test_a_model_that_knows_of_no_warmth_says_so() -> None:
-    cold = stated_model(load_robot("manutec-r15"))
+    cold = stated_model(Robot.load("manutec-r15"))
     with pytest.raises(NotEnoughData, match="leave warmth out"):
         friction(cold, 0.5)
     with pytest.raises(NotEnoughData):
