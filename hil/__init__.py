@@ -4,7 +4,7 @@
 
     run = hil.Run.open("runs/first")
     model = hil.identify(run)
-    model.torque(q, qd, qdd)
+    model.predict(q, qd, qdd)
     fit = hil.regression(run, covariance="CR2").fit()
     fit.conf_int(), fit.torque_parts(recording)
 

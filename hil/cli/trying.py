@@ -117,8 +117,8 @@ def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -
         model.save(folder / model_file.NAME)
     for kind, line in _shown(robot, model):
         feed.publish(kind, line)
-    if model.outcome is not None:
-        say_judgement(model.outcome)
+    if model.verdict is not None:
+        say_judgement(model.verdict)
     return model
 
 

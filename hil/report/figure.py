@@ -107,7 +107,7 @@ def plot_friction(model: Model) -> Figure:
         qd = np.zeros((SPEEDS, robot.n_joints))
         qd[:, axis] = np.linspace(-top, top, SPEEDS)
         q = np.zeros_like(qd)
-        tau = model.torque(q, qd, 0.0, ["friction"])[:, axis]
+        tau = model.predict(q, qd, 0.0, ["friction"])[:, axis]
         low, high = model.torque_interval(q, qd, 0.0, parts=["friction"])[:, axis].T
         speed = qd[:, axis]
         panels.append(
@@ -122,7 +122,7 @@ def plot_friction(model: Model) -> Figure:
             )
         )
     if not panels:
-        model.torque(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # states what is missing
+        model.predict(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # states what is missing
     return Figure(chart(panels))
 
 

@@ -24,9 +24,9 @@ from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.band_residual import band_residual
 from hil.results.model import Model
-from hil.results.outcome import outcome
 from hil.results.provenance import Provenance, digests, named
 from hil.results.recorded_torque import torque_parts
+from hil.results.verdict import verdict
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled, pooled
 from hil.runs.run import opened
@@ -241,7 +241,7 @@ def model_of(
         model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
     model = replace(model, band_residual=band_residual(model, recorded))
     usual = found.effect * found.usual
-    return replace(model, outcome=outcome(model, usual, options.accuracy))
+    return replace(model, verdict=verdict(model, usual, options.accuracy))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import isclose
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import yaml
-from pydantic import model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from checked_files.yaml_events import Dumper
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 NAME = "model.yaml"
 _AS_IDENTIFIED = (
-    "provenance", "condition", "error_budget", "friction", "back_and_forth", "outcome",
+    "provenance", "condition", "error_budget", "friction", "back_and_forth", "verdict",
     "validations", "consistent", "excluded", "prior", "edges", "band_residual",
 )  # fmt: skip
 """Fields that the file holds as the model does."""
@@ -133,7 +133,9 @@ class ModelFile(FileModel):
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
-    outcome: Judgement | None = None
+    verdict: Annotated[
+        Judgement | None, Field(validation_alias=AliasChoices("verdict", "outcome"))
+    ] = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
@@ -237,7 +239,7 @@ class ModelFile(FileModel):
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
         optional = (
-            "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
+            "friction", "back_and_forth", "friction_law", "verdict", "validations", "consistent",
             "torque_effect", "excluded", "prior", "band_residual", "local",
         )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}

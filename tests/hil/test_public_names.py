@@ -53,7 +53,7 @@ def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
     found = dict(zip(model.expressions, model.values, strict=True))
     assert found == pytest.approx({"Izz1": 2.0, "sx1": 1.5, "sy1": -0.4}, abs=0.03)
     assert set(model.params) == set(model.conf_int()) == set(model.names)
-    low, high = model.conf_int(0.9)["p1"]
+    low, high = model.conf_int(0.1)["p1"]
     assert low < model.params["p1"] < high
     robot.save(tmp_path / "pendulum.yaml")
     assert hil.Robot.load(tmp_path / "pendulum.yaml") == robot

@@ -48,12 +48,12 @@ def motion(robot: Robot, n: int = 20) -> tuple[Array, Array, Array]:
 def expected(model: Model) -> dict[str, tuple[tuple[Array, ...], Array]]:
     """Arguments and results of each function, by the model itself."""
     q, qd, qdd = motion(model.robot)
-    tau, load = model.torque(q, qd, qdd), model.torque(q, qd, qdd, parts=["rigid bodies"])
-    friction = model.torque(q, qd, qdd, parts=["friction"])
+    tau, load = model.predict(q, qd, qdd), model.predict(q, qd, qdd, parts=["rigid bodies"])
+    friction = model.predict(q, qd, qdd, parts=["friction"])
     found: dict[str, tuple[tuple[Array, ...], Array]] = {
         "gravity": ((q,), model.gravity(q)),
         "rigid_bodies": ((q, qd, qdd), load),
-        "mass_matrix": ((q,), model.mass_matrix(q)),
+        "mass_matrix": ((q,), model.mass_matrix(q, ["rigid bodies"])),
         "friction": ((q, qd, load), friction),
         "torque": ((q, qd, qdd), tau),
     }
@@ -62,7 +62,7 @@ def expected(model: Model) -> dict[str, tuple[tuple[Array, ...], Array]]:
         found["current"] = (tau,), motors / model.robot.torque_constant
     if any(known_warmth(model)):
         warmth = np.random.default_rng(6).uniform(0.0, 1.0, q.shape)
-        at_warmth = model.torque(q, qd, qdd, parts=["friction"], warmth=warmth)
+        at_warmth = model.predict(q, qd, qdd, parts=["friction"], warmth=warmth)
         found["friction_at_warmth"] = (q, qd, load, warmth), at_warmth
         found["warmth_rate"] = (qd, warmth), rates(model, qd, warmth)
     return found

@@ -84,7 +84,7 @@ def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
     v = np.array(axis["curve"]["velocity"])
     qd = np.zeros((len(v), 6))
     qd[:, 1] = v
-    wanted = model.torque(0.0, qd, 0.0, parts=["friction"])[:, 1]
+    wanted = model.predict(0.0, qd, 0.0, parts=["friction"])[:, 1]
     assert axis["curve"]["forward"] == pytest.approx(wanted)
     # three terms of 0.1 each, and a level that wandered by 5 %
     assert (np.array(axis["curve"]["standard_error"]) >= 0.05 * wanted).all()
@@ -143,5 +143,5 @@ def test_code_keeps_the_laws_of_the_other_axes_and_states_the_one_that_lacks() -
     exec(next(iter(files.values())), scope)  # noqa: S102 - our own code
     q, qd, qdd = [0.1] * 6, [0.4] * 6, [0.2] * 6
     with pytest.warns(FrictionUnknown):
-        wanted = blind.torque(q, qd, qdd)
+        wanted = blind.predict(q, qd, qdd)
     assert scope["torque"](q, qd, qdd) == pytest.approx(wanted)

@@ -177,7 +177,7 @@ def test_friction_slower_than_any_sample_goes_on_plainly(model: Path) -> None:
     found = Model.load(model)
     q = np.zeros((2, 6))
     v = np.stack([0.02 * ROBOT.velocity_limit, 0.2 * ROBOT.velocity_limit])
-    slow, fast = found.drive_torque(q, v, q) - found.torque(q, v, q, ("rigid bodies", "motors"))
+    slow, fast = found.drive_torque(q, v, q) - found.predict(q, v, q, ("rigid bodies", "motors"))
     assert (slow > 0).all()
     assert (slow < 1.2 * fast).all()
 

@@ -102,7 +102,7 @@ def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds() ->
     qd = np.gradient(q, each.period, axis=0)
     qdd = np.gradient(qd, each.period, axis=0)
     q, qd, qdd, tau = (x[500:-500:10] for x in (q, qd, qdd, tau))
-    left = tau - found.torque(q, qd, qdd)
+    left = tau - found.predict(q, qd, qdd)
     assert np.linalg.norm(left) < 0.082 * np.linalg.norm(tau)
     assert (np.linalg.eigvalsh(found.mass_matrix(q[::50])).min(axis=1) > 0).all()
 

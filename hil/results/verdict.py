@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from hil.results.possible import Impossible
 
 
-def outcome(
+def verdict(
     model: Model, usual_effect: Array | None = None, accuracy: float = ACCURACY
 ) -> Judgement:
     """Judge a model by itself: the worst of what speaks against it, causes that were found first.
