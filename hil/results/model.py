@@ -344,8 +344,8 @@ class Model(IdentifiedRobot):
         M, state = self.mass_matrix(q, parts), warmth_of(self, warmth, q)
         if not (np.linalg.eigvalsh(M) > 0).all():
             raise NotEnoughData(
-                f"the model of {self.robot.name}: its mass matrix is not positive definite at q;"
-                " accelerations need all that moves (hil.Model.mass_matrix)"
+                f"the model of {self.robot.name}: its mass matrix is not positive definite at q,"
+                f" of {', '.join(parts)}; take all parts, or see hil.Model.verdict"
             )
         qdd = np.zeros_like(tau)
         for _ in range(ROUNDS):  # once without friction of load, which depends on accelerations
