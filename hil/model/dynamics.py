@@ -126,7 +126,7 @@ def mass_matrix(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
 
 
 def coriolis_matrix(robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike) -> Array:
-    """Coriolis matrix C(q, qd) of Christoffel's symbols, shape as of `mass_matrix` [N m s/rad].
+    """Compute C(q, qd) of Christoffel's symbols, shape as of `mass_matrix` [N m s/rad].
 
     c(q, qd) of eq. (6) is quadratic in qd, so its symmetric bilinear form has the columns of C:
     c(q, qd + e) - c(q, qd - e) = 4 C e.

@@ -144,7 +144,7 @@ class Model(IdentifiedRobot):
         *,
         warmth: ArrayLike | None = None,
     ) -> Array:
-        """Predict the torques of friction: at no load, or with positions as `predict` does.
+        """Predict the torques of friction at no load, or with the load at stated positions.
 
         Parameters
         ----------
@@ -254,7 +254,7 @@ class Model(IdentifiedRobot):
         return dynamics.gravity_torque(self.robot, self.values, q)
 
     def mass_matrix(self, q: ArrayLike, parts: Collection[str] = PARTS) -> Array:
-        """Mass matrix M(q) of rigid bodies and motors, or of one of them.
+        """Compute the mass matrix M(q) of rigid bodies and motors, or of one of both.
 
         Parameters
         ----------
@@ -280,9 +280,9 @@ class Model(IdentifiedRobot):
         return M + motor_inertia(self.robot, q) if "motors" in parts else M
 
     def coriolis(self, q: ArrayLike, qd: ArrayLike) -> Array:
-        """Coriolis matrix C(q, qd) of Christoffel's symbols: dM/dt - 2 C is skew-symmetric.
+        """Compute the Coriolis matrix C(q, qd) of Christoffel's symbols.
 
-        C qd are the Coriolis and centrifugal torques.
+        C qd are the Coriolis and centrifugal torques, and dM/dt - 2 C is skew-symmetric.
 
         Parameters
         ----------
@@ -311,9 +311,9 @@ class Model(IdentifiedRobot):
         *,
         warmth: ArrayLike | None = None,
     ) -> Array:
-        """Accelerations by which `predict` gives the torques `tau`.
+        """Compute the accelerations under torques: those for which `predict` returns `tau`.
 
-        An axis at rest has no friction but its offset, so it starts at any torque.
+        Friction of an axis at rest is its offset alone, so any torque sets the axis in motion.
 
         Parameters
         ----------

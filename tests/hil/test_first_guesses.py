@@ -33,7 +33,7 @@ def pinocchio_of(text: str, rotors: Array) -> pin.Model:
 
 
 def by_pinocchio(function: object, theirs: pin.Model, *motion: Array) -> Array:
-    """One of pinocchio's functions, sample by sample."""
+    """Call a function of pinocchio sample by sample."""
     data = theirs.createData()
     found = [np.array(function(theirs, data, *each)) for each in zip(*motion, strict=True)]
     return np.array(found)
@@ -200,7 +200,7 @@ def parameters_of(robot: hil.Robot, theirs: pin.Model, q: Array, qd: Array) -> A
 
 @pytest.mark.parametrize("name", ["pan-tilt", "askew", "UR10e", "Panda"])
 class TestAsPinocchio:
-    """Of the bodies and rotors of a URDF, pinocchio calculates the same."""
+    """Dynamics of the bodies and rotors of a URDF, by both."""
 
     @pytest.fixture
     def bodies(self, name: str, tmp_path: Path) -> tuple[hil.Model, pin.Model, Array]:
@@ -247,7 +247,7 @@ def close(found: Array, wanted: Array, share: float = 1e-8) -> None:
 
 
 class TestMachine:
-    """With friction and rotors, as drives feel them."""
+    """Dynamics with friction and stated rotors."""
 
     def test_torque_is_the_sum_of_its_terms(self, model, recorded) -> None:
         _, _, (_, q, qd, _) = recorded
