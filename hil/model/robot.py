@@ -216,9 +216,10 @@ class Robot(RobotArrays):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the content (not of its layout), in hexadecimal."""
-        content = json.dumps(self.file.model_dump(mode="json", exclude_none=True), sort_keys=True)
-        return hashlib.sha256(content.encode()).hexdigest()
+        """SHA-256 of the content (not of its layout and names of joints), in hexadecimal."""
+        names = {"joints": {"__all__": {"name"}}}
+        content = self.file.model_dump(mode="json", exclude_none=True, exclude=names)
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def robot_from_urdf(

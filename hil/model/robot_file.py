@@ -45,6 +45,8 @@ class Joint(FileModel):
 
     Attributes
     ----------
+    name : str, optional
+        As in the URDF, for the reader; the digest of the robot is without it.
     type : {"revolute", "prismatic"}
         What q is: an angle [rad] or a displacement [m].
     parameters : tuple of str
@@ -62,6 +64,7 @@ class Joint(FileModel):
         Standard deviation of the change of friction within a minute, likewise [N m, or N].
     """
 
+    name: str | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
     frame: Frame
     parameters: tuple[LinkParameter, ...] = LINK_PARAMETERS

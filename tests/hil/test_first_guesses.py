@@ -73,7 +73,8 @@ class TestRobot:
         robot.save(tmp_path / "arm.yaml")
         assert hil.Robot.load(str(tmp_path / "arm.yaml")) == robot
         part = hil.Robot.load(tmp_path / "UR10e.urdf", tip="link3", gravity=(0, 9.81, 0))
-        assert part.n_joints == 3
+        assert part.joint_names == ("joint1", "joint2", "joint3")
+        assert hil.Robot.load("emps").joint_names == ("joint 1",)
 
     @pytest.mark.parametrize(
         ("name", "text", "why"),
