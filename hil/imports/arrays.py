@@ -161,15 +161,22 @@ def _recordings(
 ) -> list[Samples]:
     groups: list[list[Any]] = [[t], [q], [tau], [qd]]
     if isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0:
-        groups = [list(t), *(_listed(each, len(t)) for each in (q, tau, qd))]
-    return [_samples(robot, *each) for each in zip(*groups, strict=True)]
+        others = {"q": q, "tau": tau, "qd": qd}
+        groups = [list(t), *(_listed(*each, len(t)) for each in others.items())]
+    found = []
+    for number, each in enumerate(zip(*groups, strict=True), start=1):
+        try:
+            found.append(_samples(robot, *each))
+        except InvalidArray as error:
+            raise InvalidArray(f"recording {number}: {error}") from error
+    return found
 
 
-def _listed(arrays: Any, count: int) -> list[Any]:
+def _listed(name: str, arrays: Any, count: int) -> list[Any]:
     found = [None] * count if arrays is None else list(arrays)
     if len(found) != count:
         raise InvalidArray(
-            f"{len(found)} arrays for {count} recordings; t, q, tau and qd must be lists as long"
+            f"{name} has {len(found)} arrays, t has {count}; each recording needs one of both"
         )
     return found
 

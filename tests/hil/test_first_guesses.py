@@ -120,6 +120,10 @@ class TestIdentify:
         robot, _, (t, q, _, tau) = recorded
         with pytest.raises(InvalidArray, match="missing: tau"):
             hil.identify(robot, t=t, q=q)
+        with pytest.raises(InvalidArray, match="tau has 1 arrays, t has 2"):
+            hil.identify(robot, t=[t, t], q=[q, q], tau=[tau])
+        with pytest.raises(InvalidArray, match=r"recording 2: q has shape \(14999, 2\)"):
+            hil.identify(robot, t=[t, t], q=[q, q[1:]], tau=[tau, tau])
         with pytest.raises(InvalidArray, match="missing: t, q, tau"):
             hil.identify(robot)
         with pytest.raises(InvalidArray, match="missing: a robot"):
