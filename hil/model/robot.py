@@ -222,6 +222,10 @@ class Robot(RobotArrays):
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
+load_robot = Robot.load
+"""Name of `Robot.load` until version 0.2."""
+
+
 def robot_from_urdf(
     path: Path | str,
     base: str | None = None,

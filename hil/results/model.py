@@ -136,6 +136,9 @@ class Model(IdentifiedRobot):
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         return self._torque(parts, q, qd, qdd, warmth_of(self, warmth, q))
 
+    torque = predict
+    """Name of `predict` until version 0.2."""
+
     def friction_torque(
         self,
         qd: ArrayLike,
