@@ -62,11 +62,15 @@ class _Arrays(MapFile):
                 return "alone"
         return place(location)
 
-    def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
-        """Return the error that something in the arrays is wrong."""
+    def worded(self, message: str) -> str:
+        """Return a message in the words of arrays."""
         for word, other in _OF_MAPS.items():
             message = message.replace(word, other)
-        return FileError(f"{self.named(location)}: {message}")
+        return message
+
+    def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
+        """Return the error that something in the arrays is wrong."""
+        return FileError(f"{self.named(location)}: {self.worded(message)}")
 
 
 def run_from_arrays(

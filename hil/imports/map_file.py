@@ -311,10 +311,14 @@ class MapFile:
         """Return the name of a place in the map."""
         return place(location)
 
+    def worded(self, message: str) -> str:
+        """Return a message in the words of maps."""
+        return message
+
     def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
         """Return the error that something in the map, at this place, is wrong."""
         line = line_of(self.text, location)
-        return FileError(f"{self.path}:{line}: {self.named(location)}: {message}")
+        return FileError(f"{self.path}:{line}: {self.named(location)}: {self.worded(message)}")
 
     def beside(self, name: str, at: tuple[str | int, ...]) -> Path:
         """Return the path of a file that the map names at a place.

@@ -60,7 +60,10 @@ class Statement:
             *self._velocities(),
             *self._gains(),
             self._motions(),
-            *(f"{self.the_map.named(s.location)}: {s.message}" for s in self.suspicions),
+            *(
+                f"{self.the_map.named(s.location)}: {self.the_map.worded(s.message)}"
+                for s in self.suspicions
+            ),
         ]
 
     @property
