@@ -32,7 +32,7 @@ from hil.estimation.identify import estimate
 from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
-    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 
@@ -195,7 +194,7 @@ def main() -> None:
         folder = options.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         twin, plan = folder / "twin", folder / "plan.yaml"
-        robot = load_robot(options.robot)
+        robot = Robot.load(options.robot)
         if not plan.exists():
             write_twin(options.robot, twin)
             (folder / "robot.yaml").write_text(robot.text)

@@ -37,7 +37,7 @@ from drivers.opening import open_drive_bus
 from drivers.session.servo_axes import ServoAxes
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished, Started
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
 from hil.planning.timetable import timetable
 from hil.runs.run_folder import RunFolder
@@ -57,7 +57,7 @@ DURATION = 60.0
 """How much motion is measured [s]."""
 REPEATS = 7
 
-robot = load_robot(ROBOT)
+robot = Robot.load(ROBOT)
 drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
 
 

@@ -45,7 +45,7 @@ from rivals.cramer_rao import cramer_rao
 
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.ground_truth.true_parameters import true_parameters
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
@@ -212,7 +212,7 @@ def measure(folder: Path, name: str, seed: int) -> Path:
 def settings(folder: Path, name: str) -> tuple[Path, Path]:
     """Plan and drives file of a case, written where they are not there yet."""
     case, own = CASES[name], folder / f"{name}-drives.yaml"
-    text = packaged_drives(load_robot(ROBOT)).read_text()
+    text = packaged_drives(Robot.load(ROBOT)).read_text()
     plan = folder / f"{case.plan}.yaml"
     if case.sync is not None:
         text = text.replace("sync_period: 0.004", f"sync_period: {case.sync}")
@@ -294,7 +294,7 @@ def noise(plant: Path) -> NDArray[np.float64]:
 
 def print_payload(folder: Path, seeds: Sequence[int]) -> None:
     """Print how well the load is found."""
-    robot = load_robot(ROBOT)
+    robot = Robot.load(ROBOT)
     bare = true_parameters(robot, folder / "default" / f"seed-{seeds[0]}.yaml")
     change, mass, distance, inside = [], [], [], []
     for k, seed in enumerate(seeds):

@@ -64,9 +64,9 @@ def main(identified: str, other: str) -> None:
     low, high = np.moveaxis(model.torque_interval(*motion), -1, 0)
     columns = {
         "torque": tau,
-        "left": tau - model.torque(*motion),
-        "without motors": tau - model.torque(*motion, parts=[PARTS[0], PARTS[2]]),
-        "without friction": tau - model.torque(*motion, parts=PARTS[:2]),
+        "left": tau - model.predict(*motion),
+        "without motors": tau - model.predict(*motion, parts=[PARTS[0], PARTS[2]]),
+        "without friction": tau - model.predict(*motion, parts=PARTS[:2]),
     }
     rms = {name: np.sqrt(np.mean(values**2, axis=0)) for name, values in columns.items()}
     inside = np.mean((low <= tau) & (tau <= high), axis=0)

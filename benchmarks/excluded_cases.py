@@ -210,7 +210,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
     proof = proved(robot, recorded, found.p, found.drive_train, found.joint)
     seconds = time.process_time() - begin
     model = replace(model_of(run, found, proof=proof), robot=robot)
-    assert model.outcome is not None
+    assert model.verdict is not None
     usual = found.effect * found.usual
     stated = uncertainty(model, usual @ usual.T)
     true = comparison(found, robot, truth).torque
@@ -222,7 +222,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
         mu, error = found.load_friction
         loaded = np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)
         accounted += [("friction of the load", int(axis) + 1) for axis in loaded]
-    return Said(model.outcome.word, model.outcome.reason, causes, proof, times, seconds,
+    return Said(model.verdict.word, model.verdict.reason, causes, proof, times, seconds,
                 tuple(accounted))  # fmt: skip
 
 

@@ -168,7 +168,7 @@ def main() -> None:
         in_cpp = pinocchio_in_cpp(Path(folder))
     kept: dict[str, Figure] = {}
     for where in ROBOTS:
-        robot = Robot.from_file(where) if "/" in where else Robot.load(where)
+        robot = Robot.load(where)
         table = Table("", "operations", "us a call", title=robot.name)
         counted = {
             each.name: count(each.results)

@@ -17,12 +17,12 @@ from figures import Figure, keep
 
 from checked_files.yaml_file import load_yaml
 from hil.cli import main
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.results.tracking import NAME, PASSES, Tracking
 
-ROBOT = load_robot("manutec-r15")
+ROBOT = Robot.load("manutec-r15")
 SEEDS = (31, 32, 33, 34, 35, 36)
 SPEED, ACCELERATION = 0.8, 0.4
 """Shares of the limits that a fast trajectory uses; torques are up to 0.8 of theirs with these."""

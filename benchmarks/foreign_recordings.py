@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 from hil.ground_truth.true_parameters import find_plant
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design.trajectories import Search, design_trajectory
 from sim_plant.machine_protocol import Reading
 from sim_plant.physics import state as st
@@ -27,7 +27,6 @@ from sim_plant.twin.write import write_twin
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
     from sim_plant.plant import Plant
 
@@ -85,7 +84,7 @@ def robot_of(name: str) -> tuple[Robot, str]:
     """Load a robot by its name in `NAMES`; and how a map names it."""
     file = ROBOTS / f"{name}.yaml"
     named = str(file) if file.exists() else name
-    return load_robot(named), named
+    return Robot.load(named), named
 
 
 def record(folder: Path, name: str, case: str, seed: int) -> Path:

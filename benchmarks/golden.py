@@ -31,7 +31,7 @@ from back_and_forth import exported, strokes
 from foreign_recordings import ROBOTS, record
 from loads import write as write_loads
 
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.plan import dump_plan
 from hil.runs.run import Run
 from sim_plant.plant_file import load_plant_file
@@ -211,7 +211,7 @@ def _back_and_forth(folder: Path) -> None:
         if (folder / name).exists():
             continue
         measured = folder / f"{name}-measured"
-        chosen = strokes(load_robot(str(robot_file)), kind)
+        chosen = strokes(Robot.load(str(robot_file)), kind)
         own = chosen.robot.model_copy(update={"file": str(robot_file)})
         (folder / f"{name}.yaml").write_text(dump_plan(chosen.model_copy(update={"robot": own})))
         must(folder, "run", f"{name}.yaml", "-o", measured, "--channel", twin / "plant.yaml",

@@ -27,7 +27,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 
 PANDA = Path(__file__).parents[1] / "tests" / "robots" / "panda.yaml"
 ROS = get_typestore(Stores.ROS2_HUMBLE)
@@ -41,7 +41,7 @@ ONE_BY_ONE = 20_000
 
 def values(t: np.ndarray) -> np.ndarray:
     """Positions, velocities and torques of a motion, shape (n, 21)."""
-    robot = load_robot(str(PANDA))
+    robot = Robot.load(str(PANDA))
     middle = (robot.q_min + robot.q_max) / 2
     w = 2 * np.pi * np.linspace(0.11, 0.37, 7)
     turn = np.outer(t, w)

@@ -45,7 +45,7 @@ from figures import Figure, keep
 from drivers.session import servo_axes  # noqa: F401 - loaded once, before the sessions are forked
 from hil.cli import main as hil
 from hil.cli import plan_files, run_session  # noqa: F401 - likewise
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.plan import Plan, dump_plan
 from hil.results.acceptance import accept, draft_limits
@@ -66,7 +66,7 @@ WRITING, MEASURING, STARTING = 0.005, 0.5, 1.0
 BEGINNING = 0.2
 """The same for half of those that have to make the folder [s]."""
 
-robot = load_robot(ROBOT)
+robot = Robot.load(ROBOT)
 
 
 @dataclass

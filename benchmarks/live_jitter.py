@@ -31,7 +31,7 @@ import numpy as np
 from figures import Figure, keep
 from plant_process import plant
 
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.runs.run_folder import RunFolder
@@ -65,7 +65,7 @@ class Case(NamedTuple):
 
 def make_plan() -> Plan:
     """Return some 25 s of strokes."""
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     place = (0.0, -0.3, 0.2, 0.0, 0.5, 0.0)
     strokes = {"axis": 2, "q": place, "stroke": 0.4, "velocity": 0.4, "acceleration": 8.0}
     return Plan(

@@ -26,13 +26,12 @@ from scipy import sparse
 from hil.estimation.consistent.conditions import BodyBounds, tightened
 from hil.estimation.consistent.nearest import nearest_robot
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.estimation.consistent.conditions import Condition
-    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 
@@ -103,7 +102,7 @@ def _published(kept: dict[str, Figure]) -> bool:
     sys.path.insert(0, str(SUPPORT))
     from synthetic import TABLE_3_A
 
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     covariance = np.diag((0.01 * np.maximum(np.abs(TABLE_3_A), 0.01)) ** 2)
     found = nearest_robot(robot, TABLE_3_A, covariance)
     other = independent_distance(robot, TABLE_3_A, covariance, BodyBounds(), 1e-9)
@@ -132,7 +131,7 @@ def _estimates(seeds: int, kept: dict[str, Figure]) -> bool:
     """Estimates of robots of bodies, six axes."""
     from possible_models import possible
 
-    robot, shares, times = load_robot(ROOT / "tests" / "robots" / "ur10e.yaml"), [], []
+    robot, shares, times = Robot.load(ROOT / "tests" / "robots" / "ur10e.yaml"), [], []
     for seed in range(seeds):
         truth, error = possible(robot, seed)
         p = truth + error * np.random.default_rng(seed + 1000).standard_normal(len(truth))

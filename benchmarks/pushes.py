@@ -23,7 +23,7 @@ from feed_forward import called, plan
 from figures import Figure, keep
 
 import hil
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.plan import dump_plan, load_plan, repeated
 from hil.watching.watcher import Watcher
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     Push = tuple[float, int, float]
 
-ROBOT = load_robot("manutec-r15")
+ROBOT = Robot.load("manutec-r15")
 SEEDS = (31, 32, 33, 34, 35, 36)
 SHARES = {0.10: 0.02, 0.05: 0.1, 0.02: 0.2}
 """Sizes of pushes as shares of the torque limit, and within what time they are to be seen [s]."""

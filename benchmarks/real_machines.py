@@ -63,7 +63,7 @@ def compare(train: Sequence[str], test: Sequence[str]) -> None:
     ours, plain = (
         identified(first, name, more).model for name in ("free motion", "weighted least squares")
     )
-    print(ours.outcome)
+    print(ours.verdict)
     for what, folders in (("fitted", train), ("held out", test)):
         runs = [Run.open(folder) for folder in folders]
         (left, torque), (other, _) = (_squares(model, runs) for model in (ours, plain))
@@ -117,7 +117,7 @@ def main(folder: Path | str) -> dict[str, float]:
     qdd = np.gradient(qd, period, axis=0)
     own = slice(ENDS, -ENDS)
     motion = q[own], qd[own], qdd[own]
-    columns, ours = _columns(run, *motion), model.torque(*motion)
+    columns, ours = _columns(run, *motion), model.predict(*motion)
     shares: dict[str, float] = {}
     for way, take, tau in (
         ("decimated", _decimated, recording.tau),

@@ -23,7 +23,7 @@ from drivers.axis import AxisScale
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
 from hil.measuring.campaign import run_campaign
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.planning.timetable import timetable
@@ -43,7 +43,7 @@ SAME = 5e-4
 
 def make_plan(period: float, duration: float) -> Plan:
     """Repeat one gravity measurement until `duration` [s] is filled."""
-    robot = load_robot(ROBOT)
+    robot = Robot.load(ROBOT)
     place = (0.0, -0.3, 0.2, 0.0, 0.5, 0.0)
     strokes = {"axis": 2, "q": place, "stroke": 0.4, "velocity": 0.2, "acceleration": 8.0}
     one = Gravity(id="g1", cycles=3, **strokes)
@@ -107,7 +107,7 @@ def main(rate: float = 25.0, duration: float = 120.0) -> None:
     place = ["--interface", "socketcan", "--channel", CHANNEL]
     with tempfile.TemporaryDirectory() as scratch:
         folder = RunFolder.create(
-            Path(scratch) / "run", make_plan(1 / rate, duration), load_robot(ROBOT)
+            Path(scratch) / "run", make_plan(1 / rate, duration), Robot.load(ROBOT)
         )
         log = Path(scratch) / "candump.log"
         with (

@@ -33,7 +33,7 @@ from drivers.ethercat.bus import EthercatBus
 from drivers.session.servo_axes import ServoAxes
 from drivers.session.session import Session
 from hil.measuring.campaign import run_campaign
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
 from hil.runs.journal import BusName
 from hil.runs.run import Run
@@ -59,7 +59,7 @@ COUNTS = {"gravity": 56, "inertia": 80, "coupling": 16}
 SHORT, TURNS = {"gravity": 10, "inertia": 20, "coupling": 4}, 5
 """Of the plan whose time is taken on either bus in turns: single runs differ by a fifth."""
 
-robot = load_robot(ROBOT)
+robot = Robot.load(ROBOT)
 drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
 
 

@@ -29,7 +29,7 @@ from figures import Figure, keep
 from golden import MANUTEC, hil, must
 
 from hil.cli.try_plans import measured_plan
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.plan import dump_plan
 from hil.results.identification import identify
 from hil.results.validation import validate
@@ -77,7 +77,7 @@ def write_plans(folder: Path) -> None:
     """Write the plans that are not there."""
     strokes = folder / "strokes.yaml"
     if not strokes.exists():
-        strokes.write_text(dump_plan(measured_plan(load_robot(MANUTEC))))
+        strokes.write_text(dump_plan(measured_plan(Robot.load(MANUTEC))))
     for name, minutes in (("trajectory-36-s", 0.6), ("trajectory-4-min", 4)):
         if not (folder / f"{name}.yaml").exists():
             must(folder, "plan", MANUTEC, "--kind", "trajectory", "--minutes", minutes,

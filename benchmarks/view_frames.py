@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from browser import opened_browser, resize
 from figures import Figure, keep
 
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.workspace import Box, Workspace
 from hil.view.page import write_page
@@ -52,7 +52,7 @@ setTimeout(() => {
 
 def main(seconds: float = 10.0) -> None:
     """Write the page, open it and play it; keep what that takes."""
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     plan = design(robot, {}, 0.0, WORKSPACE)
     with (
         tempfile.TemporaryDirectory() as folder,

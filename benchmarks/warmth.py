@@ -81,7 +81,7 @@ def left(model: Model, run: Run) -> np.ndarray:
             own = each.torques[:, 0] - each.X[:, : each.n_base] @ model.values
             motion_of = s.q[each.index], s.qd[each.index], 0.0
             found = [
-                model.torque(*motion_of, ["friction"], warmth=warmth)[:, each.axis]
+                model.predict(*motion_of, ["friction"], warmth=warmth)[:, each.axis]
                 for warmth in (None, np.repeat(state, len(own), axis=0))
             ]
             values = [own @ own, *(np.sum((own - f) ** 2) for f in found)]

@@ -32,7 +32,7 @@ from twin_recordings import TwinRecorder, robot_path
 
 from hil.errors import HilError
 from hil.imports.importing import import_recordings
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -290,7 +290,7 @@ def one(folder: Path, seed: int, job: tuple[str, int]) -> tuple[str, int, str]:
     if number >= 0:
         mistake = MISTAKES[number]
         kind, power = mistake.motor
-        gears = load_robot(str(robot_path(robot))).gear_ratio ** power
+        gears = Robot.load(str(robot_path(robot))).gear_ratio ** power
         columns = {
             key: x * gears[int(key[1:]) - 1] if key[0] == kind else x for key, x in columns.items()
         }

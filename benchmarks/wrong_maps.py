@@ -190,7 +190,7 @@ def said(folder: Path, robot: str, seed: int, number: int) -> Said:
     found = (f"{'.'.join(map(str, s.location))}: {s.message}; " for s in stated[0].suspicions)
     first = "".join(f"(stated) {each}" for each in found)
     try:
-        outcome = identified(run).model.outcome
+        outcome = identified(run).model.verdict
     except HilError as error:
         return Said("refused", first + str(error))
     return Said(outcome.word, first + outcome.reason)

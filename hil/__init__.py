@@ -4,7 +4,7 @@
 
     run = hil.Run.open("runs/first")
     model = hil.identify(run)
-    model.torque(q, qd, qdd)
+    model.predict(q, qd, qdd)
     fit = hil.regression(run, covariance="CR2").fit()
     fit.conf_int(), fit.torque_parts(recording)
 
@@ -49,11 +49,13 @@ if TYPE_CHECKING:
     from hil.tasks.exporting import export
     from hil.tasks.measuring import dry_run, measure
     from hil.tasks.plans import plan
+    from hil.version import __version__
 
 __all__ = [
     "Model",
     "Robot",
     "Run",
+    "__version__",
     "accept",
     "available_robots",
     "base_parameters",
@@ -82,6 +84,7 @@ __all__ = [
 ]
 
 _LATER = {
+    "__version__": "hil.version",
     "Model": "hil.results.model",
     "Robot": "hil.model.robot",
     "Run": "hil.imports.arrays",

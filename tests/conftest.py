@@ -21,7 +21,7 @@ from hypothesis.database import DirectoryBasedExampleDatabase
 from ideal_machine import IdealMachine
 
 from drivers.drive_bus import AxisInfo, LimitExceeded, Sample
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from drivers.drive_bus import Move
-    from hil.model.robot import Robot
 
 FOUND = Path(__file__).parents[1] / ".hypothesis" / "found"
 """Where examples that fail are kept by `ci-long`, which tries them first the next time."""
@@ -81,7 +80,7 @@ LONG = (
     "hil/estimation/test_prior.py",
     "hil/cli/test_start_up.py",
     "hil/cli/test_foxglove_option.py",
-    "hil/cli/test_outcome_command.py",
+    "hil/cli/test_verdict_command.py",
     "hil/results/test_tracking.py",
     "hil/test_notebook.py",
     "sim_plant/serving/test_foreign_master.py",
@@ -94,7 +93,7 @@ LONG = (
     "hil/live/test_foxglove.py",
     "hil/results/test_back_and_forth_results.py",
     "hil/results/test_error_budget.py",
-    "hil/results/test_outcome_of_free_motions.py",
+    "hil/results/test_verdict_of_free_motions.py",
     "hil/results/test_payload_of_free_motions.py",
     "hil/planning/test_any_robot.py",
     "hil/estimation/free_motion/test_unknown_gains.py",
@@ -271,7 +270,7 @@ def _state_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None
 
 @pytest.fixture(scope="session")
 def manutec() -> Robot:
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 @pytest.fixture

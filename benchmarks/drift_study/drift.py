@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from checked_files.yaml_file import FileError
 from hil.ground_truth.true_parameters import true_parameters
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.runs.atomic_file import file_errors, own_folder, write_file
 
 from .campaigns import KINDS, campaigns
@@ -92,7 +92,7 @@ def prepare(
     FileError
         A folder of another study, no such plant or another robot's, no drives file, a full disk.
     """
-    the_robot = load_robot(robot)
+    the_robot = Robot.load(robot)
     drives = drives or ROBOTS / f"{the_robot.name}.drives.yaml"
     if not drives.exists():
         raise FileError(f"{drives}: is no drives file; give one for {robot} with --drives")

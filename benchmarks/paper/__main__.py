@@ -17,7 +17,7 @@ import subprocess
 import sys
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -26,16 +26,13 @@ from benchmarks.drift_study.cell import Cell
 from benchmarks.drift_study.drift import judged, prepare
 from benchmarks.drift_study.summary import summarise
 from benchmarks.plotting import image, plotting
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.runs.run import Run
 
 from . import assessment
 from .campaigns import ARTICLE, CASES, ROBOT, SEEDS, measure
 from .figures import FIGURES, LOOK
 from .page import HOME, PAGE, RESULTS, rendered
-
-if TYPE_CHECKING:
-    from hil.model.robot import Robot
 
 ONCE = ("sweep", "stops", "operation", "offset")
 """Cases of one seed: they are drawn."""
@@ -48,7 +45,7 @@ def main() -> None:
     parser.add_argument("folder", nargs="?", type=Path, help="folder of all campaigns")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="to be measured, of each")
     given = parser.parse_args()
-    robot = load_robot(ROBOT)
+    robot = Robot.load(ROBOT)
     if given.folder:
         for seed in SEEDS[: given.seeds]:
             for name in CASES if seed == SEEDS[0] else [c for c in CASES if c not in ONCE]:

@@ -109,9 +109,9 @@ def imported(name: str) -> Any:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
+        from hil.version import __version__
 
-        typer.echo(f"hil {version('canopen-robot-identification')}")
+        typer.echo(f"hil {__version__}")
         raise typer.Exit
 
 

@@ -194,7 +194,7 @@ def _model_written(
 
         model = Model.load(source)
         if model.failed and not force:
-            text = f"its identification {model.outcome}; --force writes it all the same, with"
+            text = f"its identification {model.verdict}; --force writes it all the same, with"
             sys.stderr.write(shown(f"{source}: {text} FAILED on top of every file\n"))
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")

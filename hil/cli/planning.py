@@ -252,10 +252,10 @@ def plan(
     source = name or next(iter(refine or ()), None)
     with working("reading the robot") as now:
         from hil.cli.plan_files import load_guard, write_plan
-        from hil.model.robot import load_robot, refuse_unknown
+        from hil.model.robot import Robot, refuse_unknown
         from hil.runs.run import Run
 
-        the_robot = None if name is None else load_robot(name)
+        the_robot = None if name is None else Robot.load(name)
         if the_robot is not None:
             refuse_unknown(the_robot)
             if workspace is not None:

@@ -115,8 +115,8 @@ def identify(
             now("finding the nearest robot that consists of bodies")
             found = with_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
-    if found.outcome is not None:
-        say_judgement(found.outcome)
+    if found.verdict is not None:
+        say_judgement(found.verdict)
     say_simulated(run, *more)
     out.print(found.summary())
     show(symmetry(of_local_values(found.local)))

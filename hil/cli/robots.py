@@ -29,9 +29,9 @@ def show(name: RobotName) -> None:
     with working("reading the robot") as now:
         from hil.cli import plan_view
         from hil.model.base_parameters import base_parameters
-        from hil.model.robot import load_robot
+        from hil.model.robot import Robot
 
-        robot = load_robot(name)
+        robot = Robot.load(name)
         now(f"finding what can be identified of {robot.n_joints} joints")
         base_parameters(robot)
     plan_view.render_robot(robot)
@@ -122,9 +122,9 @@ def twin(
     # the plant is a program of its own, of which nothing is imported here: its model of the arm
     # must not be the one that is tested against it
     with working("scaling a plant to the limits of the robot"):
-        from hil.model.robot import load_robot
+        from hil.model.robot import Robot
 
-        robot = load_robot(name).source
+        robot = Robot.load(name).source
         made = subprocess.run(  # noqa: S603 - our own program, by its own name
             [sys.executable, "-m", "sim_plant", "twin", robot, "--output", str(output)],
             capture_output=True,

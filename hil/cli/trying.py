@@ -78,10 +78,10 @@ def try_(
             from hil.cli.live import Shown, listeners
             from hil.cli.try_plans import measured_plan
             from hil.live.feed import Feed
-            from hil.model.robot import load_robot
+            from hil.model.robot import Robot
             from hil.terminal.interruption import interruptible
 
-            robot = load_robot(ROBOT)
+            robot = Robot.load(ROBOT)
             plan = measured_plan(robot)
         folder = _claimed(output)
         left.callback(lambda: _remove_if_empty(folder))
@@ -117,8 +117,8 @@ def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -
         model.save(folder / model_file.NAME)
     for kind, line in _shown(robot, model):
         feed.publish(kind, line)
-    if model.outcome is not None:
-        say_judgement(model.outcome)
+    if model.verdict is not None:
+        say_judgement(model.verdict)
     return model
 
 

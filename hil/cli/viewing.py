@@ -150,10 +150,10 @@ def _of_robot(
     name: str, workspace: Path | None, urdf: Path | None, meshes: Path | None
 ) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load_guard
-    from hil.model.robot import DESCRIPTIONS, load_robot
+    from hil.model.robot import DESCRIPTIONS, Robot
     from hil.view.scene import of_robot
 
-    robot = load_robot(name)
+    robot = Robot.load(name)
     guard = load_guard(workspace, robot)
     if urdf is None and name.lower().endswith(DESCRIPTIONS):
         urdf = Path(name)

@@ -61,9 +61,9 @@ def write_exported(exported: Exported, folder: Path) -> tuple[Path, ...]:
 def cautions(model: Model) -> tuple[str, ...]:
     """What stands on top of whatever is made from the model: that it failed, or is simulated."""
     simulated = (NO_REAL_MACHINE,) if model.provenance.of_virtual_plant else ()
-    if model.outcome is None or not model.failed:
+    if model.verdict is None or not model.failed:
         return simulated
-    return (f"FAILED: {one_line(model.outcome.clause, 1000)}", *simulated)
+    return (f"FAILED: {one_line(model.verdict.clause, 1000)}", *simulated)
 
 
 def passed(model: Model) -> bool:

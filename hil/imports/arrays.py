@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import ValidationError
 
-from checked_files.yaml_file import FileError, place
-from hil.errors import InvalidArray
+from checked_files.yaml_file import FileError, place, problems
+from hil.errors import InvalidArray, InvalidValue
 from hil.imports.map_file import MapFile, RecordingMap
 from hil.imports.one_map import measured_motions, understood
 from hil.imports.samples import Samples
@@ -30,6 +31,46 @@ if TYPE_CHECKING:
     from hil.runs.recording_file import Measured
 
 _numbers = count(1)
+_ARGUMENTS = {"position": "q", "torque": "tau", "velocity": "qd"}
+_OF_MAPS = {
+    " in the map": "",
+    " of its file": ", counted from 1",
+    "name the column of its torque": "pass its torque",
+    "name another column, or record it": "pass another column",
+    "write kind: free": "leave alone out",
+    "are unit, per_unit and position_side right?": "are they in SI, on the joint side?",
+    "are unit, gain and torque_side right?": "are they in SI, on the joint side?",
+}
+"""Words that messages have for maps, and those for arrays."""
+
+
+class _Arrays(MapFile):
+    """The map that a file with these columns would have; messages name arguments."""
+
+    accepting = "pass accept=['{}']"
+
+    def named(self, location: tuple[str | int, ...]) -> str:
+        """Return the name of an argument, with its column."""
+        match location:
+            case ("joints", int(joint), str(key), *_):
+                return f"{_ARGUMENTS[key]}[:, {joint}]"
+            case ("joints", int(joint)):
+                return f"joint {joint + 1}"
+            case ("time", *_):
+                return "t"
+            case ("kind", *_):
+                return "alone"
+        return place(location)
+
+    def worded(self, message: str) -> str:
+        """Return a message in the words of arrays."""
+        for word, other in _OF_MAPS.items():
+            message = message.replace(word, other)
+        return message
+
+    def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
+        """Return the error that something in the arrays is wrong."""
+        return FileError(f"{self.named(location)}: {self.worded(message)}")
 
 
 def run_from_arrays(
@@ -53,15 +94,16 @@ def run_from_arrays(
         try:
             timing, numbered, found, _ = understood(the_map, robot, samples)
         except FileError as error:
-            raise InvalidArray(f"recording {number}: {_reason(error, the_map)}") from error
+            lines = [f"recording {number}: {line}" for line in str(error).splitlines()]
+            raise InvalidArray("\n".join(lines)) from error
         made = list(measured_motions(the_map, samples, numbered, stem))
         motions = tuple(map(_motion, made))
         moves = (qd is not None,) * robot.n_joints
         statement = Statement(the_map, timing, samples.wraps, moves, motions, found)
         notes += statement.lines()
         warnings += [
-            f"recording {number}: {place(s.location)}: {s.message}; or give accept=['{s.check}']"
-            " if it is right as it is"
+            f"recording {number}: {the_map.wrong(s.location, s.message)}; if it is right as it is,"
+            f" {the_map.accepting.format(s.check)}"
             for s in statement.doubts
         ]
         measured |= {each.measurement.id: each for each in made}
@@ -83,32 +125,32 @@ def _motion(measured: Measured) -> FreeMotion:
     return measured.measurement
 
 
-def _reason(error: FileError, the_map: MapFile) -> str:
-    """What is wrong, without the place in a map that there is not."""
-    return str(error).removeprefix(f"{the_map.path}:1: ")
-
-
 def _map(
     robot: Robot, with_qd: bool, alone: int | None, cut_off: float | None, accept: Sequence[str]
-) -> MapFile:
-    """The map that a file with these columns would have."""
+) -> _Arrays:
+    if alone is not None and alone not in range(1, robot.n_joints + 1):
+        raise InvalidValue(
+            f"alone {alone!r} must be a joint of {robot.name}, 1 to {robot.n_joints}"
+        )
     joints = []
     for axis in range(robot.n_joints):
-        q, tau = robot.position_unit(axis), robot.torque_unit(axis)
-        joint: dict[str, object] = {
-            "position": {"column": f"q{axis + 1}", "unit": q},
-            "torque": {"column": f"tau{axis + 1}", "unit": tau},
-        }
-        if with_qd:
-            joint["velocity"] = {"column": f"qd{axis + 1}", "unit": f"{q}/s"}
-        joints.append(joint)
+        q = robot.position_unit(axis)
+        units = {"position": q, "torque": robot.torque_unit(axis), "velocity": f"{q}/s"}
+        joints.append({
+            key: {"column": f"{name}[:, {axis}]", "unit": units[key]}
+            for key, name in _ARGUMENTS.items()
+            if with_qd or key != "velocity"
+        })  # fmt: skip
     content: dict[str, object] = {
         "robot": robot.name, "files": ["arrays"], "joints": joints, "cut_off": cut_off,
-        "accept": tuple(accept), "time": {"column": "t"},
+        "accept": (accept,) if isinstance(accept, str) else tuple(accept), "time": {"column": "t"},
     }  # fmt: skip
     if alone is not None:
         content["kind"] = {"back_and_forth": alone}
-    return MapFile(Path("arrays"), "", RecordingMap.model_validate(content))
+    try:
+        return _Arrays(Path("arrays"), "", RecordingMap.model_validate(content))
+    except ValidationError as error:
+        raise InvalidValue("\n".join(problems(error))) from error
 
 
 Run.of_arrays = staticmethod(run_from_arrays)
@@ -123,15 +165,22 @@ def _recordings(
 ) -> list[Samples]:
     groups: list[list[Any]] = [[t], [q], [tau], [qd]]
     if isinstance(t, (list, tuple)) and len(t) > 0 and np.ndim(t[0]) > 0:
-        groups = [list(t), *(_listed(each, len(t)) for each in (q, tau, qd))]
-    return [_samples(robot, *each) for each in zip(*groups, strict=True)]
+        others = {"q": q, "tau": tau, "qd": qd}
+        groups = [list(t), *(_listed(*each, len(t)) for each in others.items())]
+    found = []
+    for number, each in enumerate(zip(*groups, strict=True), start=1):
+        try:
+            found.append(_samples(robot, *each))
+        except InvalidArray as error:
+            raise InvalidArray(f"recording {number}: {error}") from error
+    return found
 
 
-def _listed(arrays: Any, count: int) -> list[Any]:
+def _listed(name: str, arrays: Any, count: int) -> list[Any]:
     found = [None] * count if arrays is None else list(arrays)
     if len(found) != count:
         raise InvalidArray(
-            f"{len(found)} arrays for {count} recordings; t, q, tau and qd must be lists as long"
+            f"{name} has {len(found)} arrays, t has {count}; each recording needs one of both"
         )
     return found
 
@@ -149,7 +198,9 @@ def _samples(
     needed = values[:, : 2 * n] if qd is None else values
     complete = np.isfinite(time) & np.isfinite(needed).all(axis=1)
     steps = np.abs(np.diff(values[:, :n], axis=0))
-    return Samples(time, values, complete, (0,), False, int(np.count_nonzero(steps > np.pi)))
+    numbers = np.isfinite(np.column_stack([time, needed])).sum(axis=0)
+    wraps = int(np.count_nonzero(steps > np.pi))
+    return Samples(time, values, complete, (0,), False, wraps, tuple(numbers.tolist()))
 
 
 def _columns(name: str, values: ArrayLike, n_samples: int, n_joints: int) -> Array:

@@ -18,7 +18,7 @@ from hil.imports.map_file import load_map
 from hil.imports.one_map import OneMap, import_one
 from hil.imports.readers import KNOWN
 from hil.model.drive_train_file import UNKNOWN
-from hil.model.robot import Robot, available_robots, load_robot, parse_robot, robot_from_urdf
+from hil.model.robot import Robot, available_robots, parse_robot, robot_from_urdf
 from hil.planning.plan import PlannedRobot, RecordedMotions
 from hil.runs.atomic_file import own_folder, whole_folder, write_file
 from hil.runs.journal import Journal, Session, now, write_journal
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from hil.execution import Execute
     from hil.imports.map_file import MapFile
     from hil.imports.statement import Statement
-    from hil.model.robot import Robot
 
 MAPS = "maps"
 """Folder of a run folder, with the maps verbatim."""
@@ -222,7 +221,7 @@ def robot_of(the_map: MapFile) -> Robot:
     path = None if known else the_map.beside(stated.urdf or name, ("robot",))
     try:
         if path is None or stated.urdf is None:
-            robot = load_robot(path or name)
+            robot = Robot.load(path or name)
         else:
             robot = robot_from_urdf(path, stated.base, stated.tip, stated.gravity)
     except (FileError, UnknownName) as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
@@ -304,11 +304,21 @@ class MapFile:
     text: str
     content: RecordingMap
     allowed: tuple[Path, ...] = ()
+    accepting: ClassVar[str] = "write accept: [{}]"
+    """How whoever wrote the map accepts what a check objects to."""
+
+    def named(self, location: tuple[str | int, ...]) -> str:
+        """Return the name of a place in the map."""
+        return place(location)
+
+    def worded(self, message: str) -> str:
+        """Return a message in the words of maps."""
+        return message
 
     def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
         """Return the error that something in the map, at this place, is wrong."""
         line = line_of(self.text, location)
-        return FileError(f"{self.path}:{line}: {place(location)}: {message}")
+        return FileError(f"{self.path}:{line}: {self.named(location)}: {self.worded(message)}")
 
     def beside(self, name: str, at: tuple[str | int, ...]) -> Path:
         """Return the path of a file that the map names at a place.

@@ -145,7 +145,7 @@ def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
     """Refuse what contradicts itself for certain, unless the map accepts it."""
     refusing = [s for s in found if s.certain and s.check not in the_map.content.accept]
     if refusing:
-        remedy = "; if it is right as it is, write accept: [{}]"
+        remedy = f"; if it is right as it is, {the_map.accepting}"
         lines = (the_map.wrong(s.location, s.message + remedy.format(s.check)) for s in refusing)
         raise FileError("\n".join(map(str, lines)))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import place
-
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -62,7 +60,10 @@ class Statement:
             *self._velocities(),
             *self._gains(),
             self._motions(),
-            *(f"{place(s.location)}: {s.message}" for s in self.suspicions),
+            *(
+                f"{self.the_map.named(s.location)}: {self.the_map.worded(s.message)}"
+                for s in self.suspicions
+            ),
         ]
 
     @property

@@ -39,6 +39,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from scipy import special
 
+from hil.errors import InvalidArray
 from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import reweighted
 from hil.least_squares.solving import condition, inverse, solved
@@ -258,13 +259,33 @@ class ByName:
         return {name: value for name, (value, _) in self._found.items()}
 
     @property
-    def standard_errors(self) -> dict[str, float]:
-        """Standard errors by name."""
+    def bse(self) -> dict[str, float]:
+        """Standard errors by name, as statsmodels calls them."""
         return {name: error for name, (_, error) in self._found.items()}
 
-    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Confidence intervals by name, after Student where degrees of freedom are few."""
-        normal, half = float(special.ndtri(0.5 + level / 2)), self._half_widths(level)
+    @property
+    def tvalues(self) -> dict[str, float]:
+        """Values over their standard errors, by name."""
+        return {n: x / error if error else float("nan") for n, (x, error) in self._found.items()}
+
+    def conf_int(self, alpha: float = 0.05) -> dict[str, tuple[float, float]]:
+        """Return confidence intervals by name, after Student where degrees of freedom are few.
+
+        Parameters
+        ----------
+        alpha : float
+            Share of the intervals that miss, as in statsmodels: 0.05 for intervals of 95 %.
+
+        Raises
+        ------
+        InvalidArray
+            An `alpha` that is not above 0 and at most 0.5.
+        """
+        if not 0 < alpha <= 0.5:
+            raise InvalidArray(
+                f"alpha {alpha} must be above 0 and at most 0.5: 0.05 is for intervals of 95 %"
+            )
+        normal, half = float(special.ndtri(1 - alpha / 2)), self._half_widths(1 - alpha)
         found = {}
         for name, (value, error) in self._found.items():
             width = half.get(name, normal * error)
@@ -307,5 +328,5 @@ class Fit(ByName):
 
     def _half_widths(self, level: float) -> dict[str, float]:
         t = special.stdtrit(self.degrees_of_freedom[self.kept], 0.5 + level / 2).tolist()
-        errors = self.standard_errors.items()
+        errors = self.bse.items()
         return {name: each * error for each, (name, error) in zip(t, errors, strict=True)}

@@ -125,6 +125,21 @@ def mass_matrix(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
     return np.stack([_torques(robot, p, q, 0.0, unit, _WEIGHTLESS) for unit in units], axis=-1)
 
 
+def coriolis_matrix(robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike) -> Array:
+    """Compute C(q, qd) of Christoffel's symbols, shape as of `mass_matrix` [N m s/rad].
+
+    c(q, qd) of eq. (6) is quadratic in qd, so its symmetric bilinear form has the columns of C:
+    c(q, qd + e) - c(q, qd - e) = 4 C e.
+    """
+    q, qd, _ = _samples(robot, q, qd, 0.0)
+    columns = [
+        _torques(robot, p, q, qd + e, 0.0, _WEIGHTLESS)
+        - _torques(robot, p, q, qd - e, 0.0, _WEIGHTLESS)
+        for e in np.eye(robot.n_joints)
+    ]
+    return np.stack(columns, axis=-1) / 4
+
+
 _WEIGHTLESS = np.zeros(3)
 
 

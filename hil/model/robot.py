@@ -57,26 +57,55 @@ class Robot(RobotArrays):
     text: str
 
     @classmethod
-    def load(cls, name: str) -> Robot:
-        """Load a robot that comes along, by its name; see `available_robots`.
+    def load(
+        cls,
+        path: str | Path,
+        base: str | None = None,
+        tip: str | None = None,
+        gravity: Sequence[float] | None = None,
+    ) -> Robot:
+        """Load a robot file, a URDF, or a built-in robot by its name.
+
+        Units are SI, joint side. What a URDF does not state, such as rotor inertias, is unknown,
+        and is identified where recordings show it. MJCF and SDF are not read.
+
+        Parameters
+        ----------
+        path : str or Path
+            Robot file (``.yaml``), URDF (``.urdf``, ``.xml``), or one of `available_robots`.
+        base, tip : str, optional
+            Links of the URDF between which the robot is, by default those of the chain with most
+            joints that move.
+        gravity : sequence of three floats, optional
+            In the link `base` of the URDF [m/s^2]; by default that of the earth along -z of its
+            root.
 
         Raises
         ------
         UnknownName
-            No robot of this name comes along.
-        """
-        return cls.from_file(_of_name(name))
-
-    @classmethod
-    def from_file(cls, path: str | Path) -> Robot:
-        """Load a robot from its file.
-
-        Raises
-        ------
+            No robot of this name is built in.
         FileError
             A file that cannot be used: one line for each problem, with its place.
+        InvalidValue
+            `base`, `tip` or `gravity` of what is no URDF.
+
+        Examples
+        --------
+        >>> hil.Robot.load("manutec-r15")
+        <Robot manutec-r15: 6 joints>
         """
-        return parse_robot(read_text(path), str(path))
+        path = Path(path)
+        if path.suffix.lower() in DESCRIPTIONS:
+            return robot_from_urdf(path, base, tip, gravity)
+        if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
+            path = _of_name(str(path))
+        if (text := read_text(path)).lstrip().startswith("<"):
+            return robot_from_urdf(path, base, tip, gravity)  # or states what else it is
+        if any(each is not None for each in (base, tip, gravity)):
+            raise InvalidValue(
+                f"{path}: is no URDF, and states its chain itself; leave base, tip and gravity out"
+            )
+        return parse_robot(text, str(path))
 
     @classmethod
     def from_values(
@@ -187,26 +216,14 @@ class Robot(RobotArrays):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the content (not of its layout), in hexadecimal."""
-        content = json.dumps(self.file.model_dump(mode="json", exclude_none=True), sort_keys=True)
-        return hashlib.sha256(content.encode()).hexdigest()
+        """SHA-256 of the content (not of its layout and names of joints), in hexadecimal."""
+        names = {"joints": {"__all__": {"name"}}}
+        content = self.file.model_dump(mode="json", exclude_none=True, exclude=names)
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def load_robot(name_or_path: str | Path) -> Robot:
-    """Load a robot that comes along by its name, or any by the path of its file or its URDF.
-
-    Raises
-    ------
-    UnknownName
-        No robot of this name comes along.
-    FileError
-        A file that cannot be used: one line for each problem, with its place.
-    """
-    path = Path(name_or_path)
-    if path.suffix.lower() in DESCRIPTIONS:
-        return robot_from_urdf(path)
-    is_path = path.suffix in {".yaml", ".yml"} or len(path.parts) > 1
-    return Robot.from_file(path) if is_path else Robot.load(str(name_or_path))
+load_robot = Robot.load
+"""Name of `Robot.load` until version 0.2."""
 
 
 def robot_from_urdf(
@@ -270,7 +287,7 @@ def parse_robot(text: str, source: str) -> Robot:
     Raises
     ------
     FileError
-        As `load_robot`.
+        As `Robot.load`.
     """
     robot = Robot(parse_yaml(text, RobotFile, source), source, text)
     refuse(source, text, wrong_names(robot))

@@ -76,6 +76,11 @@ class RobotArrays:
         return self.file.name
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of `q`; numbered where the file names none."""
+        return tuple(j.name or f"joint {n}" for n, j in enumerate(self.file.joints, start=1))
+
+    @property
     def n_joints(self) -> int:
         """Number of joints and links."""
         return len(self.file.joints)

@@ -45,6 +45,8 @@ class Joint(FileModel):
 
     Attributes
     ----------
+    name : str, optional
+        As in the URDF, for the reader; the digest of the robot is without it.
     type : {"revolute", "prismatic"}
         What q is: an angle [rad] or a displacement [m].
     parameters : tuple of str
@@ -62,6 +64,7 @@ class Joint(FileModel):
         Standard deviation of the change of friction within a minute, likewise [N m, or N].
     """
 
+    name: str | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
     frame: Frame
     parameters: tuple[LinkParameter, ...] = LINK_PARAMETERS
@@ -141,7 +144,7 @@ def _conversion(kind: str, value: float) -> str:
 
 
 class RobotFile(FileModel):
-    """A robot file as a whole; names across it are checked by `hil.model.robot.load_robot`.
+    """A robot file as a whole; names across it are checked by `hil.model.robot.Robot.load`.
 
     Attributes
     ----------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.errors import NotEnoughData
+from hil.errors import FileError, NotEnoughData
 from hil.model.base_parameters import base_parameters
 from hil.report.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule, chart
 from hil.report.charts.svg import file
@@ -30,7 +30,7 @@ MOST = 2000
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A chart; a notebook shows it, `save` writes it.
+    """A chart; a notebook shows it, `savefig` writes it.
 
     Attributes
     ----------
@@ -44,15 +44,18 @@ class Figure:
         """The picture."""
         return file(self.chart).decode()
 
-    def save(self, path: Path | str) -> Path:
-        """Write it as an SVG file, and return its path.
+    def savefig(self, path: Path | str) -> Path:
+        """Write the chart as an SVG file, and return its path.
 
         Raises
         ------
         FileError
-            It cannot be written.
+            A path that does not end in ``.svg``, or cannot be written.
         """
-        write_file(path := Path(path), self.svg.encode())
+        path = Path(path)
+        if path.suffix.lower() != ".svg":
+            raise FileError(f"{path}: figures are SVG; choose {path.with_suffix('.svg').name}")
+        write_file(path, self.svg.encode())
         return path
 
     def _repr_svg_(self) -> str:
@@ -107,7 +110,7 @@ def plot_friction(model: Model) -> Figure:
         qd = np.zeros((SPEEDS, robot.n_joints))
         qd[:, axis] = np.linspace(-top, top, SPEEDS)
         q = np.zeros_like(qd)
-        tau = model.torque(q, qd, 0.0, ["friction"])[:, axis]
+        tau = model.predict(q, qd, 0.0, ["friction"])[:, axis]
         low, high = model.torque_interval(q, qd, 0.0, parts=["friction"])[:, axis].T
         speed = qd[:, axis]
         panels.append(
@@ -122,7 +125,7 @@ def plot_friction(model: Model) -> Figure:
             )
         )
     if not panels:
-        model.torque(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # states what is missing
+        model.predict(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # states what is missing
     return Figure(chart(panels))
 
 

@@ -133,7 +133,7 @@ def _top(run: ReportedRun) -> dict[str, object]:
     took += f" in {sessions} sessions" if sessions > 1 else ""
     return {
         "title": f"{run.robot.name}: {'identified dynamics' if run.is_identified else 'friction'}",
-        "outcome": run.model.outcome if run.is_identified else None,
+        "outcome": run.model.verdict if run.is_identified else None,
         "facts": (
             *zip(begun, (began, bus), strict=True),
             ("Measurements", counts(run.campaign)),

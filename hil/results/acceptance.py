@@ -196,7 +196,7 @@ def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
 
 
 def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
-    word = "doubtful" if model.outcome is None else model.outcome.word
+    word = "doubtful" if model.verdict is None else model.verdict.word
     yield _check("identification", "", word, least=limits.outcome)
     timing = SyncTiming()  # of the recordings: a session that was killed keeps no count for sure
     for measured in run:

@@ -136,7 +136,7 @@ def _motions(model: Model, recording: Recording, used: Mask) -> Iterator[_Sample
 def _predicted(model: Model, motion: tuple[Array, ...]) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FrictionUnknown)  # such axes are left out
-        return np.asarray(model.torque(*motion))
+        return np.asarray(model.predict(*motion))
 
 
 def _resting(model: Model, qd: Array, period: float) -> Mask:

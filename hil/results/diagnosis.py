@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -27,6 +26,7 @@ from hil.results.tables.table import Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
+from hil.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -188,7 +188,7 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
     beside = {c.names: c.t for c in errors.after} if errors.found else {}
     kept = DiagnosisFile(
         made=now(),
-        version=version("canopen-robot-identification"),
+        version=__version__,
         of=RunStamp.of(run),
         p=tuple(found.estimate.p.tolist()),
         threshold=errors.threshold,

@@ -32,6 +32,7 @@ from hil.estimation.options import DEFAULTS
 from hil.results.provenance import RunStamp
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
+from hil.version import DISTRIBUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
 NAME = "findings.json"
 FOLLOWS_FROM = ("results", "estimation", "friction", "least_squares", "model", "planning", "runs")
 """Packages of `hil` that findings are made by."""
-LIBRARIES = ("canopen-robot-identification", "numpy", "scipy", "numba", "h5py")
+LIBRARIES = (DISTRIBUTION, "numpy", "scipy", "numba", "h5py")
 
 
 class Findings(NamedTuple):

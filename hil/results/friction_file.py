@@ -8,7 +8,6 @@ gate before a campaign. It can be written again at any time.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
 from checked_files.yaml_file import FileError, FileModel, load_yaml
@@ -17,6 +16,7 @@ from hil.estimation.friction.symmetry import Symmetry
 from hil.friction.curves import FrictionModel, Law
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
+from hil.version import __version__
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -118,7 +118,7 @@ def write_friction(run: Run, result: FrictionResult) -> Path:
         gravity=result.gravity,
         model_folder=result.model_folder,
         written=now(),
-        version=version("canopen-robot-identification"),
+        version=__version__,
         left_out=result.left_out,
         axes=tuple(
             AxisRecord(

@@ -100,7 +100,7 @@ class History:
 
 _OF_DRIVE = ("rotor_inertia_uncertainty", "torque_constant_uncertainty", "encoder_resolution")
 _OF_JOINT = (
-    "q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit", "capsule",
+    "name", "q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit", "capsule",
     "torque_noise", "friction_wander",
 )  # fmt: skip
 _FREE_TO_DIFFER: dict[str, bool | dict[str, bool]] = {

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from hil.errors import HilError, NotEnoughData, NotIdentifiable
+from hil.errors import HilError, InvalidArray, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
@@ -20,20 +19,24 @@ from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import prepare, prepared_for, with_reached_limits
 from hil.least_squares.regression import ByName
+from hil.model.robot import Robot
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
 from hil.results.band_residual import band_residual
 from hil.results.model import Model
-from hil.results.outcome import outcome
 from hil.results.provenance import Provenance, digests, named
 from hil.results.recorded_torque import torque_parts
+from hil.results.verdict import verdict
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled, pooled
-from hil.runs.run import opened
+from hil.runs.run import Run, opened
+from hil.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from numpy.typing import ArrayLike
 
     from hil.arrays import Array
     from hil.estimation.estimate import Estimate
@@ -43,7 +46,8 @@ if TYPE_CHECKING:
     from hil.estimation.prior import Prior
     from hil.results.tables.terminal import Summary
     from hil.runs.recording import Recorded, Recording
-    from hil.runs.run import Run
+
+    Arrays = ArrayLike | Sequence[ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,29 +115,65 @@ class ModelFit(ByName):
 
 
 def identify(
-    run: Run | Path | str,
+    run: Run | Robot | Path | str,
     method: str | None = None,
     others: Sequence[Run | Path | str] = (),
     prior: Prior | None = None,
+    *,
+    t: Arrays | None = None,
+    q: Arrays | None = None,
+    tau: Arrays | None = None,
+    qd: Arrays | None = None,
+    alone: int | None = None,
+    cut_off: float | None = None,
+    accept: Sequence[str] = (),
 ) -> Model:
-    """Identify a robot's dynamics and friction from a run; nothing is written.
+    """Identify a robot's dynamics and friction from a run or from arrays; nothing is written.
 
     Parameters
     ----------
-    run : Run or path
-        The run, or its folder.
+    run : Run, Robot or path
+        The run, or its folder; with arrays the robot, or what `hil.Robot.load` takes.
     method : str, optional
         Method of estimation; by default the one for what was recorded.
     others : sequence of Run or path
         Additional runs of the same robot, identified jointly.
     prior : Prior, optional
         Bodies of CAD, for parameters that the motion does not excite.
+    t : array_like, shape (n_samples,), or a list of these, one a recording
+        Time stamps [s].
+    q, tau : array_like, shape (n_samples, n_joints), or a list of these
+        Positions [rad or m] and torques [N m or N], joint side.
+    qd : array_like, shape (n_samples, n_joints), or a list of these, optional
+        Velocities [rad/s or m/s]. Accelerations are found from positions and velocities.
+    alone, cut_off, accept : optional
+        As of `hil.Run.from_arrays`.
 
     Raises
     ------
+    InvalidArray, InvalidValue
+        As of `hil.Run.from_arrays`.
     FileError, Mismatch, UnknownName, NotIdentifiable, NotEnoughData
         As of `hil.results.identification.identified`.
+
+    Examples
+    --------
+    >>> hil.identify("runs/first")
+    <Model of manutec-r15: 14 base parameters, improved method, 39 measurements>
+    >>> hil.identify(hil.Robot.load("arm.urdf"), t=t, q=q, tau=tau)  # doctest: +SKIP
     """
+    if isinstance(run, Robot) or any(each is not None for each in (t, q, tau, qd)):
+        from hil.imports.arrays import run_from_arrays  # noqa: PLC0415 - runs need none of it
+
+        if t is None or q is None or tau is None or isinstance(run, Run):
+            given = {"t": t, "q": q, "tau": tau}
+            lacking = [name for name, each in given.items() if each is None]
+            raise InvalidArray(
+                f"arrays go with a robot, not with a run, all of t, q and tau; missing:"
+                f" {', '.join(lacking) or 'a robot'}"
+            )
+        robot = run if isinstance(run, Robot) else Robot.load(run)
+        run = run_from_arrays(robot, t, q, tau, qd, alone, cut_off, accept)
     more = [opened(each) for each in others]
     options = replace(DEFAULTS, prior=prior)
     return identified(opened(run), method, more, options=options).model
@@ -241,7 +281,7 @@ def model_of(
         model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
     model = replace(model, band_residual=band_residual(model, recorded))
     usual = found.effect * found.usual
-    return replace(model, outcome=outcome(model, usual, options.accuracy))
+    return replace(model, verdict=verdict(model, usual, options.accuracy))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
@@ -262,7 +302,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
         warnings=tuple(line for each in (run, *others) for line in each.journal.warnings),
         identified=now(),
         method=found.method,
-        version=version("canopen-robot-identification"),
+        version=__version__,
         recordings=tuple(digest for each in (run, *others) for digest in digests(each)),
     )
 

@@ -14,6 +14,7 @@ import numpy as np
 from hil.errors import InvalidArray, Mismatch, NotEnoughData
 from hil.estimation.intervals import half_width
 from hil.friction.law import friction_torque, friction_variance
+from hil.least_squares.regression import ByName
 from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import FOR_A_LAW
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedRobot:
+class IdentifiedRobot(ByName):
     """A robot and what was identified of it.
 
     Attributes
@@ -67,7 +68,7 @@ class IdentifiedRobot:
     back_and_forth : BackAndForthFit, optional
         Friction of each axis as a curve over its speed, and which parameters were not identified,
         where axes moved back and forth by themselves.
-    outcome : Judgement, optional
+    verdict : Judgement, optional
         What the identification is worth; None of a model that no version of this has judged.
     friction_law : FrictionLaw, optional
         Friction that the drives have to overcome, whatever the method; None where the model was
@@ -88,7 +89,7 @@ class IdentifiedRobot:
     edges : tuple of Edge
         Lags and compliances that end at the edge of their search range.
     band_residual : BandResidual, optional
-        Residual of `hil.results.model.Model.torque` on the recordings it was identified from, over
+        Residual of `hil.results.model.Model.predict` on the recordings it was identified from, over
         the one band in which all models are compared; None where no friction is known, and of a
         file of an earlier version.
     """
@@ -105,7 +106,7 @@ class IdentifiedRobot:
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
-    outcome: Judgement | None = None
+    verdict: Judgement | None = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
@@ -118,7 +119,7 @@ class IdentifiedRobot:
     @property
     def failed(self) -> bool:
         """Whether its identification failed: it should not be used."""
-        return self.outcome is not None and self.outcome.word == "failed"
+        return self.verdict is not None and self.verdict.word == "failed"
 
     def refuse_other_robot(self, robot: Robot, source: str) -> None:
         """Refuse to be used for another robot; `source` names the file that is at odds.
@@ -168,7 +169,7 @@ class IdentifiedRobot:
 
     @property
     def axes_without_friction(self) -> tuple[int, ...]:
-        """Axes, from 1, whose friction is unknown: `torque` lacks it there, intervals are NaN."""
+        """Axes, from 1, whose friction is unknown: `predict` lacks it there, intervals are NaN."""
         law = self.friction_law
         return tuple(range(1, self.robot.n_joints + 1)) if law is None else law.unknown
 
@@ -183,15 +184,18 @@ class IdentifiedRobot:
         """Correlations of the errors of `values`, shape (n_base, n_base)."""
         return correlation_of(self.covariance)
 
-    @property
-    def params(self) -> dict[str, float]:
-        """Values by name, as of `hil.regression(...).fit()`."""
-        return dict(zip(self.names, self.values.tolist(), strict=True))
+    def cov_params(self) -> Array:
+        """Return `covariance`, as statsmodels calls it."""
+        return self.covariance
 
-    def conf_int(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Confidence intervals by name; errors as of `interval`."""
-        ends = self.interval(level).tolist()
-        return {name: (low, high) for name, (low, high) in zip(self.names, ends, strict=True)}
+    @property
+    def _found(self) -> dict[str, tuple[float, float]]:
+        pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
+        return dict(zip(self.names, pairs, strict=True))
+
+    def _half_widths(self, level: float) -> dict[str, float]:
+        half = (self.interval(level)[:, 1] - self.values).tolist()
+        return dict(zip(self.names, half, strict=True))
 
     def to_dataframe(self, level: float = 0.95) -> pd.DataFrame:
         """Parameters as a table, indexed by name; needs pandas.
@@ -268,7 +272,7 @@ PARTS = ("rigid bodies", "motors", "friction")
 
     Q = A(q, qd, qdd) p + H qdd + F(q, qd, A p)
 
-Rigid bodies, motors, eq. (6) and (7), and friction (`hil.results.model.Model.torque`).
+Rigid bodies, motors, eq. (6) and (7), and friction (`hil.results.model.Model.predict`).
 """
 
 

@@ -7,7 +7,6 @@ and what Figs. 5 and 6 need of both runs. The file says of which recordings it w
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -23,6 +22,7 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.provenance import RunStamp, same_parameters
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
+from hil.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -168,7 +168,7 @@ def write_load(
     load, before, after, own = found.load, found.before, found.after, found.own
     kept = LoadFile(
         made=now(),
-        version=version("canopen-robot-identification"),
+        version=__version__,
         without=RunStamp.of(without, path),
         loaded=tuple(RunStamp.of(run, path) for run in loaded),
         mass=load.stated_mass,

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.errors import FrictionUnknown, UnknownName
+from hil.errors import FrictionUnknown, NotEnoughData, UnknownName
 from hil.estimation.intervals import combined_degrees, half_width
 from hil.friction.law import friction_torque, friction_variance, level_anywhere
 from hil.model import dynamics
-from hil.model.motors import motor_torque
+from hil.model.motors import motor_inertia, motor_torque
 from hil.results.identified_robot import (
     PARTS,
     IdentifiedRobot,
@@ -39,6 +39,12 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.results.tables.terminal import Summary
+
+
+ROUNDS = 200
+"""Maximum number of corrections by friction of load; each leaves its share of the load."""
+SETTLED = 1e-9
+"""Torque that accelerations may leave, as a share of what is given and 1 N m or N."""
 
 
 class Model(IdentifiedRobot):
@@ -66,7 +72,7 @@ class Model(IdentifiedRobot):
         """Write the model as a file, whole or not at all; see `hil.results.model_file`."""
         write_file(Path(path), ModelFile.of(self).text().encode())
 
-    def torque(
+    def predict(
         self,
         q: ArrayLike,
         qd: ArrayLike,
@@ -75,7 +81,7 @@ class Model(IdentifiedRobot):
         *,
         warmth: ArrayLike | None = None,
     ) -> Array:
-        """Torques that the drives have to give at positions, velocities and accelerations.
+        """Predict the torques that drives have to give at positions, velocities and accelerations.
 
         Parameters
         ----------
@@ -120,21 +126,73 @@ class Model(IdentifiedRobot):
         -----
         FrictionUnknown
             Friction is unknown of some axes (`axes_without_friction`), whose torque is without it.
+
+        Examples
+        --------
+        >>> model = hil.Model.load("runs/first")
+        >>> model.predict(np.zeros((100, 6)), 0.5, 0.0).shape
+        (100, 6)
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         return self._torque(parts, q, qd, qdd, warmth_of(self, warmth, q))
 
-    def _torque(
-        self, parts: Collection[str], q: Array, qd: Array, qdd: Array, warmth: Array | None
+    torque = predict
+    """Name of `predict` until version 0.2."""
+
+    def friction_torque(
+        self,
+        qd: ArrayLike,
+        q: ArrayLike | None = None,
+        qdd: ArrayLike = 0.0,
+        *,
+        warmth: ArrayLike | None = None,
     ) -> Array:
-        if unknown := [part for part in parts if part not in PARTS]:
-            raise UnknownName(f"{unknown[0]!r}: parts of the torque are {', '.join(PARTS)}")
+        """Predict the torques of friction at no load, or with the load at stated positions.
+
+        Parameters
+        ----------
+        qd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
+            [rad/s or m/s].
+        q, qdd : optional
+            As of `predict`; without positions the gears transmit no load.
+        warmth : optional
+            As of `predict`.
+
+        Returns
+        -------
+        ndarray, shape (n_joints,) or (n_samples, n_joints)
+            Joint side [N m, or N]; errors and warnings as of `predict`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/first").friction_torque(0.5).shape
+        (6,)
+        """
+        at, qd, qdd = samples(self.robot.n_joints, q=0.0 if q is None else q, qd=qd, qdd=qdd)
+        state = warmth_of(self, warmth, at)
+        return self._torque(["friction"], at, qd, qdd, state, loaded=q is not None)
+
+    def _torque(
+        self,
+        parts: Collection[str],
+        q: Array,
+        qd: Array,
+        qdd: Array,
+        warmth: Array | None,
+        *,
+        loaded: bool = True,
+    ) -> Array:
+        _refuse_unknown(parts)
         law = known_friction(self) if "friction" in parts else None
         if law is not None and (lack := lacking(self)):
             # once a line of the caller's, as Python does by default
             text = f"torques of {self.robot.name} lack friction: {lack}"
             warnings.warn(text, FrictionUnknown, stacklevel=3)
-        rigid = dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
+        rigid = (
+            dynamics.inverse_dynamics(self.robot, self.values, q, qd, qdd)
+            if loaded
+            else np.zeros(q.shape)
+        )
         total = rigid if "rigid bodies" in parts else np.zeros_like(rigid)
         if "motors" in parts:
             total = total + motor_torque(self.robot, q, qd, qdd)
@@ -145,7 +203,7 @@ class Model(IdentifiedRobot):
     def drive_torque(self, q: Array, qd: Array, qdd: Array, reversal: float = 0.005) -> Array:
         """Torques that drives are to be fed along a planned motion, shape of `q` [N m or N].
 
-        Those of `torque`, but friction does not jump at a reversal, for a drive that is fed a jump
+        Those of `predict`, but friction does not jump at a reversal, for a drive that is fed a jump
         does worse than one that is fed none: between a small speed in one direction and the same in
         the other it goes over in a straight line, by the velocity that is planned and not by a
         measured one, which would chatter.
@@ -164,10 +222,10 @@ class Model(IdentifiedRobot):
         """
         width = reversal * self.robot.velocity_limit
         speed = np.maximum(np.abs(qd), width)
-        back, forth = (self.torque(q, side * speed, qdd, ("friction",)) for side in (-1.0, 1.0))
+        back, forth = (self.predict(q, side * speed, qdd, ("friction",)) for side in (-1.0, 1.0))
         share = np.clip(0.5 + qd / (2 * width), 0.0, 1.0)
         friction: Array = back + share * (forth - back)
-        return self.torque(q, qd, qdd, ("rigid bodies", "motors")) + friction
+        return self.predict(q, qd, qdd, ("rigid bodies", "motors")) + friction
 
     def warmth(self, time: ArrayLike, qd: ArrayLike, start: ArrayLike = 0.0) -> Array:
         """Warmth of the gears along a motion, from 0 cold to 1 as warm as motion makes them.
@@ -184,7 +242,7 @@ class Model(IdentifiedRobot):
         Returns
         -------
         ndarray, shape (n_samples, n_joints)
-            As `torque` takes it; NaN for axes whose warmth is not identified.
+            As `predict` takes it; NaN for axes whose warmth is not identified.
 
         Raises
         ------
@@ -194,17 +252,114 @@ class Model(IdentifiedRobot):
         return warmth_along(self, time, qd, start)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Gravity torques g(q); shapes, units and errors as of `torque`."""
+        """Gravity torques g(q); shapes, units and errors as of `predict`."""
         (q,) = samples(self.robot.n_joints, q=q)
         return dynamics.gravity_torque(self.robot, self.values, q)
 
-    def mass_matrix(self, q: ArrayLike) -> Array:
-        """Mass matrix M(q) of the rigid bodies, shape (n_joints, n_joints) for each sample.
+    def mass_matrix(self, q: ArrayLike, parts: Collection[str] = PARTS) -> Array:
+        """Compute the mass matrix M(q) of rigid bodies and motors, or of one of both.
 
-        [kg m^2, kg m or kg]; shapes of `q` and errors as of `torque`.
+        Parameters
+        ----------
+        q : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
+            [rad or m].
+        parts : collection of str
+            As of `predict`; friction has no mass.
+
+        Returns
+        -------
+        ndarray, shape (n_joints, n_joints) or (n_samples, n_joints, n_joints)
+            [kg m^2, kg m or kg]; errors as of `predict`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/first").mass_matrix(np.zeros(6)).shape
+        (6, 6)
         """
         (q,) = samples(self.robot.n_joints, q=q)
-        return dynamics.mass_matrix(self.robot, self.values, q)
+        _refuse_unknown(parts)
+        bodies = dynamics.mass_matrix(self.robot, self.values, q)
+        M = bodies if "rigid bodies" in parts else np.zeros_like(bodies)
+        return M + motor_inertia(self.robot, q) if "motors" in parts else M
+
+    def coriolis(self, q: ArrayLike, qd: ArrayLike) -> Array:
+        """Compute the Coriolis matrix C(q, qd) of Christoffel's symbols.
+
+        C qd are the Coriolis and centrifugal torques, and dM/dt - 2 C is skew-symmetric.
+
+        Parameters
+        ----------
+        q, qd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
+            [rad or m, and per s].
+
+        Returns
+        -------
+        ndarray, shape (n_joints, n_joints) or (n_samples, n_joints, n_joints)
+            [N m s/rad, N s/rad or N s/m]; errors as of `predict`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/first").coriolis(np.zeros(6), 0.5).shape
+        (6, 6)
+        """
+        q, qd = samples(self.robot.n_joints, q=q, qd=qd)
+        return dynamics.coriolis_matrix(self.robot, self.values, q, qd)
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        tau: ArrayLike,
+        parts: Collection[str] = PARTS,
+        *,
+        warmth: ArrayLike | None = None,
+    ) -> Array:
+        """Compute the accelerations under torques: those for which `predict` returns `tau`.
+
+        Friction of an axis at rest is its offset alone, so any torque sets the axis in motion.
+
+        Parameters
+        ----------
+        q, qd, tau : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
+            [rad, rad/s, N m; m, m/s, N for prismatic joints].
+        parts : collection of str
+            As of `predict`; rigid bodies or motors must be among them.
+        warmth : optional
+            As of `predict`.
+
+        Returns
+        -------
+        ndarray, shape (n_joints,) or (n_samples, n_joints)
+            [rad/s^2 or m/s^2].
+
+        Raises
+        ------
+        NotEnoughData
+            The mass matrix is not positive definite, or friction grows with the load as fast as
+            the load itself; else as of `predict`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/first").forward_dynamics(np.zeros(6), 0.5, 0.0).shape
+        (6,)
+        """
+        q, qd, tau = samples(self.robot.n_joints, q=q, qd=qd, tau=tau)
+        M, state = self.mass_matrix(q, parts), warmth_of(self, warmth, q)
+        if not (np.linalg.eigvalsh(M) > 0).all():
+            raise NotEnoughData(
+                f"the model of {self.robot.name}: its mass matrix is not positive definite at q,"
+                f" of {', '.join(parts)}; take all parts, or see hil.Model.verdict"
+            )
+        qdd = np.zeros_like(tau)
+        for _ in range(ROUNDS):  # once without friction of load, which depends on accelerations
+            left = tau - self._torque(parts, q, qd, qdd, state)
+            if (np.abs(left) <= SETTLED * (1.0 + np.abs(tau))).all():
+                return qdd
+            qdd = qdd + np.linalg.solve(M, left[..., None])[..., 0]
+        raise NotEnoughData(
+            f"the model of {self.robot.name}: friction grows with the load as fast as the load, so"
+            ' accelerations do not settle; take parts=("rigid bodies", "motors")'
+        )
 
     def torque_interval(
         self,
@@ -217,7 +372,7 @@ class Model(IdentifiedRobot):
         of_samples: bool = False,
         warmth: ArrayLike | None = None,
     ) -> Array:
-        """Intervals of `torque`.
+        """Intervals of `predict`.
 
         They hold what is uncertain of the base parameters and of the law of friction. Where no
         warmth is stated, an axis may be anywhere between cold and as warm as steady motion makes
@@ -228,7 +383,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, qdd, parts, warmth
-            As of `torque`.
+            As of `predict`.
         level : float
             Share of the intervals that hold the torque.
         of_samples : bool
@@ -237,7 +392,7 @@ class Model(IdentifiedRobot):
 
         Returns
         -------
-        ndarray, shape of `torque` and one axis more of length 2
+        ndarray, shape of `predict` and one axis more of length 2
             Lower and upper ends [N m, or N].
 
         Raises
@@ -245,7 +400,7 @@ class Model(IdentifiedRobot):
         InvalidArray
             Another shape, NaN, or a level that is not between 0 and 1.
         UnknownName, NotEnoughData
-            As of `torque`.
+            As of `predict`.
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         state, level = warmth_of(self, warmth, q), checked_level(level)
@@ -283,6 +438,11 @@ class Model(IdentifiedRobot):
 
     def _repr_html_(self) -> str:
         return self.summary()._repr_html_()
+
+
+def _refuse_unknown(parts: Collection[str]) -> None:
+    if unknown := [part for part in parts if part not in PARTS]:
+        raise UnknownName(f"{unknown[0]!r}: parts of the torque are {', '.join(PARTS)}")
 
 
 def loaded(model: Model | Path | str, robot: Robot | None = None) -> Model:

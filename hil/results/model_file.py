@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import isclose
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import yaml
-from pydantic import model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from checked_files.yaml_events import Dumper
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
@@ -28,7 +28,7 @@ from hil.estimation.local_values import LocalValue
 from hil.estimation.prior import FromPrior
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.provenance import Provenance
 from hil.results.residual import BandResidual
@@ -37,13 +37,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
-    from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
 
 
 NAME = "model.yaml"
 _AS_IDENTIFIED = (
-    "provenance", "condition", "error_budget", "friction", "back_and_forth", "outcome",
+    "provenance", "condition", "error_budget", "friction", "back_and_forth", "verdict",
     "validations", "consistent", "excluded", "prior", "edges", "band_residual",
 )  # fmt: skip
 """Fields that the file holds as the model does."""
@@ -134,7 +133,9 @@ class ModelFile(FileModel):
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
     back_and_forth: BackAndForthFit | None = None
-    outcome: Judgement | None = None
+    verdict: Annotated[
+        Judgement | None, Field(validation_alias=AliasChoices("verdict", "outcome"))
+    ] = None
     friction_law: FrictionLaw | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
@@ -226,7 +227,7 @@ class ModelFile(FileModel):
     def _robot(self, path: Path) -> Robot:
         beside = path.parent / "robot.yaml"
         kept = self.robot_file
-        robot = load_robot(beside) if kept is None else parse_robot(kept, f"{path}: robot_file")
+        robot = Robot.load(beside) if kept is None else parse_robot(kept, f"{path}: robot_file")
         names = tuple(parameter.name for parameter in self.parameters)
         if robot.digest != self.provenance.robot_digest or names != base_parameters(robot).names:
             place = f"in {beside}" if kept is None else "that it holds"
@@ -238,7 +239,7 @@ class ModelFile(FileModel):
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
         optional = (
-            "friction", "back_and_forth", "friction_law", "outcome", "validations", "consistent",
+            "friction", "back_and_forth", "friction_law", "verdict", "validations", "consistent",
             "torque_effect", "excluded", "prior", "band_residual", "local",
         )  # fmt: skip
         absent = {name for name in optional if not getattr(self, name)}

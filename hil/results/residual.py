@@ -5,7 +5,7 @@ passes. What is stated and judged is therefore computed apart from all methods, 
 positions and torques pass a low-pass at `BAND`, the Butterworth filter of order 4 forth and back,
 positions are differentiated, and the residual is
 
-    e = tau - model.torque(q, qd, qdd),
+    e = tau - model.predict(q, qd, qdd),
 
 as root mean squares over those of the torque. The unfiltered residual is that of the torque as it
 was recorded, with all its noise and vibration, from the same prediction.
@@ -15,7 +15,7 @@ prediction, which leaves a residual however right the model is: up to 20 % of th
 that carries little but friction and reverses every second. So a model is judged by the smoothed
 residual, of which both sides have passed the low-pass,
 
-    e = LP tau - LP model.torque(q, qd, qdd),
+    e = LP tau - LP model.predict(q, qd, qdd),
 
 with positions up to twice the band, so that the second pass changes accelerations like the torque.
 What holds an axis at rest is no function of the motion, so that samples about a rest are left out

@@ -44,10 +44,10 @@ from hil.results.judgement import (
     reservations,
 )
 from hil.results.model import Model, loaded
-from hil.results.outcome import OF_DATA
 from hil.results.predicted_torques import predicted_torques
 from hil.results.provenance import RunStamp, recordings_in_common
 from hil.results.residual import BandResidual, unexplained
+from hil.results.verdict import OF_DATA
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
@@ -241,7 +241,7 @@ def scored(
         for axis, own in sorted(parts.items())
         if sum(len(each.measured) for each in own) * OUTSIDE >= 1.0
     )
-    spoilt = [failed(f"its identification {model.outcome}")] if model.failed else []
+    spoilt = [failed(f"its identification {model.verdict}")] if model.failed else []
     last = *unexplained(residual, model.robot.torque_limit, accuracy), *reservations(OF_DATA, model)
     return judged(scores, model.robot.n_joints, spoilt, last, residual)
 

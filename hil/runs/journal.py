@@ -24,6 +24,7 @@ from checked_files.yaml_file import FileError, FileModel, load_yaml
 from drivers.drive_bus import SampleFlag
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import write_file
+from hil.version import DISTRIBUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 NO_REAL_MACHINE = "SIMULATED: measured on the virtual plant, no real machine"
-PACKAGES = ("canopen-robot-identification", "canopen", "python-can", "numpy", "h5py")
+PACKAGES = (DISTRIBUTION, "canopen", "python-can", "numpy", "h5py")
 EXACT = 1e-6
 """Jitter below this is that of adding floats [s]."""
 

@@ -18,7 +18,7 @@ import numpy as np
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import NotEnoughData, UnknownName
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 from hil.planning.plan import Plan, RecordedMotions, dump_plan, load_plan
 from hil.runs.atomic_file import file_errors, own_folder, whole_folder, write_file
 from hil.runs.journal import Journal, read_journal, write_journal
@@ -82,7 +82,7 @@ class Run:
         journal = read_journal(path / "run.json")
         if digest_of_file(path / "drives.yaml") != journal.drives_digest:
             raise _changed(path / "drives.yaml")
-        robot = load_robot(path / "robot.yaml")
+        robot = Robot.load(path / "robot.yaml")
         plan: Plan | RecordedMotions
         if (file := path / MOTIONS).exists():
             plan = load_yaml(file, RecordedMotions)

@@ -81,7 +81,7 @@ def export(
         source = what.path if isinstance(what, Run) else Path(what)
     model = what if isinstance(what, Model) else Model.load(source)
     if model.failed and not force:
-        raise InvalidValue(f"its identification {model.outcome}; force=True exports it anyway")
+        raise InvalidValue(f"its identification {model.verdict}; force=True exports it anyway")
     bounds = BodyBounds(masses=masses) if masses else None
     return write_exported(exported_model(model, to, source, urdf, bounds)[1], output)
 

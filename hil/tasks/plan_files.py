@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from hil.model.robot import Robot, load_robot, refuse_unknown
+from hil.model.robot import Robot, refuse_unknown
 from hil.planning.plan import Plan, load_plan, refuse_other_robot
 from hil.planning.workspace_check import load_workspace
 
@@ -37,7 +37,7 @@ def opened_plan(
     source = str(plan) if isinstance(plan, (str, Path)) else "plan"
     the_plan = plan if isinstance(plan, Plan) else load_plan(Path(plan))
     if not isinstance(robot, Robot):
-        robot = load_robot(robot or _robot_file(the_plan, Path(source)))
+        robot = Robot.load(robot or _robot_file(the_plan, Path(source)))
     refuse_unknown(robot)
     refuse_other_robot(the_plan, robot, source)
     if workspace is not None:

@@ -109,11 +109,11 @@ def plan(robot: Robot | Path | str | None = None, kind: str = "strokes", **optio
     InvalidValue
         Options that do not go together, or values with which there is no plan.
     """
-    from hil.model.robot import Robot, load_robot, refuse_unknown
+    from hil.model.robot import Robot, refuse_unknown
     from hil.planning.workspace_check import load_workspace
 
     if robot is not None:
-        robot = robot if isinstance(robot, Robot) else load_robot(robot)
+        robot = robot if isinstance(robot, Robot) else Robot.load(robot)
         refuse_unknown(robot)
         if isinstance(place := options.get("workspace"), (str, Path)):
             options["workspace"] = load_workspace(Path(place), robot)

@@ -176,7 +176,7 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
     parts = _parts(len(time))
     lack, n = model.axes_without_friction, model.robot.n_joints
     if len(lack) == n:
-        torque = [model.torque(q[p], qd[p], qdd[p], ("rigid bodies", "motors")) for p in parts]
+        torque = [model.predict(q[p], qd[p], qdd[p], ("rigid bodies", "motors")) for p in parts]
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FrictionUnknown)  # the words say so

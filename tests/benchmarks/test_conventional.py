@@ -24,11 +24,10 @@ from benchmarks.rivals.variants import (
     trajectories,
 )
 from hil.errors import NotEnoughData
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 
 if TYPE_CHECKING:
     from benchmarks.rivals.friction_terms import Characteristic
-    from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
 
 
@@ -38,7 +37,7 @@ MU, OFFSET = 0.05, 0.01
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")

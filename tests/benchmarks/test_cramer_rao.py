@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from synthetic import TABLE_3_A
@@ -11,19 +9,16 @@ from synthetic import TABLE_3_A
 from benchmarks.rivals.cramer_rao import cramer_rao
 from hil.estimation.signals import signals
 from hil.friction.equation import term_columns
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.measurement import Inertia
 from hil.runs.recording import Recording
-
-if TYPE_CHECKING:
-    from hil.model.robot import Robot
 
 PERIOD, NOISE = 0.004, 2.0
 
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 def recorded(robot: Robot, cycles: int) -> list[tuple[Inertia, Recording]]:

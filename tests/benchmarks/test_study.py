@@ -23,7 +23,7 @@ from benchmarks.drift_study.scenarios import SCENARIOS
 from checked_files.yaml_file import FileError
 from hil import execution
 from hil.model.dependencies import GROUPS
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 from hil.terminal.console import out
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from benchmarks.drift_study.cell import Cell
     from benchmarks.drift_study.drift import Done
-    from hil.model.robot import Robot
 
 
 @pytest.fixture(scope="module")
@@ -253,7 +252,7 @@ class TestFailure:
         own.write_text(text.replace(f"name: {PLANT}", "name: own"))
         with pytest.raises(FileError, match=r"give one for .*own\.yaml with --drives"):
             opened(tmp_path / "study", robot=str(own))
-        put(small_plans(load_robot(own)), tmp_path / "study")
+        put(small_plans(Robot.load(own)), tmp_path / "study")
         drives = ROBOTS / f"{PLANT}.drives.yaml"
         opened(tmp_path / "study", robot=str(own), drives=drives)
         assert (tmp_path / "study" / "drives.yaml").read_text() == drives.read_text()

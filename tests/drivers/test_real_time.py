@@ -26,7 +26,7 @@ from drivers.fieldbus import Entry
 from drivers.session.connection import Place as DrivePlace
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Finished
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.runs.run_folder import RunFolder
@@ -78,7 +78,7 @@ def bus(place: Place) -> Iterator[can.BusABC]:
 
 
 def plan() -> Plan:
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     measurement = Gravity(
         id="g1",
         axis=2,
@@ -99,7 +99,7 @@ def plan() -> Plan:
 def test_a_short_campaign_loses_nothing_that_is_not_flagged(
     bus: can.BusABC, tmp_path: Path
 ) -> None:
-    folder = RunFolder.create(tmp_path / "run", plan(), load_robot("manutec-r15"))
+    folder = RunFolder.create(tmp_path / "run", plan(), Robot.load("manutec-r15"))
     *_, last = run_campaign(folder, CanopenDriveBus(bus, slow_drives(PERIOD)))
     assert isinstance(last, Finished)
     sync = folder.journal.sessions[-1].sync

@@ -41,7 +41,7 @@ from hil.imports.readers import open_table
 from hil.model.readers.dh_table import read_dh
 from hil.model.readers.robot_draft import draft_robot, robot_as_stated
 from hil.model.readers.urdf import read_urdf
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.runs.journal import read_journal
 from hil.runs.run import Run
 from sim_plant.__main__ import app as plant
@@ -330,7 +330,7 @@ def _map(folder: Path) -> Path:
 
 
 def _run(folder: Path) -> Path:
-    write_run(folder / "run", load_robot("manutec-r15"))
+    write_run(folder / "run", Robot.load("manutec-r15"))
     for path in sorted((folder / "run" / "recordings").iterdir())[4:]:
         path.unlink()
     return folder / "run"
@@ -364,7 +364,7 @@ def _read_run(path: Path) -> None:
 
 
 KINDS = {
-    "robot": Kind(_text("robot.yaml", ROBOT), load_robot),
+    "robot": Kind(_text("robot.yaml", ROBOT), Robot.load),
     "urdf": Kind(_text("arm.urdf", urdf("SCARA", ROBOTS["SCARA"])), _read_urdf),
     "dh": Kind(
         _text("dh.csv", "alpha [rad],a [m],d,theta\n0,0,0.1,q1\npi/2,0.3,0,q2\n"),

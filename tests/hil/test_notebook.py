@@ -8,33 +8,50 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_run import write_run
+from small_run import identified_model, write_run
 
 import hil
 
-DOCS = Path(__file__).parents[2] / "docs"
+ROOT = Path(__file__).parents[2]
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
 @pytest.fixture(scope="module")
 def place(manutec, tmp_path_factory):
-    """A folder with a small run in `runs/first`."""
+    """A folder with a small run in `runs/first`, and its model."""
     folder = tmp_path_factory.mktemp("notebook")
     (folder / "runs").mkdir()
     write_run(folder / "runs" / "first", manutec)
+    identified_model().save(folder / "runs" / "first" / "model.yaml")
     return folder
 
 
-def test_the_examples_of_the_how_to_do_what_they_say(place, monkeypatch):
-    monkeypatch.chdir(place)
-    text = (DOCS / "how-to" / "notebook.md").read_text()
-    blocks = re.findall(r"```pycon\n(.*?)```", text, re.DOTALL)
-    assert len(blocks) > 5
-    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    runner = doctest.DocTestRunner(optionflags=flags)
-    text = "\n".join(blocks)
-    test = doctest.DocTestParser().get_doctest(text, {}, "notebook.md", "notebook.md", 0)
+def refuse_differences(test):
     differences = []
+    runner = doctest.DocTestRunner(optionflags=FLAGS)
     assert not runner.run(test, out=differences.append).failed, "".join(differences)
+
+
+@pytest.mark.parametrize("name", ["README.md", "docs/how-to/notebook.md"])
+def test_the_examples_of_documents_do_what_they_say(name, place, monkeypatch):
+    monkeypatch.chdir(ROOT if name == "README.md" else place)
+    blocks = re.findall(r"```pycon\n(.*?)```", (ROOT / name).read_text(), re.DOTALL)
+    assert blocks
+    refuse_differences(doctest.DocTestParser().get_doctest("\n".join(blocks), {}, name, name, 0))
+
+
+def test_the_examples_of_docstrings_do_what_they_say(place, monkeypatch):
+    monkeypatch.chdir(place)
+    found = [
+        test
+        for name in ("Robot", "Model", "identify")
+        for test in doctest.DocTestFinder().find(getattr(hil, name), name)
+        if test.examples
+    ]
+    assert len(found) >= 7
+    for test in found:
+        test.globs = {"hil": hil, "np": np}
+        refuse_differences(test)
 
 
 def test_dir_lists_the_api_and_every_name_of_it_has_a_docstring():

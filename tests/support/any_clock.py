@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import SampleFlag
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.measurement import Coupling, Friction, Gravity, Inertia
 from hil.planning.strokes import Partner
 from hil.planning.trajectory import Trajectory
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 PERIOD, ACCELERATION = 0.004, 8.0
 """Of SYNC [s] and of all motions [rad/s^2]."""
-ROBOT = load_robot("manutec-r15")
+ROBOT = Robot.load("manutec-r15")
 OWN = {"id": "m", "axis": 1, "q": (0.0, 0.0), "acceleration": ACCELERATION, "cycles": 2}
 GRAVITY = Gravity(**OWN, stroke=0.4, velocity=0.4)
 INERTIA = Inertia(**OWN, stroke=0.4, velocity=0.4)

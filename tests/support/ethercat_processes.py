@@ -25,7 +25,7 @@ from drivers.ethercat.line import Line
 from drivers.ethercat.station import Station
 from drivers.ethercat.wire import RawWire
 from drivers.opening import open_drive_bus
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 
 ROBOT = "manutec-r15"
 WATCHDOG = 1.0
@@ -76,7 +76,7 @@ def killed_plant(folder: Path) -> None:
     from hil.runs.journal import BusName
     from hil.runs.run_folder import RunFolder
 
-    robot, done, ended = load_robot(ROBOT), 0, ""
+    robot, done, ended = Robot.load(ROBOT), 0, ""
     plan = design(robot, {"gravity": 4, "inertia": 10, "coupling": 1})
     file = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
     bus = open_drive_bus(file, "ethercat", THEIRS, pacing="lock-step")

@@ -10,7 +10,7 @@ import numpy as np
 from synthetic import TABLE_3_A, Friction, record
 
 from drivers.drive_bus import AxisInfo
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.report.charts.chart import Chart
 from hil.results import findings
@@ -75,7 +75,7 @@ def identified_run(path, seed=1):
 
 @cache
 def _identified(seed):
-    run = write_run(_place() / f"identified-{seed}" / "run", load_robot("manutec-r15"), seed=seed)
+    run = write_run(_place() / f"identified-{seed}" / "run", Robot.load("manutec-r15"), seed=seed)
     return run.path, findings.identify_and_keep(Run.open(run.path), "improved").model
 
 

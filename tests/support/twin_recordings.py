@@ -16,7 +16,7 @@ import numpy as np
 import hil
 from checked_files.yaml_file import load_yaml
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import Recording
@@ -76,7 +76,7 @@ class TwinRecorder:
 
     def __init__(self, name: str) -> None:
         path = robot_path(name)
-        self.robot: Robot = load_robot(str(path))
+        self.robot: Robot = Robot.load(str(path))
         self._arm = build.arm(draft_twin(load_yaml(path, RobotDescription)).file)
         self.n = self.robot.n_joints
 

@@ -27,7 +27,7 @@ from checked_files.yaml_file import FileError, FileModel, load_yaml, parse_yaml
 from drivers.drives_file import DrivesFile, load_drives
 from drivers.found_settings.settings_file import load_found_settings
 from hil.imports.map_file import load_map
-from hil.model.robot import ROBOTS, load_robot, parse_robot
+from hil.model.robot import ROBOTS, Robot, parse_robot
 from hil.planning.plan import load_plan
 from hil.planning.workspace_check import load_workspace
 from hil.results.model_file import ModelFile
@@ -40,7 +40,7 @@ from sim_plant.plant_file import load_plant_file
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-ROBOT = load_robot("manutec-r15")
+ROBOT = Robot.load("manutec-r15")
 PLANT = Path(__file__).parents[2] / "sim_plant" / "plants" / "manutec-r15.yaml"
 
 FAULTS = """
@@ -120,7 +120,7 @@ def shortened(path: Path) -> str:
 
 
 LOADERS: dict[str, tuple[str, Callable[[Path], object]]] = {
-    "robot": ((ROBOTS / "manutec-r15.yaml").read_text(), load_robot),
+    "robot": ((ROBOTS / "manutec-r15.yaml").read_text(), Robot.load),
     "drives": (shortened(ROBOTS / "manutec-r15.drives.yaml"), load_drives),
     "plant": (shortened(PLANT), lambda path: load_plant_file(str(path))),
     "plan": (PLAN, load_plan),

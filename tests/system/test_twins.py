@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -20,15 +19,12 @@ from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.dynamics import inverse_dynamics
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.runs.pooling import recorded
 from sim_plant.plant_file import load_plant_file
 from sim_plant.twin.write import write_twin
-
-if TYPE_CHECKING:
-    from hil.model.robot import Robot
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 COUNTS = {
@@ -124,7 +120,7 @@ def gravity_plan(robot: Robot) -> Plan:
 def test_a_large_robot_s_drives_measure_what_its_links_weigh(name: str, tmp_path: Path) -> None:
     from hil.cli.plan_files import write_plan
 
-    robot = load_robot(ROBOTS / f"{name}.yaml")
+    robot = Robot.load(ROBOTS / f"{name}.yaml")
     twin, plan = twin_of(name, tmp_path), tmp_path / "plan.yaml"
     write_plan(plan, gravity_plan(robot), robot)
     run = hil.Run.open(measured(plan, twin, tmp_path))

@@ -32,7 +32,7 @@ for note in run.journal.sessions[0].notes:
 
 # %%
 model = hil.identify(run)
-print(model.outcome)
+print(model.verdict)
 model
 
 # %% [markdown]

@@ -45,7 +45,7 @@ run
 
 # %%
 model = hil.identify(run)
-print(model.outcome)
+print(model.verdict)
 model
 
 # %% [markdown]
@@ -83,7 +83,7 @@ hil.plot_torque(model, run)
 # %%
 q = np.array([0.0, -0.5, 1.0, 0.0, 0.5, 0.0])
 print("to hold it   ", np.round(model.gravity(q), 1), "N m")
-print("to accelerate", np.round(model.torque(q, 0.5, 1.0), 1), "N m")
+print("to accelerate", np.round(model.predict(q, 0.5, 1.0), 1), "N m")
 
 # %% [markdown]
 # `model.save("runs/notebook/model.yaml")` keeps it for `hil report`, `hil export` and all others.

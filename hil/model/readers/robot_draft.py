@@ -157,7 +157,8 @@ def _frame(frames: Frames, index: int, lengths: _Lengths) -> str:
 
 
 def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
-    yield f"  - frame: {{{frame}}} {comment(joint.name)}"
+    yield f"  - name: {scalar(one_line(joint.name))}"
+    yield f"    frame: {{{frame}}}"
     if joint.type != "revolute":
         yield f"    type: {joint.type}"
 

@@ -147,8 +147,9 @@ class UrdfChain:
         if self.tilting:
             raise FileError(
                 f"{self.robot}: joint {self.tilting!r} above {self.base!r} tilts it as it moves,"
-                f" so gravity in {self.base!r} is open; state it with --gravity X Y Z, or in a map"
-                " with robot: {urdf: ..., from: ..., gravity: [X, Y, Z]}, in m/s2"
+                f" so gravity in {self.base!r} is open; state it with --gravity X Y Z, in a map"
+                " with robot: {urdf: ..., from: ..., gravity: [X, Y, Z]}, or as gravity of"
+                " hil.Robot.load, in m/s2"
             )
         return np.asarray(self.mount.T @ np.array(EARTH))
 
@@ -201,7 +202,12 @@ class UrdfReader:
         self._rounded = 0.0
         root = self.file.root
         if root.tag != "robot":
-            raise self.file.wrong(root, f"<{root.tag}> must be <robot>: this is no URDF")
+            kind = {"mujoco": "an MJCF", "sdf": "an SDF"}.get(root.tag, "no URDF")
+            raise self.file.wrong(
+                root,
+                f"<{root.tag}> must be <robot>: this is {kind}; robots are read from a URDF, or"
+                " from a robot file ending in .yaml",
+            )
         self._refuse_xacro()
         self.links = self.file.named("link")
         self._edges = {name: self._edge(each) for name, each in self.file.named("joint").items()}
@@ -238,7 +244,7 @@ class UrdfReader:
             raise FileError(
                 f"{self._path}: {len(joints)} moving joints from {base or 'the root'} to"
                 f" {tip or 'the tip'} must be 1 to {MOST_JOINTS}; name the chain's ends with"
-                " --from and --to"
+                " --from and --to, or base and tip of hil.Robot.load"
             )
         mount, tilting = self._mount(edges[0].parent)
         return UrdfChain(

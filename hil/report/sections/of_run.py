@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def advice(run: ReportedRun) -> Section | None:
     """What is to be done as a table, notes as a list: all that the first sentence leaves out."""
-    outcome = run.model.outcome
+    outcome = run.model.verdict
     items = (*(outcome.further if outcome else ()), *run.found.advice)
     if run.source.imported and not items:
         return None

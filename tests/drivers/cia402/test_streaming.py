@@ -18,7 +18,7 @@ from drivers.opening import open_drive_bus
 from drivers.safety.trips import Trips
 from hil.measuring.checks.recording_checks import check
 from hil.measuring.streaming import pass_slowly, stream
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.trajectory import Trajectory
 from sim_plant.physics import profile_generator
 from sim_plant.physics import state as st
@@ -147,7 +147,7 @@ def test_all_axes_follow_a_path_and_move_on_by_themselves_afterwards(bus: Canope
     assert recording.q[-1] == pytest.approx(TRAJECTORY.start, abs=2e-3)
     assert sorted(set(recording.group.tolist())) == [-1, 0, 1]
     assert set(recording.stroke.tolist()) == {-1}
-    assert check(recording, TRAJECTORY, load_robot("manutec-r15")) == []
+    assert check(recording, TRAJECTORY, Robot.load("manutec-r15")) == []
     reach(bus, *(0.01,) * 6)
     assert bus.sample().q == pytest.approx((0.01,) * 6, abs=2e-3)
 

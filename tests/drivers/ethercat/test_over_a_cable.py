@@ -19,10 +19,10 @@ SYNC_MANAGER_WATCHDOG = 0x1B
 
 @needs()
 def test_hil_run_measures(tmp_path: Path) -> None:
-    from hil.model.robot import load_robot
+    from hil.model.robot import Robot
     from hil.planning.design.by_counts import design
 
-    plan = design(load_robot("manutec-r15"), {"gravity": 4, "inertia": 10, "coupling": 1})
+    plan = design(Robot.load("manutec-r15"), {"gravity": 4, "inertia": 10, "coupling": 1})
     plan = plan.model_copy(update={"measurements": plan.measurements[:2]})
     file, folder = tmp_path / "plan.yaml", tmp_path / "run"
     file.write_text(dump_plan(plan))

@@ -25,7 +25,7 @@ from fault_table.logged_cable import LoggedCable
 from fault_table.stopping_way import reaction_time
 from hil.measuring.events import GaveUp, Recorded, Repeated
 from hil.measuring.sequencer import measure
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from sim_plant.physics import state as st
@@ -46,7 +46,7 @@ FAST_AXIS = 1
 _STOPS = {Command.QUICK_STOP.value[0], Command.DISABLE_VOLTAGE.value[0]}
 _RPDO = struct.Struct("<iH")
 
-robot = load_robot(ROBOT)
+robot = Robot.load(ROBOT)
 drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
 
 

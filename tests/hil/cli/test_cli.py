@@ -68,7 +68,7 @@ def test_a_first_robot_file_comes_from_a_urdf(hil: Hil, tmp_path: Path) -> None:
     assert "2 joints from base to head: pan, tilt" in out
     assert "angles within 3.7e-06 rad of quarter turns were taken for these" in out
     assert "10 lines marked !state are yours to fill in" in out
-    assert "frame: {alpha: pi/2} # tilt" in robot.read_text()
+    assert "name: tilt\n    frame: {alpha: pi/2}\n" in robot.read_text()
     status, _, err = hil("robot", robot)
     assert status == 1
     assert "joints.0.q_min: must be stated: least position [rad]" in err
@@ -86,8 +86,8 @@ def test_gravity_is_stated_in_the_link_that_stands_still(hil: Hil, tmp_path: Pat
 
 
 @pytest.mark.parametrize(("option", "frame"), [
-    ("--dh", "frame: {alpha: pi/2, d: d2, theta: -pi/2} # joint 2"),
-    ("--mdh", "frame: {alpha: 0, theta: -pi/2} # joint 2"),
+    ("--dh", "name: \"joint 2\"\n    frame: {alpha: pi/2, d: d2, theta: -pi/2}\n"),
+    ("--mdh", "name: \"joint 2\"\n    frame: {alpha: 0, theta: -pi/2}\n"),
 ])  # fmt: skip
 def test_a_first_robot_file_comes_from_a_table(
     hil: Hil, tmp_path: Path, option: str, frame: str

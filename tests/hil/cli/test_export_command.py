@@ -83,7 +83,7 @@ def spoilt(run: Path, folder: Path) -> Path:
     model = Model.load(run)
     outcome = Judgement(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
     folder.mkdir(exist_ok=True)
-    replace(model, outcome=outcome).save(folder / NAME)
+    replace(model, verdict=outcome).save(folder / NAME)
     return folder
 
 

@@ -61,5 +61,5 @@ def test_unknown_gains_of_an_import_are_found_beside_strokes(
     alone = regression(run).fit()
     for axis, gain in truth.items():
         name = f"axis {axis} gain"
-        assert abs(found.params[name] - gain) < 4 * found.standard_errors[name]
-        assert found.standard_errors[name] < min(0.01 * gain, alone.standard_errors[name])
+        assert abs(found.params[name] - gain) < 4 * found.bse[name]
+        assert found.bse[name] < min(0.01 * gain, alone.bse[name])

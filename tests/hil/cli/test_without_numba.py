@@ -66,7 +66,7 @@ def test_a_recording_gives_the_same_figures(
     scale = np.sqrt(np.diag(kept[0].covariance))
     np.testing.assert_allclose(kept[1].values / scale, kept[0].values / scale, atol=1e-6)
     np.testing.assert_allclose(kept[1].covariance, kept[0].covariance, rtol=1e-6, atol=1e-18)
-    assert [each.outcome.word for each in kept] == ["good", "good"]
+    assert [each.verdict.word for each in kept] == ["good", "good"]
     pages = {page.name for page in (tmp_path / "without").rglob("*.html")}
     assert pages == {"report.html", "validation.html"}
 

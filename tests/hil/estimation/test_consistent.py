@@ -19,7 +19,7 @@ from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor
 from hil.model.frames import body_parameters
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 
 JOINT = {
     "frame": {"alpha": 0.0},
@@ -35,7 +35,7 @@ UPRIGHT = (0.0, -9.81, 0.0)
 
 def possible(name, seed=0):
     """A robot and base parameters that bodies have, with standard errors."""
-    robot = load_robot(name if "/" in name else f"tests/robots/{name}.yaml")
+    robot = Robot.load(name if "/" in name else f"tests/robots/{name}.yaml")
     return robot, *possible_models.possible(robot, seed)
 
 
@@ -102,7 +102,7 @@ def test_a_pendulum_whose_mass_is_bounded_needs_the_inertia_of_that_mass_where_i
 
 def test_the_published_parameters_of_the_manutec_r15_belong_to_no_bodies():
     """Ixx2 + Izz2 >= Iyy2 of whatever body, so that p2 + p4 >= 0; printed are -28.1 and 19.9."""
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     covariance = np.diag((0.01 * np.maximum(np.abs(TABLE_3_A), 0.01)) ** 2)
     found = nearest_robot(robot, TABLE_3_A, covariance)
     p2, p4, p11, p12 = found.p[[1, 3, 10, 11]]

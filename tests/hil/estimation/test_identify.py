@@ -14,7 +14,7 @@ from hil.estimation.two_step import TwoStep
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.strokes import Partner
@@ -26,7 +26,7 @@ NOISE = 0.0025
 
 @pytest.fixture(scope="module")
 def robot():
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.dynamics import gravity_torque
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.planning.design.by_counts import design
 from hil.planning.prediction.noise import stated_noise
 
@@ -27,7 +27,7 @@ LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.04
 
 @pytest.fixture(scope="module")
 def robot():
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")

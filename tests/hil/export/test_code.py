@@ -16,13 +16,12 @@ from hil.export.functions import rigid
 from hil.export.languages import write_c, write_python
 from hil.export.rigid_bodies import of_whole_links
 from hil.export.source_code import identifier
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.results.samples import known_warmth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.model.robot import Robot
     from hil.results.model import Model
 
     Array = NDArray[np.float64]
@@ -49,12 +48,12 @@ def motion(robot: Robot, n: int = 20) -> tuple[Array, Array, Array]:
 def expected(model: Model) -> dict[str, tuple[tuple[Array, ...], Array]]:
     """Arguments and results of each function, by the model itself."""
     q, qd, qdd = motion(model.robot)
-    tau, load = model.torque(q, qd, qdd), model.torque(q, qd, qdd, parts=["rigid bodies"])
-    friction = model.torque(q, qd, qdd, parts=["friction"])
+    tau, load = model.predict(q, qd, qdd), model.predict(q, qd, qdd, parts=["rigid bodies"])
+    friction = model.predict(q, qd, qdd, parts=["friction"])
     found: dict[str, tuple[tuple[Array, ...], Array]] = {
         "gravity": ((q,), model.gravity(q)),
         "rigid_bodies": ((q, qd, qdd), load),
-        "mass_matrix": ((q,), model.mass_matrix(q)),
+        "mass_matrix": ((q,), model.mass_matrix(q, ["rigid bodies"])),
         "friction": ((q, qd, load), friction),
         "torque": ((q, qd, qdd), tau),
     }
@@ -63,7 +62,7 @@ def expected(model: Model) -> dict[str, tuple[tuple[Array, ...], Array]]:
         found["current"] = (tau,), motors / model.robot.torque_constant
     if any(known_warmth(model)):
         warmth = np.random.default_rng(6).uniform(0.0, 1.0, q.shape)
-        at_warmth = model.torque(q, qd, qdd, parts=["friction"], warmth=warmth)
+        at_warmth = model.predict(q, qd, qdd, parts=["friction"], warmth=warmth)
         found["friction_at_warmth"] = (q, qd, load, warmth), at_warmth
         found["warmth_rate"] = (qd, warmth), rates(model, qd, warmth)
     return found
@@ -84,7 +83,7 @@ def close(found: Array, wanted: Array, share: float) -> bool:
 
 @pytest.mark.parametrize("kind", ROBOTS)
 def test_python_functions_give_the_model_s_numbers(kind: str) -> None:
-    model = stated_model(load_robot(ROBOTS[kind]), warm=True)
+    model = stated_model(Robot.load(ROBOTS[kind]), warm=True)
     names = module(model)
     for name, (arguments, wanted) in expected(model).items():
         assert close(names[name](*arguments), wanted, EXACT.get(name, 1e-10)), name
@@ -116,7 +115,7 @@ def test_springs_and_counterbalances_are_in_gravity() -> None:
 @needs_compiler
 @pytest.mark.parametrize("kind", ROBOTS)
 def test_c_functions_give_the_model_s_numbers(kind: str, tmp_path: Path) -> None:
-    model = stated_model(load_robot(ROBOTS[kind]), warm=True)
+    model = stated_model(Robot.load(ROBOTS[kind]), warm=True)
     library = compiled(model, tmp_path)
     for name, (arguments, wanted) in expected(model).items():
         found = called(getattr(library, name), arguments, wanted.shape, np.float64)
@@ -125,7 +124,7 @@ def test_c_functions_give_the_model_s_numbers(kind: str, tmp_path: Path) -> None
 
 @needs_compiler
 def test_in_single_precision_nothing_is_computed_in_double(tmp_path: Path) -> None:
-    model = stated_model(load_robot("manutec-r15"))
+    model = stated_model(Robot.load("manutec-r15"))
     library = compiled(
         model, tmp_path, "-DMANUTEC_R15_SINGLE", "-Wdouble-promotion", "-Wconversion"
     )
@@ -137,7 +136,7 @@ def test_in_single_precision_nothing_is_computed_in_double(tmp_path: Path) -> No
 
 @needs_compiler
 def test_the_example_compiles_and_runs(tmp_path: Path) -> None:
-    model = stated_model(load_robot("manutec-r15"))
+    model = stated_model(Robot.load("manutec-r15"))
     compiled(model, tmp_path)
     assert COMPILER is not None
     command = [COMPILER, *STRICT, "example.c", "-o", "example", "-lm"]
@@ -149,7 +148,7 @@ def test_the_example_compiles_and_runs(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ROBOTS)
 def test_fewer_operations_than_the_recursion_on_whole_links(kind: str) -> None:
-    robot = load_robot(ROBOTS[kind])
+    robot = Robot.load(ROBOTS[kind])
     own, general = count(rigid(stated_model(robot)).results), of_whole_links(robot)
     assert own.multiplications + own.additions < 0.7 * (general.multiplications + general.additions)
     stated = write_c(stated_model(robot), ()).remarks
@@ -157,7 +156,7 @@ def test_fewer_operations_than_the_recursion_on_whole_links(kind: str) -> None:
 
 
 def test_without_friction_the_torque_says_so() -> None:
-    model = stated_model(load_robot("manutec-r15"), friction=())
+    model = stated_model(Robot.load("manutec-r15"), friction=())
     exported = write_python(model, ())
     (text,) = exported.files.values()
     assert "def friction" not in text
@@ -166,7 +165,7 @@ def test_without_friction_the_torque_says_so() -> None:
 
 
 def test_without_torque_constants_there_is_no_current() -> None:
-    exported = write_c(stated_model(load_robot("staubli-tx40")), ())
+    exported = write_c(stated_model(Robot.load("staubli-tx40")), ())
     assert "_current(" not in exported.files["staubli_tx40_dynamics.h"]
     assert any("torque constant" in each for each in exported.remarks)
 

@@ -17,7 +17,7 @@ from hil.export.functions import functions
 from hil.export.simple_friction import friction_of_joints, simple_friction
 from hil.export.source_code import description
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 
 if TYPE_CHECKING:
     from hil.results.model import Model
@@ -37,7 +37,7 @@ def with_terms(presliding: float = 0.0, **terms: float) -> Model:
         speeds=(0.1, 2.0),
         presliding=presliding,
     )
-    model = stated_model(load_robot("manutec-r15"))
+    model = stated_model(Robot.load("manutec-r15"))
     return replace(model, friction_law=FrictionLaw(axes=(law,) * 6))
 
 
@@ -84,7 +84,7 @@ def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
     v = np.array(axis["curve"]["velocity"])
     qd = np.zeros((len(v), 6))
     qd[:, 1] = v
-    wanted = model.torque(0.0, qd, 0.0, parts=["friction"])[:, 1]
+    wanted = model.predict(0.0, qd, 0.0, parts=["friction"])[:, 1]
     assert axis["curve"]["forward"] == pytest.approx(wanted)
     # three terms of 0.1 each, and a level that wandered by 5 %
     assert (np.array(axis["curve"]["standard_error"]) >= 0.05 * wanted).all()
@@ -94,7 +94,7 @@ def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
 
 
 def test_friction_cold_and_warm_is_stated_with_its_own_misfit() -> None:
-    model = stated_model(load_robot("manutec-r15"), friction=("Coulomb", "arc tangent"), warm=True)
+    model = stated_model(Robot.load("manutec-r15"), friction=("Coulomb", "arc tangent"), warm=True)
     exported = write_friction(model, ())
     *axes, last = json.loads(exported.files["friction.json"])["axes"]
     assert last["warmth"] is None
@@ -111,7 +111,7 @@ def test_friction_cold_and_warm_is_stated_with_its_own_misfit() -> None:
 
 def test_a_model_without_friction_is_refused_with_the_remedy() -> None:
     with pytest.raises(NotEnoughData, match=r"no law of friction: .* hil identify"):
-        write_friction(stated_model(load_robot("manutec-r15"), friction=()), ())
+        write_friction(stated_model(Robot.load("manutec-r15"), friction=()), ())
 
 
 def test_an_axis_without_a_law_is_named_and_the_others_are_exported() -> None:
@@ -143,5 +143,5 @@ def test_code_keeps_the_laws_of_the_other_axes_and_states_the_one_that_lacks() -
     exec(next(iter(files.values())), scope)  # noqa: S102 - our own code
     q, qd, qdd = [0.1] * 6, [0.4] * 6, [0.2] * 6
     with pytest.warns(FrictionUnknown):
-        wanted = blind.torque(q, qd, qdd)
+        wanted = blind.predict(q, qd, qdd)
     assert scope["torque"](q, qd, qdd) == pytest.approx(wanted)

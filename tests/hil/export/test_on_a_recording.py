@@ -21,7 +21,7 @@ from hil.export.formats import FORMATS, SIMULATORS, export
 from hil.friction.direction import are_successive
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue, friction_torque
 from hil.model.dynamics import inverse_dynamics
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.results.consistency import with_consistent_robot
 
 pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
@@ -53,7 +53,7 @@ SIMPLE = ("ros2", *SIMULATORS)
 @pytest.fixture(scope="module")
 def model() -> Model:
     """A model with bodies, of a robot with a slide, each axis with a friction of its own."""
-    robot = load_robot("tests/robots/scara.yaml")
+    robot = Robot.load("tests/robots/scara.yaml")
     laws = [
         AxisLaw(
             law="stated",
@@ -105,7 +105,7 @@ def test_the_recording_is_one_along_which_friction_follows(model: Model) -> None
     q, qd, qdd = recording()
     assert are_successive(q, qd)
     assert (q[:, 2] > 0).all()
-    along = model.torque(q, qd, qdd, parts=["friction"])
+    along = model.predict(q, qd, qdd, parts=["friction"])
     assert ((np.abs(along) > 0.3) == sliding(q, qd)).mean() > 0.95
     assert {*CODE, *SIMPLE, "json", "friction"} == {*FORMATS, *SIMULATORS}
 
@@ -118,7 +118,7 @@ def test_model_json_gives_the_model_s_torques(model: Model) -> None:
     load = inverse_dynamics(model.robot, p, q, qd, qdd)
     law = FrictionLaw.model_validate(content["friction"])
     found = load + rotors * qdd + friction_torque(model.robot, law, q, qd, load)
-    np.testing.assert_allclose(found, model.torque(q, qd, qdd), atol=1e-9)
+    np.testing.assert_allclose(found, model.predict(q, qd, qdd), atol=1e-9)
 
 
 def test_friction_json_gives_the_model_s_friction_by_the_formulas_that_it_states(
@@ -126,7 +126,7 @@ def test_friction_json_gives_the_model_s_friction_by_the_formulas_that_it_states
 ) -> None:
     content = json.loads(exported(model, "friction").files["friction.json"])
     q, qd, qdd = recording()
-    wanted = model.torque(q, qd, qdd, parts=["friction"])
+    wanted = model.predict(q, qd, qdd, parts=["friction"])
     for axis, own in enumerate(content["axes"]):
         found = by_formulas(content["formulas"], own, qd[:, axis])
         turned = sliding(q, qd)[:, axis]
@@ -156,7 +156,7 @@ def test_code_gives_the_model_s_torques_but_for_presliding_which_it_states(
     model: Model, name: str, tmp_path: Any
 ) -> None:
     q, qd, qdd = recording()
-    wanted = model.torque(q, qd, qdd)
+    wanted = model.predict(q, qd, qdd)
     if name == "c":
         library = compiled(model, tmp_path)
         found = called(library.torque, (q, qd, qdd), q.shape, np.float64)
@@ -165,7 +165,7 @@ def test_code_gives_the_model_s_torques_but_for_presliding_which_it_states(
     off = np.abs(found - wanted)
     assert off[:, np.equal(PRESLIDING, 0)].max() < 1e-9
     assert off[sliding(q, qd)].max() < 0.02
-    rows = [model.torque(*each) for each in zip(q[::50], qd[::50], qdd[::50], strict=True)]
+    rows = [model.predict(*each) for each in zip(q[::50], qd[::50], qdd[::50], strict=True)]
     np.testing.assert_allclose(found[::50], rows, atol=1e-9)
     said = " ".join(exported(model, name).remarks)
     assert "presliding is left out: axis 2 over 0.00020 rad, axis 4 over 0.00010 rad" in said
@@ -176,7 +176,7 @@ def test_simple_friction_is_off_on_the_recording_by_what_is_stated(model: Model,
     q, qd, qdd = recording()
     made = exported(model, name)
     (text,) = made.files.values()
-    wanted = model.torque(q, qd, qdd)
+    wanted = model.predict(q, qd, qdd)
     off = {"ros2": by_ros2, "mjcf": by_mujoco, "urdf": by_pinocchio}[name](model, text) - wanted
     turned = sliding(q, qd)
     for axis in range(model.robot.n_joints):
@@ -195,7 +195,7 @@ def by_ros2(model: Model, text: str) -> Array:
     coulomb, viscous = (
         np.array([each["friction"][key] for each in joints]) for key in ("coulomb", "viscous")
     )
-    rigid = model.torque(q, qd, qdd, parts=["rigid bodies"])
+    rigid = model.predict(q, qd, qdd, parts=["rigid bodies"])
     return np.asarray(rigid + armature * qdd + coulomb * np.sign(qd) + viscous * qd)
 
 

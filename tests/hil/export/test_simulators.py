@@ -20,7 +20,7 @@ from hil.model.drive_train_file import CoupledMotor, Spring
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.model.readers.urdf import UrdfReader
-from hil.model.robot import Robot, load_robot, robot_from_urdf
+from hil.model.robot import Robot, robot_from_urdf
 from hil.results.consistency import with_consistent_robot
 from hil.tasks.exporting import exported_model
 
@@ -88,7 +88,7 @@ def written(model, name, given=None):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_mujoco_and_pinocchio_find_the_torques_of_the_projected_model(path):
-    model = consistent(load_robot(path))
+    model = consistent(Robot.load(path))
     expected = torques(model)
     size = AGREE * np.abs(expected).max()
     mjcf = by_mujoco(written(model, "mjcf"), model.robot.n_joints)
@@ -118,7 +118,7 @@ def test_motors_that_turn_with_two_joints_are_in_mujoco_s_mass_matrix():
 
 
 def test_a_linear_spring_is_a_stiffness():
-    plain = load_robot("tests/robots/pan-tilt.yaml")
+    plain = Robot.load("tests/robots/pan-tilt.yaml")
     file = plain.file.model_copy(update={"springs": (Spring(joint=2),)})
     model = consistent(Robot(file, "spring", ""), scatter=0.0)
     loaded = mujoco.MjModel.from_xml_string(written(model, "mjcf"))
@@ -127,7 +127,7 @@ def test_a_linear_spring_is_a_stiffness():
 
 
 def test_mjcf_states_limits_friction_and_motors():
-    model = consistent(load_robot("tests/robots/scara.yaml"))
+    model = consistent(Robot.load("tests/robots/scara.yaml"))
     loaded, robot = mujoco.MjModel.from_xml_string(written(model, "mjcf")), model.robot
     np.testing.assert_allclose(loaded.jnt_range, np.column_stack([robot.q_min, robot.q_max]))
     np.testing.assert_allclose(loaded.actuator_ctrlrange[:, 1], robot.torque_limit)
@@ -137,7 +137,7 @@ def test_mjcf_states_limits_friction_and_motors():
 
 
 def test_urdf_states_limits_and_friction():
-    model = consistent(load_robot("tests/robots/scara.yaml"))
+    model = consistent(Robot.load("tests/robots/scara.yaml"))
     loaded, robot = pinocchio.buildModelFromXML(written(model, "urdf")), model.robot
     np.testing.assert_allclose(loaded.upperPositionLimit, robot.q_max)
     np.testing.assert_allclose(loaded.velocityLimit, robot.velocity_limit)
@@ -148,7 +148,7 @@ def test_urdf_states_limits_and_friction():
 
 @pytest.mark.parametrize("name", ["urdf", "mjcf"])
 def test_the_file_states_origin_distance_and_cost_at_its_head(name):
-    text = written(consistent(load_robot("tests/robots/ur10e.yaml")), name)
+    text = written(consistent(Robot.load("tests/robots/ur10e.yaml")), name)
     head = text[: text.index("-->")]
     assert "origin" in head
     assert "nearest robot that consists of bodies: distance" in head
@@ -157,7 +157,7 @@ def test_the_file_states_origin_distance_and_cost_at_its_head(name):
 
 @pytest.mark.parametrize("name", ["urdf", "mjcf"])
 def test_a_model_without_friction_is_exported_without_and_says_so(name):
-    model = consistent(load_robot("tests/robots/pan-tilt.yaml"), friction=False)
+    model = consistent(Robot.load("tests/robots/pan-tilt.yaml"), friction=False)
     exported = export(model, name, ())
     assert any("no friction is stated" in remark for remark in exported.remarks)
     (text,) = exported.files.values()
@@ -260,7 +260,7 @@ def test_a_urdf_that_is_none_is_refused(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text("<robot")
     with pytest.raises(FileError, match=r"arm\.urdf"):
-        given_urdf(path, load_robot("tests/robots/scara.yaml"))
+        given_urdf(path, Robot.load("tests/robots/scara.yaml"))
 
 
 def test_ros2_parameters_are_read_back(arm):
@@ -279,7 +279,7 @@ def test_ros2_parameters_are_read_back(arm):
 
 
 def test_bounds_of_masses_show_in_the_file():
-    robot = load_robot("tests/robots/pan-tilt.yaml")
+    robot = Robot.load("tests/robots/pan-tilt.yaml")
     p, error = possible(robot)
     bounds = BodyBounds(masses={2: (3.0, 5.0)})
     model = with_consistent_robot(model_of(robot, p, error), bounds=bounds)
@@ -288,7 +288,7 @@ def test_bounds_of_masses_show_in_the_file():
 
 
 def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> None:
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     model = with_consistent_robot(model_of(robot, *possible(robot)))
     loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
     data, braking = mujoco.MjData(loaded), 15.0
@@ -298,12 +298,12 @@ def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> N
             q, qd, qdd = 0.1 * unit, v * unit, -braking * unit
             data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
             mujoco.mj_inverse(loaded, data)
-            wanted = model.torque(q, qd, qdd)[axis]
+            wanted = model.predict(q, qd, qdd)[axis]
             assert data.qfrc_inverse[axis] == pytest.approx(wanted, abs=0.01), (axis, v)
 
 
 def test_dry_friction_stops_a_joint_of_the_simulation_and_holds_it() -> None:
-    robot = load_robot("manutec-r15")
+    robot = Robot.load("manutec-r15")
     model = with_consistent_robot(model_of(robot, *possible(robot)))
     loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
     loaded.opt.gravity[:] = 0.0

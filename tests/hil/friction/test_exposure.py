@@ -10,7 +10,7 @@ from hil.friction.search import axis_law
 from hil.friction.terms import OF_SPEED
 from hil.friction.warmth import COLD_TO_WARM, COURSES, Exposure, History, states_at
 from hil.least_squares.blocks import Blocks
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 
 LIMIT = 4.0
 LEVELS = 0.97, 1.0, 1.03, 1.0, 0.98, 1.02
@@ -48,7 +48,7 @@ def law(slowest: float, past: History | None = None) -> AxisLaw:
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return load_robot("emps")
+    return Robot.load("emps")
 
 
 def half(robot: Robot, found: AxisLaw, v: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil.estimation.friction.history import history
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.measurement import Friction
 from hil.planning.strokes import TURN
 from hil.planning.trajectory import Trajectory
@@ -16,7 +16,7 @@ BEGIN, RECORDED = 100.0, 10.0
 
 @pytest.fixture(scope="module")
 def robot():
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 def measurement(robot, **changes):

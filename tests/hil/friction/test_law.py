@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hil.friction.direction import Direction
 from hil.friction.law import SLOWEST, AxisLaw, FrictionLaw, TermValue, friction_torque
 from hil.friction.terms import DIRECTED, OF_SPEED
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PERIOD = 0.002
-ONE = load_robot("emps")
+ONE = Robot.load("emps")
 """One axis."""
 
 

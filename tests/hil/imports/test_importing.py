@@ -273,7 +273,7 @@ def test_what_import_doubts_is_kept_and_lowers_the_first_word(tmp_path):
     assert "map.yaml:14: joints.1.position: moves by" in warning
     assert "accept: [still]" in warning
     assert "joints.1.position" in stated
-    outcome = identify(run).outcome
+    outcome = identify(run).verdict
     assert outcome.word == "doubtful"
     assert outcome.reason.startswith("import warned: ")
     assert "accept: [still]" in outcome.remedy

@@ -11,7 +11,7 @@ from synthetic import TABLE_3_A
 from hil.imports.evidence import Excerpt
 from hil.imports.mechanics import mechanical_suspicions
 from hil.model.dynamics import inverse_dynamics
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 PERIOD = 0.01
@@ -147,14 +147,14 @@ def on_a_portal(masses):
 
 def test_a_map_that_explains_nearly_all_is_not_refused_for_one_that_explains_more():
     in_no_order_that_links_can_have = np.array([4.0, 8.0, 12.0])
-    portal = load_robot(str(ROBOTS / "cartesian.yaml"))
+    portal = Robot.load(str(ROBOTS / "cartesian.yaml"))
     assert said(on_a_portal(in_no_order_that_links_can_have), portal) == []
 
 
 def test_a_force_of_the_wrong_sign_shows_by_friction_alone():
     seen, portal = (
         on_a_portal(np.array([12.0, 8.0, 4.0])),
-        load_robot(str(ROBOTS / "cartesian.yaml")),
+        Robot.load(str(ROBOTS / "cartesian.yaml")),
     )
     assert said(seen, portal) == []
     ((place, words),) = said(seen, portal, tau=seen.tau * [-1, 1, 1])

@@ -7,7 +7,7 @@ from urdf_robots import ROBOTS, urdf
 
 from checked_files.yaml_file import FileError
 from hil.imports.importing import import_recordings
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 
 TYPES = ("revolute", "revolute", "prismatic", "revolute")
 
@@ -39,7 +39,7 @@ def test_a_urdf_is_a_robot(tmp_path, robot):
         [write_map(tmp_path, a_map(robot=robot, joints=joints))], tmp_path / "r"
     )
     assert [bool(turns) for turns in run.robot.revolute] == [t == "revolute" for t in TYPES]
-    assert load_robot(run.path / "robot.yaml").digest == run.robot.digest
+    assert Robot.load(run.path / "robot.yaml").digest == run.robot.digest
     assert run["map-01"].recording.q.shape == (3000, 4)
 
 
@@ -95,4 +95,4 @@ def test_a_robot_that_comes_along_is_known_by_name(tmp_path):
     run = import_recordings(
         [write_map(tmp_path, a_map(robot="emps", joints=[joint]))], tmp_path / "r"
     )
-    assert run.robot.digest == load_robot("emps").digest
+    assert run.robot.digest == Robot.load("emps").digest

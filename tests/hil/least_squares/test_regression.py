@@ -182,7 +182,7 @@ def test_what_is_found_has_names(rng: np.random.Generator) -> None:
     kept = all_blocks.layout.kept([["Coulomb"], ["offset", "Coulomb"]])
     fit = Regression.weighed(all_blocks, kept).fit()
     assert fit.names == ("p1", "p2", "axis 1 Coulomb", "axis 2 offset", "axis 2 Coulomb")
-    assert set(fit.params) == set(fit.conf_int()) == set(fit.standard_errors)
+    assert set(fit.params) == set(fit.conf_int()) == set(fit.bse)
     assert fit.x[all_blocks.layout.at("offset", 0)] == 0.0
     assert not fit.covariance[all_blocks.layout.at("offset", 0)].any()
 

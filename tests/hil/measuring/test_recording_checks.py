@@ -14,12 +14,12 @@ from drivers.drive_bus import SampleFlag, Tripped
 from hil.measuring.checks.encoder_jumps import refuse_jumps
 from hil.measuring.checks.recording_checks import ALWAYS, check, frozen
 from hil.measuring.checks.stroke_checks import constant_velocity, half_sums, windows
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.measurement import Gravity
 from hil.runs.recording import IDLE, Recording
 
 PERIOD, ACCELERATION = 0.004, 8.0
-ROBOT = load_robot("manutec-r15")
+ROBOT = Robot.load("manutec-r15")
 MEASUREMENT = Gravity(
     id="g", axis=1, q=(0.0, 0.0), stroke=0.4, velocity=0.4, acceleration=ACCELERATION, cycles=2
 )
@@ -125,7 +125,7 @@ def test_half_sums_may_differ_by_what_noise_makes_of_their_means_and_no_more() -
 
 
 def test_findings_of_a_sliding_axis_are_in_metres_and_newtons() -> None:
-    sliding = load_robot(Path(__file__).parents[2] / "robots" / "cartesian.yaml")
+    sliding = Robot.load(Path(__file__).parents[2] / "robots" / "cartesian.yaml")
     sound = recording()
     stuck_sensor = replace(sound, tau=np.zeros_like(sound.tau))
     (of_current,) = frozen(stuck_sensor, MEASUREMENT, sliding)

@@ -12,12 +12,11 @@ from urdf_robots import ROBOTS, urdf
 from checked_files.yaml_file import FileError
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.model.robot import Robot
 
 LIMITS = "q_min: -3, q_max: 3, velocity_limit: unknown, acceleration_limit: unknown"
 TX40 = f"""
@@ -44,7 +43,7 @@ joints: [{{type: prismatic, frame: {{alpha: 0}}, {LIMITS}, torque_limit: unknown
 def of_urdf(name: str, folder: Path) -> Robot:
     path = folder / f"{name}.urdf"
     path.write_text(urdf(name, ROBOTS[name]))
-    return load_robot(path)
+    return Robot.load(path)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.model.base_parameters import BaseParameters, base_parameters
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 
 
 def without(text: str, *patterns: str) -> str:
@@ -22,7 +22,7 @@ def without(text: str, *patterns: str) -> str:
 
 @pytest.fixture(scope="module")
 def manutec_text() -> str:
-    return load_robot("manutec-r15").text
+    return Robot.load("manutec-r15").text
 
 
 def test_values_go_into_the_heads(manutec):
@@ -46,7 +46,7 @@ def test_without_the_tie_there_are_15_and_the_difference_stands_alone(manutec_te
 
 
 def test_base_parameters_are_computed_once_per_robot(manutec):
-    assert base_parameters(manutec) is base_parameters(load_robot("manutec-r15"))
+    assert base_parameters(manutec) is base_parameters(Robot.load("manutec-r15"))
 
 
 def expressions(base: BaseParameters) -> list[str]:

@@ -10,13 +10,11 @@ import yaml
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError, load_yaml
 from hil.errors import UnknownName
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.plan import Plan, dump_plan, load_plan
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from hil.model.robot import Robot
 
 
 @pytest.mark.parametrize(
@@ -47,7 +45,7 @@ def test_an_unknown_key_of_a_robot_file_names_the_key_that_is_near(
     path = tmp_path / "robot.yaml"
     path.write_text((ROBOTS / "manutec-r15.yaml").read_text().replace(old, new, 1))
     with pytest.raises(FileError, match=meant):
-        load_robot(path)
+        Robot.load(path)
 
 
 def test_an_unknown_key_of_a_measurement_names_the_key_of_its_kind(
@@ -61,7 +59,7 @@ def test_an_unknown_key_of_a_measurement_names_the_key_of_its_kind(
 
 def test_an_unknown_robot_names_the_one_that_is_near() -> None:
     with pytest.raises(UnknownName, match=r"manutec: unknown robot; did you mean manutec-r15\?"):
-        load_robot("manutec")
+        Robot.load("manutec")
 
 
 def test_a_name_that_no_file_can_have_is_refused_in_words(tmp_path: Path) -> None:
@@ -71,7 +69,7 @@ def test_a_name_that_no_file_can_have_is_refused_in_words(tmp_path: Path) -> Non
     with pytest.raises(
         FileError, match=r"name: 'man\\\\x1b\[31m' must begin with a letter or"
     ) as it:
-        load_robot(path)
+        Robot.load(path)
     assert "^" not in str(it.value)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import available_robots, load_robot
+from hil.model.robot import Robot, available_robots
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 
@@ -25,11 +25,11 @@ ROBOTS = Path(__file__).parents[2] / "robots"
     ],
 )
 def test_a_parameter_is_named_by_what_it_is(robot: str, name: str, title: str) -> None:
-    base = base_parameters(load_robot(robot))
+    base = base_parameters(Robot.load(robot))
     assert base.titles[base.names.index(name)] == title
 
 
 @pytest.mark.parametrize("robot", [*available_robots(), *map(str, sorted(ROBOTS.glob("*.yaml")))])
 def test_no_two_of_a_robot_are_alike(robot: str) -> None:
-    base = base_parameters(load_robot(robot))
+    base = base_parameters(Robot.load(robot))
     assert len(set(base.meanings)) == len(base)

@@ -13,7 +13,7 @@ from checked_files.yaml_file import FileError
 from hil.cli.plan_view import render_robot
 from hil.errors import UnknownName
 from hil.model.polynomial import parse
-from hil.model.robot import available_robots, load_robot, parse_robot
+from hil.model.robot import Robot, available_robots, parse_robot
 from hil.terminal.console import out
 
 
@@ -76,20 +76,20 @@ def test_a_robot_cannot_be_changed(manutec):
 def test_a_robot_is_loaded_by_name_or_by_path(manutec, tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(manutec.text)
-    assert load_robot(path) == load_robot(str(path)) == manutec
-    assert load_robot(path).source == str(path)
+    assert Robot.load(path) == Robot.load(str(path)) == manutec
+    assert Robot.load(path).source == str(path)
     assert Path(manutec.source).read_text() == manutec.text
 
 
 def test_an_unknown_robot_lists_those_that_come_along():
     with pytest.raises(UnknownName, match=r"r2d2: unknown robot; available: .*manutec-r15"):
-        load_robot("r2d2")
+        Robot.load("r2d2")
     assert all("drives" not in name for name in available_robots())
 
 
 def test_a_file_that_is_not_there_is_named():
     with pytest.raises(FileError, match=r"nowhere/robot\.yaml: cannot be read: No such file"):
-        load_robot("nowhere/robot.yaml")
+        Robot.load("nowhere/robot.yaml")
 
 
 def test_digest_is_of_the_content_and_not_of_the_layout(text):
@@ -97,7 +97,7 @@ def test_digest_is_of_the_content_and_not_of_the_layout(text):
         "# a comment\n" + text.replace("[0, 0, -9.81]", "[0,  0.0,  -9.810]"), "other.yaml"
     )
     other = parse_robot(text.replace("l1: 0.50", "l1: 0.51"), "robot.yaml")
-    assert same.digest == load_robot("manutec-r15").digest
+    assert same.digest == Robot.load("manutec-r15").digest
     assert other.digest != same.digest
     assert len(same.digest) == 64
 

@@ -17,7 +17,7 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.readers.axes_to_frames import difference, frames_of
 from hil.model.readers.robot_draft import draft_robot
 from hil.model.readers.urdf import read_urdf
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.model.readers.urdf import UrdfChain
-    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 
@@ -158,7 +157,7 @@ def test_limits_and_names_are_taken_over(tmp_path: Path) -> None:
     assert robot.q_max.tolist() == [2.1, 2.2]
     assert robot.velocity_limit.tolist() == [1.1, 1.2]
     assert robot.torque_limit.tolist() == [51, 52]
-    assert "# joint2" in draft_robot(chain, GRAVITY)
+    assert robot.joint_names == ("joint1", "joint2")
 
 
 def test_what_a_urdf_does_not_say_is_to_be_stated(tmp_path: Path) -> None:
@@ -281,7 +280,7 @@ def test_an_expanded_xacro_that_keeps_its_namespace_is_a_urdf(tmp_path: Path) ->
 @pytest.mark.parametrize("name", ["arm.URDF", "description.xml", "arm.urdf.xacro"])
 def test_a_urdf_is_read_whatever_its_ending(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(urdf("x", ROBOTS["pan-tilt"]))
-    assert load_robot(tmp_path / name).n_joints == 2
+    assert Robot.load(tmp_path / name).n_joints == 2
 
 
 @pytest.mark.parametrize(
@@ -306,7 +305,7 @@ def test_a_wrong_limit_is_refused_at_its_line_of_the_urdf(
     )
     (tmp_path / "robot.urdf").write_text(text)
     with pytest.raises(FileError, match=message):
-        load_robot(tmp_path / "robot.urdf")
+        Robot.load(tmp_path / "robot.urdf")
 
 
 def test_a_urdf_in_the_place_of_a_robot_file_is_a_robot_that_cannot_be_moved(
@@ -314,13 +313,13 @@ def test_a_urdf_in_the_place_of_a_robot_file_is_a_robot_that_cannot_be_moved(
 ) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(urdf("Panda", ROBOTS["Panda"]))
-    robot = load_robot(path)
+    robot = Robot.load(path)
     assert np.isnan(robot.acceleration_limit).all()
     assert robot.rotor_inertia_unknown.all()
     assert np.isnan(robot.gear_ratio).all()
     path.unlink()
     with pytest.raises(FileError, match=r"arm\.urdf: cannot be read"):
-        load_robot(path)
+        Robot.load(path)
 
 
 def test_limits_that_no_joint_has_are_none(tmp_path: Path) -> None:

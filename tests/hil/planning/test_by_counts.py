@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.model.robot import load_robot, parse_robot
+from hil.model.robot import Robot, parse_robot
 from hil.planning.design.by_counts import COUNTS, design
 from hil.planning.dry_run import dry_run
 from hil.planning.plan import dump_plan
@@ -12,7 +12,7 @@ from hil.planning.prediction.identifiability import identifiability
 
 @pytest.fixture(scope="module")
 def robot():
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.dry_run import dry_run
 from hil.planning.lag import MARGIN, Following, check_lag, furthest
@@ -20,7 +20,7 @@ WAVE = Trajectory(
 
 @pytest.fixture(scope="module")
 def manutec() -> Robot:
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 def following(window: float, time: float, lag: float) -> Following:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import parse_yaml
 from hil.model.dynamics import inverse_dynamics, regressor
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design import trajectories
 from hil.planning.design.trajectories import (
     Basis,
@@ -27,15 +27,12 @@ from hil.planning.prediction import precision
 from hil.planning.strokes import REST
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
-if TYPE_CHECKING:
-    from hil.model.robot import Robot
-
 QUICK = Search(random=20, refined=1, steps=8)
 
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")

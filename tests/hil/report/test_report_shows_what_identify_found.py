@@ -92,8 +92,8 @@ def test_a_report_shows_what_identify_found(
     # 3: identified, and failed
     assert hil("identify", tmp_path / "run", *chosen) in {0, 3}
     model = Model.load(tmp_path / "run")
-    assert model.outcome is not None
-    assert model.outcome.word == WORDS.get(kind, model.outcome.word)
+    assert model.verdict is not None
+    assert model.verdict.word == WORDS.get(kind, model.verdict.word)
 
     # that a report of what is kept is the same is tests/hil/results/test_findings.py's
     (tmp_path / "run" / "findings.json").unlink(missing_ok=True)
@@ -101,7 +101,7 @@ def test_a_report_shows_what_identify_found(
     text = page.report(Run.open(tmp_path / "run")).read_text()
 
     (shown,) = re.findall(r'(?s)<p class="outcome \w+"><strong>(.*?)</p>', text)
-    assert unescape(shown.replace("</strong>", ":")) == str(model.outcome)
+    assert unescape(shown.replace("</strong>", ":")) == str(model.verdict)
     (packed,) = re.findall(r'parameters\.json" href="data:[^,]+;base64,([^"]+)"', text)
     found = json.loads(base64.b64decode(packed))
     assert found["method"] == model.method

@@ -10,7 +10,7 @@ import pytest
 
 from hil.estimation.drive_train import compliance_units
 from hil.estimation.gravity_phase import Phase, Sinusoid
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.sections.kept import shifted_sinusoid, with_and_without_load
@@ -23,7 +23,7 @@ ROBOTS = Path(__file__).parents[2] / "robots"
 
 @pytest.fixture(scope="module")
 def scara() -> Robot:
-    robot = load_robot(ROBOTS / "scara.yaml")
+    robot = Robot.load(ROBOTS / "scara.yaml")
     assert set(robot.revolute) == {True, False}
     return robot
 

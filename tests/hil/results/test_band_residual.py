@@ -14,8 +14,8 @@ from hil.errors import InvalidValue
 from hil.estimation.options import Options
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.results.band_residual import band_residual
-from hil.results.outcome import outcome
 from hil.results.residual import BandResidual, unexplained
+from hil.results.verdict import verdict
 
 if TYPE_CHECKING:
     from free_run import FreeRecorded
@@ -55,7 +55,7 @@ def independent(model: Model, data: FreeRecorded) -> tuple[np.ndarray, float]:
         q, tau = (signal.filtfilt(*low, x, axis=0) for x in (recording.q, recording.tau))
         qd = np.gradient(q, step, axis=0)
         inner = slice(round(0.4 / step), -round(0.4 / step))
-        found = tau - model.torque(q, qd, np.gradient(qd, step, axis=0))
+        found = tau - model.predict(q, qd, np.gradient(qd, step, axis=0))
         left.append(found[inner])
         torque.append(tau[inner])
     e, y = (np.sqrt(np.mean(np.vstack(x) ** 2, axis=0)) for x in (left, torque))
@@ -93,7 +93,7 @@ def test_it_is_the_same_however_the_model_was_found_and_a_gap_or_a_missing_sampl
 def test_friction_that_jumps_at_a_reversal_is_no_residual_of_a_model_that_is_right(
     model: Model,
 ) -> None:
-    data = recorded(arm(), TRUTH, friction=lambda qd: model.torque(
+    data = recorded(arm(), TRUTH, friction=lambda qd: model.predict(
         0 * qd, qd, 0 * qd, parts=("friction",)
     ), n=1, noise=0.0)  # fmt: skip
     found = band_residual(model, data)
@@ -115,13 +115,13 @@ def residual(*shares: float, torque: float = 20.0) -> BandResidual:
 
 
 def test_good_needs_accuracy_on_every_axis_that_carries_load(model: Model) -> None:
-    fine = outcome(replace(model, band_residual=residual(0.05, 0.09)))
-    poor = outcome(replace(model, band_residual=residual(0.05, 0.30)))
+    fine = verdict(replace(model, band_residual=residual(0.05, 0.09)))
+    poor = verdict(replace(model, band_residual=residual(0.05, 0.30)))
     assert not [each for each in fine.reasons if "explains" in each.reason]
     (doubt,) = (each for each in poor.reasons if "explains" in each.reason)
     assert doubt.word == "doubtful"
     assert doubt.reason.startswith("the model explains 70 % of axis 2: 30 % of its torque remain")
-    wide = outcome(replace(model, band_residual=residual(0.05, 0.30)), accuracy=0.35)
+    wide = verdict(replace(model, band_residual=residual(0.05, 0.30)), accuracy=0.35)
     assert not [each for each in wide.reasons if "explains" in each.reason]
 
 
@@ -135,7 +135,7 @@ def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:
 
 
 def test_every_word_states_the_residual(model: Model) -> None:
-    found = outcome(replace(model, band_residual=residual(0.05, 0.30)))
+    found = verdict(replace(model, band_residual=residual(0.05, 0.30)))
     assert any(each.reason.startswith("residual up to 8 Hz 22 % of the torque")
                for each in found.reasons)  # fmt: skip
 

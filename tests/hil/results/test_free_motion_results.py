@@ -42,7 +42,7 @@ def test_a_model_comes_back_from_its_file_with_its_friction(model: Model, tmp_pa
     again = Model.load(tmp_path / "model.yaml")
     assert again.friction == model.friction
     q, qd, qdd = np.random.default_rng(0).standard_normal((3, 10, 2))
-    ours, theirs = (each.torque(q, qd, qdd) for each in (model, again))
+    ours, theirs = (each.predict(q, qd, qdd) for each in (model, again))
     assert theirs == pytest.approx(ours, rel=1e-12)
 
 
@@ -93,7 +93,7 @@ def test_validation_takes_the_law_of_friction_instead_of_fitting_one(model: Mode
 def test_a_model_without_friction_says_so(model: Model) -> None:
     bare = replace(model, friction=None, friction_law=None)
     with pytest.raises(NotEnoughData, match="no law of friction"):
-        bare.torque(0.0, 0.0, 0.0)
+        bare.predict(0.0, 0.0, 0.0)
     with pytest.raises(NotEnoughData, match=r"no settings of free motions .* take model\.torque"):
         predict_recording(bare, recorded(arm(), TRUTH, n=1)[0][1])
 

@@ -15,7 +15,7 @@ from stated_model import stated_model
 from hil.errors import FileError, InvalidValue, Mismatch
 from hil.estimation.intervals import SIGNIFICANT
 from hil.friction.law import TermValue, level_at
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 from hil.results.changes import Change, adjusted, change
 from hil.results.history import history_of, read_history
 from hil.results.history_file import as_data
@@ -159,7 +159,7 @@ def with_friction(
 
 
 def six_axes() -> Model:
-    model = stated_model(load_robot("manutec-r15"), friction=("Coulomb", "viscous"))
+    model = stated_model(Robot.load("manutec-r15"), friction=("Coulomb", "viscous"))
     return with_friction(model, [1.0] * 6)
 
 
@@ -311,7 +311,7 @@ def test_another_robot_is_refused_with_what_differs(tmp_path: Path) -> None:
 
 def test_limits_may_differ(tmp_path: Path) -> None:
     model = machine()
-    slower = Robot.from_file(_slower(model.robot, tmp_path / "slower.yaml"))
+    slower = Robot.load(_slower(model.robot, tmp_path / "slower.yaml"))
     provenance = model.provenance.model_copy(update={"robot_digest": slower.digest})
     second = replace(measured(model, 2, 2), robot=slower, provenance=provenance)
     folders = [saved(model, tmp_path / "one"), saved(second, tmp_path / "two")]

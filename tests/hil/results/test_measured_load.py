@@ -12,7 +12,7 @@ from hil import cli
 from hil.cli.payload import LEAST_MINUTES
 from hil.errors import InvalidValue, Mismatch, NoLoad, NotEnoughData
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.design.load import HOLD, SLOW_SHARE, allowed, fast_plan, holds, slow_plan
 from hil.planning.design.load_pose import helpful_poses
@@ -39,7 +39,7 @@ MINUTES = 3.0
 
 @pytest.fixture(scope="module")
 def robot():
-    return load_robot("manutec-r15")
+    return Robot.load("manutec-r15")
 
 
 @pytest.fixture(scope="module")
@@ -291,7 +291,7 @@ def test_the_run_without_the_load_is_none_with_it(bare):
 def test_runs_of_another_robot_are_refused(bare, slow, robot, tmp_path):
     other = tmp_path / "other.yaml"
     other.write_text(robot.text.replace("name: manutec-r15", "name: another"))
-    another = load_robot(other)
+    another = Robot.load(other)
     plan = slow.model_copy(update={"robot": PlannedRobot(name=another.name, digest=another.digest)})
     run = carried_out(tmp_path / "run", plan, another, TABLE_3_A)
     with pytest.raises(Mismatch, match="another robot file"):

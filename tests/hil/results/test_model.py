@@ -55,23 +55,23 @@ class TestTorques:
     def test_the_rigid_bodies_part_is_that_of_the_base_parameters(self, model, manutec, motion):
         q, qd, qdd = motion
         expected = dynamics.inverse_dynamics(manutec, model.values, q, qd, qdd)
-        assert np.array_equal(model.torque(q, qd, qdd, parts=["rigid bodies"]), expected)
-        M = model.mass_matrix(q)
+        assert np.array_equal(model.predict(q, qd, qdd, parts=["rigid bodies"]), expected)
+        M = model.mass_matrix(q, parts=["rigid bodies"])
         assert M.shape == (20, 6, 6)
-        difference = model.torque(q, 0.0, qdd, parts=["rigid bodies"]) - model.gravity(q)
+        difference = model.predict(q, 0.0, qdd, parts=["rigid bodies"]) - model.gravity(q)
         assert np.einsum("nij,nj->ni", M, qdd) == pytest.approx(difference, abs=1e-9)
 
     def test_numbers_and_single_configurations_broadcast(self, model, motion):
         q, qd, _ = motion
-        each = model.torque(q, qd[0], 0.5)
-        assert each[3] == pytest.approx(model.torque(q[3], qd[0], np.full(6, 0.5)), rel=1e-12)
-        assert model.torque(q[3], qd, 0.5).shape == (20, 6)
-        assert model.torque(0.0, 0.0, 0.0).shape == (6,)
+        each = model.predict(q, qd[0], 0.5)
+        assert each[3] == pytest.approx(model.predict(q[3], qd[0], np.full(6, 0.5)), rel=1e-12)
+        assert model.predict(q[3], qd, 0.5).shape == (20, 6)
+        assert model.predict(0.0, 0.0, 0.0).shape == (6,)
 
     def test_they_are_all_parts_together_unless_some_are_named(self, model, manutec, motion):
-        parts = {part: model.torque(*motion, parts=[part]) for part in PARTS}
+        parts = {part: model.predict(*motion, parts=[part]) for part in PARTS}
         assert np.array_equal(parts["motors"], hil.motor_torque(manutec, *motion))
-        assert model.torque(*motion) == pytest.approx(sum(parts.values()), rel=1e-12)
+        assert model.predict(*motion) == pytest.approx(sum(parts.values()), rel=1e-12)
         assert (np.abs(parts["friction"]).mean(axis=0) > 0).all()
 
     def test_the_summary_states_the_law_of_friction_of_each_axis(self, model):
@@ -83,16 +83,16 @@ class TestTorques:
 
     def test_an_unknown_part_is_refused_and_all_are_named(self, model):
         with pytest.raises(UnknownName, match=r"'gear': .* rigid bodies, motors, friction"):
-            model.torque(0.0, 0.0, 0.0, parts=["gear"])
+            model.predict(0.0, 0.0, 0.0, parts=["gear"])
 
     def test_a_model_without_friction_gives_the_other_parts_and_states_the_remedy(
         self, model, motion
     ):
         bare = replace(model, friction_law=None)
         with pytest.raises(NotEnoughData, match=r"no law of friction: take parts=.* hil identify"):
-            bare.torque(*motion)
+            bare.predict(*motion)
         rest = PARTS[:2]
-        assert np.array_equal(bare.torque(*motion, parts=rest), model.torque(*motion, parts=rest))
+        assert np.array_equal(bare.predict(*motion, parts=rest), model.predict(*motion, parts=rest))
 
     def test_an_axis_without_a_law_is_named_and_the_others_keep_theirs(self, model, motion):
         axes = (*model.friction_law.axes[:5], None)
@@ -100,10 +100,10 @@ class TestTorques:
         assert blind.axes_without_friction == (6,)
         assert model.axes_without_friction == ()
         with pytest.warns(FrictionUnknown, match="no law of friction of axis 6, .* --with") as seen:
-            found = blind.torque(*motion)
+            found = blind.predict(*motion)
         assert seen[0].filename == __file__
-        assert np.array_equal(found[..., :5], model.torque(*motion)[..., :5])
-        rest = model.torque(*motion, parts=PARTS[:2])
+        assert np.array_equal(found[..., :5], model.predict(*motion)[..., :5])
+        rest = model.predict(*motion, parts=PARTS[:2])
         assert np.array_equal(found[..., 5], rest[..., 5])
         assert "no law of friction of axis 6" in str(blind.summary())
 
@@ -119,7 +119,7 @@ class TestTorques:
     def test_a_law_of_no_axis_is_none(self, model):
         blind = replace(model, friction_law=FrictionLaw(axes=(None,) * 6))
         with pytest.raises(NotEnoughData, match="of axis 1, 2, 3, 4, 5, 6"):
-            blind.torque(0.0, 0.0, 0.0)
+            blind.predict(0.0, 0.0, 0.0)
 
     @pytest.mark.parametrize(
         ("q", "message"),
@@ -135,7 +135,7 @@ class TestTorques:
         self, model, motion, q, message
     ):
         with pytest.raises(InvalidArray, match=message):
-            model.torque(q, motion[1], 0.0)
+            model.predict(q, motion[1], 0.0)
 
     def test_a_robot_of_one_joint_takes_samples_as_they_come(self, chains):
         from hil.results.samples import samples
@@ -162,7 +162,7 @@ class TestIntervals:
 
     def test_that_of_a_torque_holds_it_and_has_its_variance(self, uncertain, manutec, motion):
         parts = ["rigid bodies"]
-        tau = uncertain.torque(*motion, parts=parts)
+        tau = uncertain.predict(*motion, parts=parts)
         interval = uncertain.torque_interval(*motion, level=0.9, parts=parts)
         assert interval.mean(axis=-1) == pytest.approx(tau)
         A = dynamics.regressor(manutec, *motion)
@@ -204,7 +204,7 @@ class TestFile:
     def test_it_stands_alone(self, uncertain, tmp_path, motion):
         uncertain.save(tmp_path / "elsewhere.yaml")
         kept = Model.load(tmp_path / "elsewhere.yaml")
-        assert np.array_equal(kept.torque(*motion), uncertain.torque(*motion))
+        assert np.array_equal(kept.predict(*motion), uncertain.predict(*motion))
         assert kept.torque_interval(*motion) == pytest.approx(uncertain.torque_interval(*motion))
         assert "robot_file: |" in (tmp_path / "elsewhere.yaml").read_text()
 

@@ -13,11 +13,11 @@ from possible_models import model_of, possible
 from hil.errors import InvalidValue
 from hil.estimation.intervals import Edge
 from hil.model.base_parameters import base_parameters
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.outcome import outcome
 from hil.results.possible import impossible_inertias, impossible_links
+from hil.results.verdict import verdict
 from hil.tasks.exporting import export
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def arm_model(inertia: float = 1.2, error: float = 0.01) -> Model:
 
 
 def words(model: Model) -> list[tuple[str, str]]:
-    return [(each.word, each.reason) for each in outcome(model).reasons]
+    return [(each.word, each.reason) for each in verdict(model).reasons]
 
 
 def test_torques_that_are_all_reversed_have_failed_and_are_not_exported(tmp_path: Path) -> None:
@@ -44,9 +44,9 @@ def test_torques_that_are_all_reversed_have_failed_and_are_not_exported(tmp_path
     for _, recording in data:
         recording.tau[:] *= -1.0
     model = identify(write_free_run(tmp_path / "run", arm(), data))
-    assert model.outcome is not None
-    assert model.outcome.word == "failed"
-    assert "mass matrix" in model.outcome.reason
+    assert model.verdict is not None
+    assert model.verdict.word == "failed"
+    assert "mass matrix" in model.verdict.reason
     with pytest.raises(InvalidValue, match="mass matrix"):
         export(model, "c", tmp_path / "model")
     assert export(model, "c", tmp_path / "model", force=True)
@@ -55,16 +55,16 @@ def test_torques_that_are_all_reversed_have_failed_and_are_not_exported(tmp_path
 @pytest.mark.parametrize("name", ["manutec-r15", "staubli-tx40"])
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_said_of_bodies(name: str, seed: int) -> None:
-    robot = load_robot(name).with_whole_links()
+    robot = Robot.load(name).with_whole_links()
     model = model_of(robot, *possible(robot, seed))
     assert not [*impossible_inertias(model), *impossible_links(model)]
 
 
 def test_a_mass_matrix_that_noise_may_have_made_indefinite_is_a_doubt() -> None:
     # the rotor has 0.25 kg m2 on the joint side
-    assert outcome(arm_model(-0.26, 0.02)).word == "doubtful"
+    assert verdict(arm_model(-0.26, 0.02)).word == "doubtful"
     assert any("within its uncertainty" in reason for _, reason in words(arm_model(-0.26, 0.02)))
-    assert outcome(arm_model(-0.26, 0.0002)).word == "failed"
+    assert verdict(arm_model(-0.26, 0.0002)).word == "failed"
 
 
 def test_negative_inertia_behind_a_rotor_is_named_though_the_mass_matrix_is_positive() -> None:
@@ -80,14 +80,14 @@ def test_negative_inertia_behind_a_rotor_is_named_though_the_mass_matrix_is_posi
 
 
 def test_a_rotor_inertia_that_is_negative_beyond_its_error_has_failed() -> None:
-    robot = load_robot("staubli-tx40")
+    robot = Robot.load("staubli-tx40")
     p, error = possible(robot)
     rotor = base_parameters(robot).heads.index("Ia3")
     p[rotor] = -0.05
     error[rotor] = 0.002
     found = [each for each in impossible_inertias(model_of(robot, p, error)) if each.unit]
     assert [each.what for each in found] == [base_parameters(robot).titles[rotor]]
-    assert outcome(model_of(robot, p, error)).word == "failed"
+    assert verdict(model_of(robot, p, error)).word == "failed"
 
 
 def test_an_estimate_at_the_edge_of_its_search_is_named_with_value_and_bound(

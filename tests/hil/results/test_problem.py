@@ -138,7 +138,7 @@ def test_lags_leave_base_parameters_as_uncertain_beside_a_load(
     write_run(tmp_path, manutec, truth=(manutec, with_load), seed=101)
     fit = hil.regression(strokes, loaded=[Run.open(tmp_path)]).fit()
     of_lags = np.sqrt(np.diag(measured.estimate.drive_train.covariance))
-    assert (np.array(list(fit.standard_errors.values()))[: len(of_lags)] > of_lags).all()
+    assert (np.array(list(fit.bse.values()))[: len(of_lags)] > of_lags).all()
 
 
 def test_an_error_of_a_torque_constant_does_to_a_mixture_what_is_stated(
@@ -172,7 +172,7 @@ def test_all_that_was_found_has_a_name(both: ModelFit, manutec: Robot) -> None:
     assert both.names[:3] == ("p1", "p2", "p3")
     assert "axis 2 Coulomb" in both.params
     assert "axis 2 lag" in both.params
-    assert set(both.params) == set(both.conf_int()) == set(both.standard_errors)
+    assert set(both.params) == set(both.conf_int()) == set(both.bse)
     assert both.model.robot == manutec
     assert "p1" in str(both.summary())
 

@@ -14,7 +14,7 @@ from drivers.drive_bus import LimitExceeded
 from hil.cli import app, imported
 from hil.cli.measuring import OnBus, measure
 from hil.measuring.feeding import DELAY, LOOP, motion_of, refuse_beyond_torque
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
 from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from hil.planning.trajectory import Trajectory
 
-ROBOT = load_robot("manutec-r15")
+ROBOT = Robot.load("manutec-r15")
 SPEED, ACCELERATION = 0.8, 0.4
 """Shares of the limits that the fast trajectory uses; with these, up to 0.8 of the torque."""
 WINDOW = 0.2
@@ -177,7 +177,7 @@ def test_friction_slower_than_any_sample_goes_on_plainly(model: Path) -> None:
     found = Model.load(model)
     q = np.zeros((2, 6))
     v = np.stack([0.02 * ROBOT.velocity_limit, 0.2 * ROBOT.velocity_limit])
-    slow, fast = found.drive_torque(q, v, q) - found.torque(q, v, q, ("rigid bodies", "motors"))
+    slow, fast = found.drive_torque(q, v, q) - found.predict(q, v, q, ("rigid bodies", "motors"))
     assert (slow > 0).all()
     assert (slow < 1.2 * fast).all()
 

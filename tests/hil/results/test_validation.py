@@ -75,7 +75,7 @@ def test_the_prediction_is_the_model_s_own_and_what_fitted_friction_leaves_a_sec
     for each in every:
         s = signals(recording[each.measurement])
         at = np.searchsorted(s.time, each.time)
-        own = model.torque(s.q, s.qd, s.qdd)[at, each.axis]
+        own = model.predict(s.q, s.qd, s.qdd)[at, each.axis]
         # rows of strokes are smoothed over a few samples, which shows where torques change
         assert np.median(np.abs(each.predicted - own)) < 0.02 * np.abs(own).max()
     for score in found.axes:
@@ -107,7 +107,7 @@ def test_a_model_without_a_law_is_judged_by_its_bodies_alone(model: Model, other
 def test_an_identification_that_failed_is_refused_however_well_it_predicts(
     model: Model, other: Run
 ) -> None:
-    failed = replace(model, outcome=Judgement(word="failed", reason="axes 2 and 3 exchanged"))
+    failed = replace(model, verdict=Judgement(word="failed", reason="axes 2 and 3 exchanged"))
     found = scored(failed, predicted_torques(failed, pooled([other])))
     assert found.word == "failed"
     assert found.reason == "its identification failed: axes 2 and 3 exchanged"

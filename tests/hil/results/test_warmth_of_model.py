@@ -10,7 +10,7 @@ import pytest
 from stated_model import WARMTH, stated_model
 
 from hil.errors import InvalidArray, NotEnoughData
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.results.model import Model
 
 if TYPE_CHECKING:
@@ -21,11 +21,11 @@ QD = np.full(6, 0.7)
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return stated_model(load_robot("manutec-r15"), friction=("offset", "Coulomb"), warm=True)
+    return stated_model(Robot.load("manutec-r15"), friction=("offset", "Coulomb"), warm=True)
 
 
 def friction(model: Model, warmth: object = None) -> np.ndarray:
-    return model.torque(0.0, QD, 0.0, ["friction"], warmth=warmth)  # type: ignore[arg-type]
+    return model.predict(0.0, QD, 0.0, ["friction"], warmth=warmth)  # type: ignore[arg-type]
 
 
 def test_without_a_warmth_friction_is_that_of_the_law(model: Model) -> None:
@@ -40,9 +40,9 @@ def test_a_cold_gear_has_more_friction_and_a_warm_one_less(model: Model) -> None
 
 
 def test_warmth_scales_the_level_and_not_the_offset(model: Model) -> None:
-    back = model.torque(0.0, -QD, 0.0, ["friction"], warmth=0.0)
+    back = model.predict(0.0, -QD, 0.0, ["friction"], warmth=0.0)
     offset = (friction(model, 0.0) + back) / 2
-    assert offset == pytest.approx((friction(model) + model.torque(0, -QD, 0, ["friction"])) / 2)
+    assert offset == pytest.approx((friction(model) + model.predict(0, -QD, 0, ["friction"])) / 2)
 
 
 def test_at_a_stated_warmth_the_interval_holds_what_is_left_of_the_wander(model: Model) -> None:
@@ -59,7 +59,7 @@ def test_warmth_along_a_motion_is_what_torque_takes(model: Model) -> None:
     warmth = model.warmth(time, np.tile(QD, (600, 1)))
     assert (np.diff(warmth[:, :5], axis=0) > 0).all()
     assert np.isnan(warmth[:, 5]).all()
-    tau = model.torque(0.0, np.tile(QD, (600, 1)), 0.0, ["friction"], warmth=warmth)
+    tau = model.predict(0.0, np.tile(QD, (600, 1)), 0.0, ["friction"], warmth=warmth)
     assert np.isfinite(tau).all()
     assert (tau[0, :5] > tau[-1, :5]).all()
     seen = WARMTH.seen[0] < warmth[-1, 0] < WARMTH.seen[1]
@@ -85,7 +85,7 @@ def test_times_that_do_not_ascend_are_refused(model: Model) -> None:
 
 
 def test_a_model_that_knows_of_no_warmth_says_so() -> None:
-    cold = stated_model(load_robot("manutec-r15"))
+    cold = stated_model(Robot.load("manutec-r15"))
     with pytest.raises(NotEnoughData, match="leave warmth out"):
         friction(cold, 0.5)
     with pytest.raises(NotEnoughData):

@@ -15,7 +15,7 @@ from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveFault, Sample, SampleFlag
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Recorded, Repeated
-from hil.model.robot import Robot, load_robot
+from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity, RecordedMotion
 from hil.planning.plan import Plan
@@ -220,7 +220,7 @@ def test_resuming_with_another_plan_robot_or_drives_is_refused(
     other = tmp_path / "other.yaml"
     other.write_text(manutec.text.replace("velocity_limit: 3.0", "velocity_limit: 2.9"))
     with pytest.raises(FileError, match="the robot file differs"):
-        folder.refuse_changes(small_plan, load_robot(other), "axes: []\n")
+        folder.refuse_changes(small_plan, Robot.load(other), "axes: []\n")
     with pytest.raises(FileError, match="the drives file differs"):
         folder.refuse_changes(small_plan, manutec, "axes: [1]\n")
 

@@ -10,7 +10,7 @@ import pytest
 from browser import colour_scheme, opened_browser, require_browser, resize
 
 from hil.model.readers.axes_to_frames import Frames
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Box, Workspace
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     from selenium.webdriver import Chrome
 
-    from hil.model.robot import Robot
 
 SUPPORT = Path(__file__).parents[2] / "support"
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -94,7 +93,7 @@ def test_links_are_drawn_where_forward_kinematics_has_them(
     name: str, browser: Chrome, tmp_path: Path
 ) -> None:
     file = ROBOTS / f"{name}.yaml"
-    robot = load_robot(file if file.exists() else name)
+    robot = Robot.load(file if file.exists() else name)
     write_page(tmp_path / "robot.html", lambda _: of_robot(robot))
     show(browser, tmp_path / "robot.html")
     rng = np.random.default_rng(4)

@@ -13,7 +13,7 @@ from urdf_robots import ROBOTS, urdf
 from hil.errors import FileError, Mismatch
 from hil.model.readers.axes_to_frames import Frames, frames_of
 from hil.model.readers.urdf import read_urdf
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.view.meshes import read_triangles, thinned
 from hil.view.visuals import MOST_TRIANGLES, _allowance, visuals
 
@@ -94,7 +94,7 @@ def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
     """Its corners are where the URDF's own kinematics has them, at any configuration."""
     write(scara, '<mesh filename="package://scara_description/meshes/arm.stl" scale="2 2 2"/>',
           '<origin xyz="0.1 0 0.2" rpy="0.3 0.2 0.1"/>')  # fmt: skip
-    robot, chain = load_robot(scara), read_urdf(scara)
+    robot, chain = Robot.load(scara), read_urdf(scara)
     found = visuals(scara, robot)
     assert not found.left_out
     base, arm = found.visuals
@@ -121,7 +121,7 @@ def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
 
 def test_what_cannot_be_shown_is_left_out_and_stated(scara: Path) -> None:
     write(scara, '<mesh filename="package://scara_description/meshes/arm.dae"/>')
-    found = visuals(scara, load_robot(scara))
+    found = visuals(scara, Robot.load(scara))
     assert [visual.link for visual in found.visuals] == [-1]
     assert len(found.left_out) == 1
     assert "arm.dae: .dae must be .stl or .obj; convert it; left out" in found.left_out[0]
@@ -138,12 +138,12 @@ def test_a_mesh_outside_of_the_package_is_read_where_its_folder_is_named(
     (tmp_path / "arm.stl").write_bytes(binary_stl(TETRAHEDRON))
     (scara.parent / "linked.stl").symlink_to(tmp_path / "arm.stl")
     write(scara, f'<mesh filename="{stated.format(tmp_path)}"/>')
-    found = visuals(scara, load_robot(scara))
+    found = visuals(scara, Robot.load(scara))
     assert [visual.link for visual in found.visuals] == [-1]
     assert "is outside of" in found.left_out[0]
     assert "--meshes" in found.left_out[0]
     if not stated.startswith("package://.."):  # no name of a package
-        named = visuals(scara, load_robot(scara), tmp_path)
+        named = visuals(scara, Robot.load(scara), tmp_path)
         assert [visual.link for visual in named.visuals] == [-1, 1]
 
 
@@ -151,9 +151,9 @@ def test_meshes_beside_the_urdf_are_its_package_s_where_there_is_a_package_xml(
     scara: Path,
 ) -> None:
     write(scara, '<mesh filename="../meshes/arm.stl"/>')
-    assert visuals(scara, load_robot(scara)).left_out
+    assert visuals(scara, Robot.load(scara)).left_out
     (scara.parents[1] / "package.xml").write_text("<package/>")
-    assert not visuals(scara, load_robot(scara)).left_out
+    assert not visuals(scara, Robot.load(scara)).left_out
 
 
 def test_a_urdf_of_another_robot_is_refused(scara: Path, tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_urdf_of_another_robot_is_refused(scara: Path, tmp_path: Path) -> None
     other = tmp_path / "other.urdf"
     other.write_text(urdf("other", ROBOTS["Panda"]))
     with pytest.raises(Mismatch, match="the URDF that the robot file was written from"):
-        visuals(scara, load_robot(other))
+        visuals(scara, Robot.load(other))
 
 
 def test_a_fine_mesh_is_thinned_within_the_cell_that_is_stated() -> None:

@@ -19,7 +19,7 @@ from checked_files.yaml_file import load_yaml
 from drivers.drive_bus import Sample
 from hil.cli import app
 from hil.cli.measuring import OnBus, measure
-from hil.model.robot import ROBOTS, load_robot
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Basis
 from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from hil.planning.measurement import Measurement
 
-ROBOT = load_robot("manutec-r15")
+ROBOT = Robot.load("manutec-r15")
 LEARNED = 6.0
 """Time in which thresholds are learned [s]."""
 PUSHES = {2: (8.0, 0.10), 4: (9.5, -0.10)}
@@ -261,7 +261,7 @@ def test_a_model_of_another_robot_moves_nothing(model: Path, tmp_path: Path) -> 
     file, plan = tmp_path / "arm.yaml", tmp_path / "plan.yaml"
     text = (ROBOTS / "manutec-r15.yaml").read_text()
     file.write_text(text.replace("9.81", "9.80"))
-    other = load_robot(str(file))
+    other = Robot.load(str(file))
     planned = PlannedRobot(name=other.name, digest=other.digest, file="arm.yaml")
     made = plan_of(21, 8, 5.5, (0.5, 0.2)).model_copy(update={"robot": planned})
     plan.write_bytes(dump_plan(made).encode())

@@ -17,7 +17,7 @@ from drivers.opening import open_drive_bus
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.tasks.robot_drives import load_robots_drives
 from sim_plant import build
 from sim_plant.__main__ import app
@@ -81,12 +81,12 @@ def test_a_mistyped_key_is_refused(tmp_path: Path, key: str, place: str) -> None
 
 @pytest.mark.parametrize(("name", "count"), N_BASE.items())
 def test_the_robots_have_the_right_number_of_base_parameters(name: str, count: int) -> None:
-    assert len(base_parameters(load_robot(ROBOTS / f"{name}.yaml"))) == count
+    assert len(base_parameters(Robot.load(ROBOTS / f"{name}.yaml"))) == count
 
 
 @pytest.mark.long
 def test_the_plant_has_parameters_that_the_robot_can_have(robot: Path, folder: Path) -> None:
-    found = true_parameters(load_robot(robot), folder / "plant.yaml")
+    found = true_parameters(Robot.load(robot), folder / "plant.yaml")
     assert np.all(np.isfinite(found))
     assert np.count_nonzero(found) > 0.7 * len(found)
 
@@ -95,7 +95,7 @@ def test_the_plant_weighs_what_the_identification_s_model_says(
     robot: Path, folder: Path, plant: Plant
 ) -> None:
     """Two programs that share nothing: frames, kinds of joints, gravity and bodies agree."""
-    described = load_robot(robot)
+    described = Robot.load(robot)
     p = true_parameters(described, folder / "plant.yaml")
     for q in configurations(build.reach(plant.file), 5):
         stated = inverse_dynamics(described, p, q, np.zeros_like(q), np.zeros_like(q))
@@ -137,7 +137,7 @@ def test_every_axis_has_something_to_find(plant: Plant) -> None:
 def test_the_drives_file_agrees_with_robot_and_plant(
     robot: Path, folder: Path, plant: Plant
 ) -> None:
-    drives, _ = load_robots_drives(folder / "drives.yaml", load_robot(robot))
+    drives, _ = load_robots_drives(folder / "drives.yaml", Robot.load(robot))
     for stated, described, reported in zip(drives.axes, plant.file.axes, plant.drives, strict=True):
         assert stated.joint == described.joint
         assert stated.rated_current == reported.rated_current / 1000
@@ -151,7 +151,7 @@ def test_drives_of_joints_that_slide_do_not_fit_a_robot_whose_joints_turn(tmp_pa
     drives = tmp_path / "drives.yaml"
     drives.write_text(drives.read_text().replace("joint: revolute", "joint: prismatic", 1))
     with pytest.raises(FileError, match=r":\d+: axes.0.joint: prismatic of axis joint 1 must be"):
-        load_robots_drives(drives, load_robot(robot))
+        load_robots_drives(drives, Robot.load(robot))
 
 
 def test_an_unknown_rotor_is_given_one(tmp_path: Path) -> None:
@@ -159,7 +159,7 @@ def test_an_unknown_rotor_is_given_one(tmp_path: Path) -> None:
     write_twin(robot, tmp_path / "twin")
     plant = load_plant(str(tmp_path / "twin" / "plant.yaml"))
     assert plant.file.axes[0].drive.rotor_inertia > 0
-    truth = true_parameters(load_robot(robot), tmp_path / "twin" / "plant.yaml")
+    truth = true_parameters(Robot.load(robot), tmp_path / "twin" / "plant.yaml")
     assert np.all(np.isfinite(truth))
 
 

@@ -112,7 +112,7 @@ def test_their_sum_is_certain_however_wide_the_band_is(cut_off: float) -> None:
 
 
 def test_such_a_model_is_doubtful_and_says_to_move_in_both_directions(tmp_path: Path) -> None:
-    outcome = model_of(tmp_path, SPEEDS).outcome
+    outcome = model_of(tmp_path, SPEEDS).verdict
     assert outcome is not None
     assert outcome.word == "doubtful"
     assert outcome.reason.startswith("axis 1 moves in one direction only, so Coulomb friction and")
@@ -122,8 +122,8 @@ def test_such_a_model_is_doubtful_and_says_to_move_in_both_directions(tmp_path: 
 
 def test_a_drive_that_moves_in_both_directions_is_good_and_both_are_found(tmp_path: Path) -> None:
     model = model_of(tmp_path, np.concatenate([SPEEDS, -SPEEDS]))
-    assert model.outcome is not None
-    assert model.outcome.word == "good"
+    assert model.verdict is not None
+    assert model.verdict.word == "good"
     assert model.friction is not None
     (axis,) = model.friction.axes
     assert axis.one_way is None

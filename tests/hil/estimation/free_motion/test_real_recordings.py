@@ -12,7 +12,7 @@ from scipy import signal
 
 from hil.estimation.identify import estimate
 from hil.imports.importing import import_recordings
-from hil.model.robot import load_robot
+from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.results.identification import identify
 from hil.results.model import Model
@@ -65,14 +65,14 @@ def model(robot: str, found: Estimate) -> Model:
         left_out=(), identified="", method=found.method, version="",
     )  # fmt: skip
     return Model(
-        load_robot(robot), found.p, found.covariance, found.drive_covariance,
+        Robot.load(robot), found.p, found.covariance, found.drive_covariance,
         found.degrees_of_freedom, found.residual, found.condition, where, friction=found.free,
         friction_law=found.free.law if found.free else None,
     )  # fmt: skip
 
 
 def test_emps_mass_and_friction_are_the_published_ones_and_the_other_record_is_predicted() -> None:
-    found = estimate(load_robot("emps"), [emps("estimation")], "free motion")
+    found = estimate(Robot.load("emps"), [emps("estimation")], "free motion")
     assert found.free is not None
     (axis,) = found.free.axes
     assert found.p[0] == pytest.approx(95.11, rel=0.01)
@@ -84,7 +84,7 @@ def test_emps_mass_and_friction_are_the_published_ones_and_the_other_record_is_p
 
 
 def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive() -> None:
-    found = estimate(load_robot("staubli-tx40"), [tx40()], "free motion")
+    found = estimate(Robot.load("staubli-tx40"), [tx40()], "free motion")
     assert found.free is not None
     assert found.free.overall_residual < 0.082
     assert found.free.least_inertia > 0
@@ -95,27 +95,27 @@ def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive() -> N
 def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds() -> None:
     motion, each = tx40()
     found = model(
-        "staubli-tx40", estimate(load_robot("staubli-tx40"), [(motion, each)], "free motion")
+        "staubli-tx40", estimate(Robot.load("staubli-tx40"), [(motion, each)], "free motion")
     )
     b, a = signal.butter(4, 2 * 100.0 * each.period)
     q, tau = (signal.filtfilt(b, a, x, axis=0) for x in (each.q, each.tau))
     qd = np.gradient(q, each.period, axis=0)
     qdd = np.gradient(qd, each.period, axis=0)
     q, qd, qdd, tau = (x[500:-500:10] for x in (q, qd, qdd, tau))
-    left = tau - found.torque(q, qd, qdd)
+    left = tau - found.predict(q, qd, qdd)
     assert np.linalg.norm(left) < 0.082 * np.linalg.norm(tau)
     assert (np.linalg.eigvalsh(found.mass_matrix(q[::50])).min(axis=1) > 0).all()
 
 
 def test_tx40_by_plain_least_squares_leaves_no_more_than_others_found() -> None:
-    found = estimate(load_robot("staubli-tx40"), [tx40()], "least squares")
+    found = estimate(Robot.load("staubli-tx40"), [tx40()], "least squares")
     assert (found.residual < [3.02, 3.79, 2.38, 0.95, 1.59, 0.99]).all()
 
 
 def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> None:
     (motion, recording) = tx40()
     unknown = motion.model_copy(update={"unknown_gains": (3,)})
-    found = estimate(load_robot("staubli-tx40"), [(unknown, recording)], "free motion").free
+    found = estimate(Robot.load("staubli-tx40"), [(unknown, recording)], "free motion").free
     assert found is not None
     (gain,) = found.gains
     assert gain.standard_error < 0.1

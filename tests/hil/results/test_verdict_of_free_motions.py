@@ -10,7 +10,7 @@ import pytest
 from free_run import TRUTH, arm, classical, recorded, write_free_run
 
 from hil.results.identification import identify
-from hil.results.outcome import outcome as judged
+from hil.results.verdict import verdict as judged
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,8 +32,8 @@ def identified(path: Path, change: Callable[[Array], Array]) -> Model:
     return identify(write_free_run(path / "run", arm(), data))
 
 
-def outcome(path: Path, change: Callable[[Array], Array]) -> Judgement:
-    found = identified(path, change).outcome
+def verdict(path: Path, change: Callable[[Array], Array]) -> Judgement:
+    found = identified(path, change).verdict
     assert found is not None
     return found
 
@@ -50,12 +50,12 @@ def constant(tau: Array) -> Array:
 def test_what_the_mean_torque_explains_as_well_has_failed(
     wrong: Callable[[Array], Array], tmp_path: Path
 ) -> None:
-    found = outcome(tmp_path, wrong)
+    found = verdict(tmp_path, wrong)
     assert found.word == "failed"
 
 
 def test_right_columns_are_good_and_how_good_is_stated(tmp_path: Path) -> None:
-    found = outcome(tmp_path, lambda tau: tau)
+    found = verdict(tmp_path, lambda tau: tau)
     assert found.word == "good"
     assert "within" in found.reason
 

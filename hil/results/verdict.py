@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from hil.results.possible import Impossible
 
 
-def outcome(
+def verdict(
     model: Model, usual_effect: Array | None = None, accuracy: float = ACCURACY
 ) -> Judgement:
     """Judge a model by itself: the worst of what speaks against it, causes that were found first.
@@ -107,7 +107,7 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
     return failed(
         f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the torque"
         f" unexplained, the mean torque alone {fit.naive_residual[worst - 1]:.0%}",
-        "check the columns, signs and units of the map, and the direction of gravity",
+        "check columns, signs and units of the recording, and the direction of gravity",
     )
 
 

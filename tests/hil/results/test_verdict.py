@@ -19,8 +19,8 @@ from hil.results import identification
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.outcome import outcome
 from hil.results.validation import judged, scored
+from hil.results.verdict import verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,17 +46,17 @@ def test_a_cause_that_was_found_comes_before_everything_else(model: Model) -> No
         cause="zero", axes=(3,), detail="its zero is off by 20.1 ± 0.2 degrees", left=0.1
     )  # fmt: skip
     loose = replace(model, scatter_covariance=1e6 * model.scatter_covariance)
-    found = outcome(replace(loose, excluded=proof(zero)))
+    found = verdict(replace(loose, excluded=proof(zero)))
     assert str(found).startswith("failed: axis 3: its zero is off by 20.1 ± 0.2 degrees; correct")
     little = zero.model_copy(update={"left": 0.98})
-    assert outcome(replace(model, excluded=proof(little))).word == "doubtful"
+    assert verdict(replace(model, excluded=proof(little))).word == "doubtful"
 
 
 def test_a_cause_counts_by_how_far_it_moves_the_torques(model: Model) -> None:
     def judged(share: float) -> str:
         change = tuple((share * model.values).tolist())
         zero = Found(cause="zero", axes=(5,), detail="its zero is off", left=0.9, change=change)
-        return outcome(replace(model, excluded=proof(zero))).word
+        return verdict(replace(model, excluded=proof(zero))).word
 
     assert judged(0.2) == "failed"
     assert judged(0.05) == "doubtful"
@@ -68,7 +68,7 @@ def test_of_two_causes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once
 ) -> None:
     zero = "axis 5: its zero is off by 18.9 ± 0.2 degrees"
     load = Found(cause="load", axes=(6,), detail="a load on it", left=0.87, others=(zero,))
-    assert str(outcome(replace(model, excluded=proof(load)))).startswith(
+    assert str(verdict(replace(model, excluded=proof(load)))).startswith(
         "doubtful: axis 6: a load on it; or axis 5: its zero is off by 18.9 ± 0.2 degrees: the same"
         " in these data; find out which before anything is changed: take the load off"
     )
@@ -96,7 +96,7 @@ def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Li
 
 def within(model: Model, *limits: Limit, usual_effect: Array | None = None) -> tuple[str, Array]:
     """Reasons of a good model that excludes this, and the figures in them."""
-    found = outcome(
+    found = verdict(
         replace(model, excluded=Excluded(found=(), limits=limits, tests=1)), usual_effect
     )
     assert found.word == "good"
@@ -166,14 +166,14 @@ def test_uncertainties_that_a_robot_file_states_take_the_place_of_usual_toleranc
 
 
 def test_an_axis_that_is_not_excited_is_named(model: Model) -> None:
-    found = outcome(replace(model, scatter_covariance=400.0**2 * model.scatter_covariance))
+    found = verdict(replace(model, scatter_covariance=400.0**2 * model.scatter_covariance))
     assert found.word in ("doubtful", "failed")
     assert "not excited" in found.reason
 
 
 def test_too_few_measurements_are_a_doubt_in_identification_and_validation(model: Model) -> None:
     few = replace(model, provenance=model.provenance.model_copy(update={"measurements": 15}))
-    found = outcome(few)
+    found = verdict(few)
     assert (found.word, found.reason.split(" are")[0]) == (
         "doubtful",
         f"15 measurements of {len(model.values)} parameters",
@@ -183,7 +183,7 @@ def test_too_few_measurements_are_a_doubt_in_identification_and_validation(model
 
 
 def test_a_bad_condition_is_a_doubt(model: Model) -> None:
-    found = outcome(replace(model, condition=model.condition | {"gravity": 4000.0}))
+    found = verdict(replace(model, condition=model.condition | {"gravity": 4000.0}))
     assert found.word == "doubtful"
     assert found.reason.startswith("condition number 4e+03 of the gravity parameters")
 
@@ -196,18 +196,19 @@ def test_all_reasons_are_kept_the_worst_first_and_those_of_earlier_versions_are_
     words = "its torque has the wrong sign"
     sign = Found(cause="wrong sign of a torque", axes=(3,), detail=words, left=0.1)
     bad = replace(model, provenance=few, condition=condition, excluded=proof(sign))
-    replace(bad, outcome=outcome(bad)).save(path)
-    kept = Model.load(path).outcome
-    assert kept == outcome(bad)
+    replace(bad, verdict=verdict(bad)).save(path)
+    kept = Model.load(path).verdict
+    assert kept == verdict(bad)
     assert [each.word for each in kept.reasons] == ["failed", "doubtful", "doubtful", "good"]
     assert all(each.remedy for each in kept.reasons[:-1])
     assert kept.reasons[-1].reason.startswith("residual up to 8 Hz")
     earlier = {"run": "../r", "validated": "", "verdict": "PASS", "reason": "so", "relative": 0.1}
     content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    del content["verdict"]  # earlier versions called it outcome
     content["outcome"] = {"word": "good", "reason": "so", "remedy": ""}
     path.write_text(yaml.safe_dump(content | {"validations": [earlier]}), encoding="utf-8")
     old = Model.load(path)
-    assert (str(old.outcome), old.validations[0].word) == ("good: so", "good")
+    assert (str(old.verdict), old.validations[0].word) == ("good: so", "good")
 
 
 def test_a_model_that_was_edited_or_cut_off_is_refused(model: Model, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def test_a_good_estimate_begins_with_that_word(hil: Hil, tmp_path: Path) -> None
     status, out, _ = hil("identify", run.path)
     method, first, *_ = out.splitlines()
     assert (status, method.split(":")[0], first.split(":")[0]) == (0, "free motion method", "good")
-    kept = Model.load(run.path).outcome
+    kept = Model.load(run.path).verdict
     assert kept is not None
     assert str(kept) == first
 
