@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.errors import UnknownName
+from hil.errors import Mismatch, UnknownName
 from hil.estimation.back_and_forth import NAME as BACK_AND_FORTH
 from hil.estimation.back_and_forth import goes_back_and_forth
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.options import DEFAULTS
+from hil.estimation.options import COVARIANCES, DEFAULTS, NUISANCES
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
+from hil.friction.terms import LAWS
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estim
     return fit_back_and_forth(robot, recorded, options.covariance)
 
 
+LAWS_ASKED = ("auto", *LAWS)
+"""Laws of friction that may be asked for."""
 JOINT = "joint"
 """Name of the method for recordings of several kinds."""
 METHODS: dict[str, Identify] = {
@@ -66,6 +69,15 @@ METHODS: dict[str, Identify] = {
 }
 """All methods by name: two-step ones, that for several kinds of recordings, and those for motions
 that somebody else recorded."""
+_CONVENTIONAL: tuple[tuple[str, ...], ...] = (("auto",), (), ("jackknife",))
+EFFECTIVE: dict[str, tuple[tuple[str, ...], ...]] = {
+    **dict.fromkeys(METHODS, _CONVENTIONAL),
+    "improved": (("auto",), ("lag", "compliance"), COVARIANCES),
+    JOINT: (LAWS_ASKED, NUISANCES, COVARIANCES),
+    BACK_AND_FORTH: (("auto",), (), COVARIANCES),
+    DEFAULT: (LAWS_ASKED, NUISANCES, COVARIANCES),
+}
+"""Values of friction, nuisance and covariance that have an effect, by method."""
 RIVALS = (
     "methods that they are compared with are run from the repository:"
     " python -m benchmarks.rivals RUN --method NAME"
@@ -114,6 +126,22 @@ def estimate(
         Base parameters that the measurements do not excite.
     NotEnoughData
         A method for free motions without any.
+    Mismatch
+        See `refuse_without_effect`.
+    """
+    refuse_without_effect(method, options)
+    return METHODS[method](robot, recorded, options)
+
+
+def refuse_without_effect(method: str, options: Options) -> None:
+    """Refuse options that a method would ignore.
+
+    Raises
+    ------
+    UnknownName
+        There is no such method, or the method takes no prior.
+    Mismatch
+        Friction, nuisance or covariance without effect; says what has one.
     """
     if options.prior is not None and method in (BACK_AND_FORTH, "published"):
         raise UnknownName(
@@ -122,4 +150,19 @@ def estimate(
         )
     if method not in METHODS:
         raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")
-    return METHODS[method](robot, recorded, options)
+    friction, nuisance, covariance = EFFECTIVE[method]
+    asked = {
+        "friction": ((options.friction,), friction),
+        "nuisance": (() if options.nuisance == NUISANCES else options.nuisance, nuisance),
+        "covariance": (
+            () if options.covariance == DEFAULTS.covariance else (options.covariance,),
+            covariance,
+        ),
+    }
+    for option, (values, effective) in asked.items():
+        if without := [value for value in values if value not in effective]:
+            known = ", ".join(effective) or "none"
+            raise Mismatch(
+                f"{option} {without[0]!r} has no effect on method {method!r} (with an effect:"
+                f" {known}); leave it out"
+            )

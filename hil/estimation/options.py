@@ -31,9 +31,10 @@ class Options:
         held-out data call for where it was imported; or the name of a law
         (`hil.friction.terms.LAWS`), for imports.
     nuisance : tuple of str
-        Which of `NUISANCES` are looked for; each is taken only where the data show it.
+        Which of `NUISANCES` are looked for; each is taken only where the data show it. All of them
+        stand for those that the method knows.
     covariance : str
-        One of `COVARIANCES` (`hil.least_squares.regression`).
+        One of `COVARIANCES` (`hil.least_squares.regression`); CR2 stands for the method's own.
     prior : Prior, optional
         What is known of the links' bodies, for what recordings leave open; by default nothing, and
         recordings that leave anything open are refused.

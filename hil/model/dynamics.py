@@ -88,7 +88,7 @@ def regressors(
     """`regressor` at the same positions with several velocities and accelerations."""
     model = _model(robot)
     wanted = _rows(robot, joints)
-    rows = np.unique(wanted)
+    rows = np.array(sorted(set(wanted.tolist())), dtype=np.int64)  # np.unique imports numpy.ma
     moved = [_samples(robot, q, *each) for each in rates]
     at = moved[0][0]
     every = np.empty((len(moved), at.size // robot.n_joints, rows.size, model.kinds.size))

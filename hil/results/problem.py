@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
 
 from hil.errors import Mismatch, NotEnoughData, UnknownName
+from hil.estimation.identify import refuse_without_effect
 from hil.estimation.options import DEFAULTS, Options
 from hil.friction.terms import LAWS
 from hil.results.identification import identified, method_for
@@ -102,7 +103,8 @@ def regression(
     friction : str
         ``auto``, or the name of a law for imports.
     nuisance : sequence of str, or one of these
-        What is looked for beside friction, of ``lag``, ``compliance``, ``presliding``, ``drift``.
+        What is looked for beside friction, of ``lag``, ``compliance``, ``presliding`` and
+        ``drift``; by default all that the method knows.
     covariance : {"jackknife", "clusters", "CR2", "white"}
         How errors are stated; what scatters over cells of states is added for imports, unless all
         is taken for white noise. Methods that the default one for imports is compared with have the
@@ -124,8 +126,8 @@ def regression(
     NotEnoughData
         No run, or what is asked of a load without a run with it.
     Mismatch
-        Runs of different robots, the same one twice, a law of friction for runs of which none was
-        imported, or a method for a load.
+        Runs of different robots, the same one twice, an option without effect on the method, or a
+        method for a load.
     UnknownName
         An option that there is not.
     """
@@ -151,4 +153,6 @@ def regression(
         raise NotEnoughData("0 runs with a load, whose mass or gains are asked for: loaded=[run]")
     if loaded:
         return LoadProblem(BareRun(*runs, options=options), tuple(loaded), mass, gains)
-    return RegressionProblem(runs, options, method)
+    problem = RegressionProblem(runs, options, method)
+    refuse_without_effect(problem.method, options)
+    return problem

@@ -235,6 +235,10 @@ def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
         hil.regression(strokes, friction="Stribeck")
     with pytest.raises(Mismatch, match="0 of 1 runs were imported"):
         hil.regression(strokes, friction="arc tangent")
+    with pytest.raises(Mismatch, match=r"'presliding' has no effect .*\(with an effect: lag"):
+        hil.regression(strokes, nuisance="presliding")
+    with pytest.raises(Mismatch, match="covariance 'white' has no effect on method 'published'"):
+        hil.regression(strokes, covariance="white", method="published")
     with pytest.raises(NotEnoughData, match="0 runs with a load"):
         hil.regression(strokes, mass=2.0)
     with pytest.raises(Mismatch, match="a recipe of its own"):
