@@ -28,7 +28,7 @@ def test_defaults_go_with_every_method(method: str) -> None:
     refuse_without_effect(method, DEFAULTS)
 
 
-@pytest.mark.parametrize(("method", "asked"), product(METHODS, ASKED))
+@pytest.mark.parametrize(("method", "asked"), list(product(METHODS, ASKED)))
 def test_an_option_has_an_effect_or_is_refused(method: str, asked: tuple[str, str]) -> None:
     option, value = asked
     effective = dict(zip(("friction", "nuisance", "covariance"), EFFECTIVE[method], strict=True))
