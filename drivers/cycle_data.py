@@ -13,9 +13,6 @@ from drivers.drive_bus import SampleFlag
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from drivers.sync_clock import SyncClock
 
 SPEED_TIME = 0.008
@@ -29,15 +26,15 @@ class Cycles(NamedTuple):
 
     Attributes
     ----------
-    times : list of float, length k
+    times : list of float
         Instants of the SYNCs [s].
-    positions, currents : ndarray, shape (k, n_axes)
-        As in `ProcessData`.
+    positions, currents : list of tuple
+        As in `ProcessData`, for each SYNC.
     """
 
     times: list[float]
-    positions: NDArray[np.float64]
-    currents: NDArray[np.float64]
+    positions: list[tuple[int, ...]]
+    currents: list[tuple[float, ...]]
 
 
 class ProcessData(ABC):
@@ -179,14 +176,6 @@ class ProcessData(ABC):
         if self.time - self._anchor[0] >= SPEED_TIME:
             self._before, self._anchor = self._anchor, (self.time, self.positions)
         self.time = instant
-
-    def _pass_all(self, instants: Sequence[float], positions: NDArray[np.float64]) -> None:
-        """Let the instants of several cycles [s] come, with positions of shape (k, n_axes)."""
-        for k, instant in enumerate(instants):
-            if self.time - self._anchor[0] >= SPEED_TIME:
-                here = self.positions if k == 0 else tuple(positions[k - 1].tolist())
-                self._before, self._anchor = self._anchor, (self.time, here)
-            self.time = instant
 
     def _publish(self, found: Mapping[int, int]) -> None:
         """Set the flags: those of single axes, and of all where cycles were passed over."""

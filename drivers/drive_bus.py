@@ -24,19 +24,15 @@ Whatever stops the axes in the middle of operation latches: until `DriveBus.rese
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, Protocol, overload, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from checked_files.errors import HilError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping, Sequence
     from types import TracebackType
     from typing import Self
-
-    import numpy as np
-    from numpy.typing import NDArray
 
 LATE_FOR = 0.5
 """Time after a late SYNC in which it is the first cause to look at for whatever goes wrong [s]."""
@@ -142,46 +138,6 @@ class Sample(NamedTuple):
     tau: tuple[float, ...]
     flags: tuple[int, ...]
     reached: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SampleBlock(Sequence[Sample]):
-    """Samples of consecutive SYNCs, all but the last as arrays. See `Sample`.
-
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-    q, tau : ndarray, shape (k, n_axes)
-    flags : tuple of int, length n_axes
-    reached : bool
-        Of the samples in the arrays.
-    last : Sample
-        The one after them.
-    """
-
-    time: NDArray[np.float64]
-    q: NDArray[np.float64]
-    tau: NDArray[np.float64]
-    flags: tuple[int, ...]
-    reached: bool
-    last: Sample
-
-    def __len__(self) -> int:
-        return len(self.time) + 1
-
-    def __iter__(self) -> Iterator[Sample]:
-        for time, q, tau in zip(
-            self.time.tolist(), self.q.tolist(), self.tau.tolist(), strict=True
-        ):
-            yield Sample(time, tuple(q), tuple(tau), self.flags, self.reached)
-        yield self.last
-
-    @overload
-    def __getitem__(self, index: int) -> Sample: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[Sample]: ...
-    def __getitem__(self, index: int | slice) -> Sample | list[Sample]:
-        return self.last if index == -1 else list(self)[index]
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,6 @@ STOCK = 4096
 PERIOD = STOCK * machine_step.SLOW_STEPS
 """Steps that a stock of random numbers lasts."""
 _run = machine_step.run_and_latch
-_run_quietly = machine_step.run_quietly
 
 
 WHOLE = 1e-3
@@ -117,6 +116,11 @@ class Plant:
             *self._arm, self.const, self.state, self.profile,
             self._normal, self._noise, self._image, self.flaws,
         )  # fmt: skip
+        whole = np.int64
+        self._single = (
+            np.empty(0, whole), np.empty((3, n), whole), np.empty((0, *self._image.shape), whole),
+            *self._memory,
+        )  # fmt: skip
         self._step, self._rest = file.step, 0.0
         self.events = [int(AxisEvent.DONE | AxisEvent.STANDSTILL)] * n
         for i, axis in enumerate(file.axes):
@@ -162,8 +166,7 @@ class Plant:
 
     def _compile(self) -> None:
         """Compile before the first SYNC, whose answer a master waits for only so long."""
-        _run(0, 0, self._step, 0, *self._memory)
-        self.advance_quietly([0.0], np.zeros((3, len(self.axes)), dtype=np.int64))
+        _run(0, 0, self._step, 0, *self._single)
         servo.latch(self.const, self.state, self.profile, self._noise[0], self._image, self.flaws)
 
     @property
@@ -186,7 +189,7 @@ class Plant:
                 self._random.standard_normal(out=self._normal)
                 left = PERIOD
             some = steps if steps < left else left
-            done = _run(some, self._number, h, self._noise_row, *self._memory)
+            done = _run(some, self._number, h, self._noise_row, *self._single)
             self._latched = done == some
             self._number += abs(done)
             steps -= abs(done)
@@ -214,9 +217,9 @@ class Plant:
             rests.append(rest)
         readings = np.empty((len(steps), *self._image.shape), dtype=np.int64)
         counts = np.array(steps, dtype=np.int64)
-        done = _run_quietly(
-            counts, self._number, h, self._noise_row, watch, readings, *self._memory
-        )
+        if not steps:
+            return readings.reshape(0, self._readings.size)
+        done = _run(0, self._number, h, self._noise_row, counts, watch, readings, *self._memory)
         self._number += sum(steps[:done])
         self._noise_row += done
         self._rest = rests[done]

@@ -11,14 +11,10 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from drivers.cycle_data import unpacking
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from numpy.typing import NDArray
 
 _HEAD = struct.Struct("=IB3x")
 _FRAME = 16
@@ -54,23 +50,6 @@ class FrameBlock:
         self._size = _FRAME * len(ranks)
         begins = [_FRAME * ranks.index(k) + _HEAD.size for k in range(len(ranks))]
         self._data = [slice(at, at + n) for at, n in zip(begins, sizes, strict=True)]
-        at_values = [
-            ("<" + code, at + struct.calcsize("<" + layout[:place]))
-            for at, layout in zip(begins, layouts, strict=True)
-            for place, code in enumerate(layout)
-            if code != "x"
-        ]
-        self._width = len(order)
-        self._kinds = []
-        for kind in {at_values[n][0] for n in order}:
-            columns = [at for at, n in enumerate(order) if at_values[n][0] == kind]
-            begin = np.array([at_values[order[column]][1] for column in columns])
-            places = (begin[:, None] + np.arange(struct.calcsize(kind))).reshape(-1)
-            self._kinds.append((kind, np.array(columns), places))
-        self._mask, self._expected = (
-            np.frombuffer(number.to_bytes(self._size, "little"), dtype=np.uint8)
-            for number in (self._where_heads, self._heads)
-        )
 
     def unpack(self, block: bytes) -> tuple[int, ...] | None:
         """Return the values of all frames; None where one is missing, foreign or of other size."""
@@ -78,18 +57,6 @@ class FrameBlock:
             return None
         heads = int.from_bytes(block, "little") & self._where_heads
         return self._values(block) if heads == self._heads else None
-
-    def unpack_all(self, blocks: bytes) -> NDArray[np.float64] | None:
-        """Return the values of several blocks in turn, shape (k, n_values); None as `unpack`."""
-        if len(blocks) % self._size:
-            return None
-        raw = np.frombuffer(blocks, dtype=np.uint8).reshape(-1, self._size)
-        if ((raw & self._mask) != self._expected).any():
-            return None
-        values = np.empty((len(raw), self._width))
-        for kind, columns, places in self._kinds:
-            values[:, columns] = raw.take(places, axis=1).view(kind)  # exact: 32 bits at most
-        return values
 
     def data(self, block: bytes) -> list[bytes]:
         """Return the data of each frame, in the order of `identifiers`."""

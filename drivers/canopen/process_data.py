@@ -179,16 +179,21 @@ class SyncProcessData(ProcessData):
         return cycles
 
     def _cycles(self, blocks: list[bytes]) -> Cycles:
-        values = self._block.unpack_all(b"".join(blocks))
-        if values is None or len(values) != len(blocks) or (values[:, 0::3] != self.words).any():
-            reason = ValueError(f"other frames than before answered {len(blocks)} SYNCs")
-            raise self._network.unavailable("cannot receive", reason)
-        instants = [self._clock.sent() for _ in blocks]
-        self._pass_all(instants, values[:, 1::3])
-        last = self._block.unpack(blocks[-1]) or ()
-        self.positions, self.currents = last[1::3], last[2::3]
+        unpack, words = self._block.unpack, self.words
+        cycles = Cycles([], [], [])
+        for block in blocks:
+            values = unpack(block)
+            if values is None or values[0::3] != words:
+                reason = ValueError(f"other frames than before answered {len(blocks)} SYNCs")
+                raise self._network.unavailable("cannot receive", reason)
+            instant = self._clock.sent()
+            self._pass_to(instant)
+            self.positions = values[1::3]
+            cycles.times.append(instant)
+            cycles.positions.append(values[1::3])
+            cycles.currents.append(values[2::3])
         self._last_block = blocks[-1]
-        return Cycles(instants, values[:, 1::3], values[:, 2::3])
+        return cycles
 
     def _receive_answers(self, instant: float) -> None:
         clock = self._clock

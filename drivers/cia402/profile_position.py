@@ -14,8 +14,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from drivers.cia402.objects import PROFILE_ACCELERATION, PROFILE_DECELERATION, PROFILE_VELOCITY
 from drivers.cia402.set_point import (
     ENABLED,
@@ -153,14 +151,11 @@ class ProfilePosition:
     def pass_by(self, cycles: Cycles) -> None:
         """Take what SYNCs brought before `quiet_until`."""
         for axis, motion in self.active.items():
-            positions = cycles.positions[:, axis]
-            last = positions[-1]
-            others = np.flatnonzero(positions != last)
-            since = others[-1] + 1 if len(others) else 0
-            if since or motion.still[0] != last:
-                motion.still = int(last), cycles.times[since]
-            if isinstance(motion.command, SetPoint):
-                motion.command.pass_by(positions)
+            for time, positions in zip(cycles.times, cycles.positions, strict=True):
+                position = positions[axis]
+                if position != motion.still[0]:
+                    motion.still = position, time
+                motion.command.step(0, position)
 
     def _write_profile(self, axis: int, move: Move) -> None:
         scale, server = self._axes[axis].scale, self._axes[axis].server

@@ -10,10 +10,8 @@ import math
 from operator import mul, sub
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from drivers.cia402.states import Status
-from drivers.drive_bus import Sample, SampleBlock, SampleFlag
+from drivers.drive_bus import Sample, SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,13 +73,22 @@ class SampleReader:
             sample = sample._replace(flags=flags)
         return sample
 
-    def block(
-        self, cycles: Cycles, limits: tuple[int, ...], reached: bool, last: Sample
-    ) -> SampleBlock:
-        """Return samples of several regular SYNCs and the last one (see `SampleBlock`)."""
-        q = (cycles.positions - self._zeros) * self._per_increment
-        tau = cycles.currents * self._per_current
-        return SampleBlock(np.array(cycles.times), q, tau, limits, reached, last)
+    def several(self, cycles: Cycles, limits: tuple[int, ...], reached: bool) -> list[Sample]:
+        """Return the samples of several regular SYNCs, axes at their internal limit in `limits`."""
+        zeros, increment, current = self._zeros, self._per_increment, self._per_current
+        return [
+            _new_tuple(
+                Sample,
+                (
+                    time,
+                    tuple(map(mul, increment, map(sub, positions, zeros))),
+                    tuple(map(mul, current, currents)),
+                    limits,
+                    reached,
+                ),
+            )
+            for time, positions, currents in zip(*cycles, strict=True)
+        ]
 
 
 def _with_gaps(sample: Sample, gaps: Sequence[int]) -> Sample:

@@ -16,13 +16,9 @@ import enum
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from drivers.cia402.states import Command, Control, Status
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from drivers.axis import Axis
 
 ENABLED = Command.ENABLE_OPERATION.value[0]
@@ -99,11 +95,6 @@ class SetPoint:
     def waits(self, statusword: int) -> bool:
         """Return True while nothing is to be done before the statusword changes."""
         return self.phase is Phase.TRAVELLING and not statusword & _REACHED
-
-    def pass_by(self, positions: NDArray[np.float64]) -> None:
-        """Take positions of several samples, shape (k,), while the set-point `waits`."""
-        for position in positions[np.abs(positions - self.target) <= self.window].tolist():
-            self.rest.update(position)
 
     def step(self, statusword: int, position: int) -> int | None:
         """Take one statusword (6041) and position (6064); return a controlword to send, if any."""

@@ -23,8 +23,6 @@ import math
 from operator import gt, lt, sub
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from drivers.drive_bus import Tripped
 
 if TYPE_CHECKING:
@@ -78,8 +76,7 @@ class Trips:
         """Begin to look: all axes rest at `positions` [increments]."""
         self._lows = [positions[axis.index] - axis.window for axis in self._axes]
         self._highs = [positions[axis.index] + axis.window for axis in self._axes]
-        self._last: Sequence[float] = tuple(positions)
-        self._last_time = time
+        self._last, self._last_time = tuple(positions), time
         self._since.clear()
 
     def expect(self, axis: int, position: int, target: float, *, moving: bool) -> None:
@@ -100,23 +97,28 @@ class Trips:
     def look_ahead(self, cycles: Cycles) -> Tripped | None:
         """Do as `look` for each of several regular SYNCs; return the first reason to stop."""
         times, positions, currents = cycles
-        seen = np.concatenate(((self._last,), positions))
-        steps = np.abs(seen[1:] - seen[:-1]).max(axis=0).tolist()
-        # two steps in a row of at most half the bound keep it
+        columns = list(zip(*positions, strict=True))
+        before = [self._last, *positions]
         if (
-            True in map(lt, positions.min(axis=0).tolist(), self._lows)
-            or True in map(gt, positions.max(axis=0).tolist(), self._highs)
-            or True in map(gt, steps, self._half_steps)
-            or True in map(gt, np.abs(currents).max(axis=0).tolist(), self._currents)
+            True in map(lt, map(min, columns), self._lows)
+            or True in map(gt, map(max, columns), self._highs)
+            # two steps in a row of at most half the bound keep it
+            or any(
+                True in map(gt, map(abs, map(sub, here, there)), self._half_steps)
+                for here, there in zip(positions, before, strict=False)
+            )
+            or any(True in map(gt, map(abs, here), self._currents) for here in currents)
             or self._since
         ):
-            each = zip(times, positions.tolist(), currents.tolist(), strict=True)
-            found = (self._look(time, *values, irregular=False) for time, *values in each)
+            found = (
+                self._look(*values, irregular=False)
+                for values in zip(times, positions, currents, strict=True)
+            )
             return next(filter(None, found), None)
         turn, self._turn = self._turn, (self._turn + len(times)) % _TURNS
         odd = len(times) - 1 if self._turn & 1 else len(times) - 2
         if odd >= 0 and (turn + odd + 1) & 1:
-            self._last, self._last_time = positions[odd].tolist(), times[odd]
+            self._last, self._last_time = positions[odd], times[odd]
         return None
 
     def look(self, time: float, process_data: ProcessData) -> Tripped | None:
@@ -136,7 +138,7 @@ class Trips:
     def _look(
         self,
         time: float,
-        positions: Sequence[float],
+        positions: tuple[int, ...],
         currents: Sequence[float],
         *,
         irregular: bool,
@@ -155,7 +157,7 @@ class Trips:
             return jump or self._outside(positions)
         return None if turn else self._judge_torque(time, currents)
 
-    def _outside(self, positions: Sequence[float]) -> Tripped:
+    def _outside(self, positions: Sequence[int]) -> Tripped:
         bounds = zip(positions, self._lows, self._highs, strict=True)
         n = next(i for i, (p, low, high) in enumerate(bounds) if not low <= p <= high)
         axis, unit = self._axes[n], self._axes[n].drive.unit
@@ -169,7 +171,7 @@ class Trips:
         )
 
     def _judge_speed(
-        self, elapsed: float, positions: Sequence[float], last: Sequence[float]
+        self, elapsed: float, positions: Sequence[int], last: Sequence[int]
     ) -> Tripped | None:
         for axis, velocity in zip(self._axes, self._velocities, strict=True):
             way = abs(positions[axis.index] - last[axis.index])
@@ -200,7 +202,7 @@ class Trips:
         return None
 
 
-def _cause(way: float, axis: Axis) -> str:
+def _cause(way: int, axis: Axis) -> str:
     """Return in words what else than motion may show such a way [increments]."""
     limits = axis.drive.limits
     if way * axis.per_count > limits.q_max - limits.q_min:

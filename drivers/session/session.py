@@ -262,7 +262,7 @@ class Session:
         last = self._samples.sample(time, data, not self._moving)
         if cycles is None:
             return (last,)
-        return self._samples.block(cycles, limits, reached, last)
+        return [*self._samples.several(cycles, limits, reached), last]
 
     def _judge(self, time: float, elapsed: float) -> None:
         """Look at what the SYNC at `time` brought, so long after the one before [s]."""

@@ -12,12 +12,11 @@ import struct
 from array import array
 from collections import defaultdict
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from drivers.drive_bus import SampleBlock, SampleFlag
+from drivers.drive_bus import SampleFlag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -208,15 +207,10 @@ class Recorder:
 
     def extend(self, samples: Sequence[Sample]) -> float:
         """Take several samples; return until when nothing else is wanted of them: for ever."""
-        if isinstance(samples, SampleBlock) and self._size > 1:
-            rows = np.empty(len(samples.time), dtype=_row(self._size))
-            rows["time"], rows["q"], rows["tau"] = samples.time, samples.q, samples.tau
-            rows["flags"] = samples.flags
-            self._rows += rows.tobytes()
-            self.add(samples.last)
-        else:
-            for sample in samples:
-                self.add(sample)
+        pack = self._pack
+        for time, q, tau, flags, _ in samples:
+            self._rows += pack(time, *q, *tau, *flags)
+            pack = self._pack
         return math.inf
 
     def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
@@ -225,7 +219,9 @@ class Recorder:
 
     def finish(self) -> Recording:
         """Turn what was collected into arrays."""
-        rows = np.frombuffer(self._rows, dtype=_row(self._size))
+        n_joints = (self._size - 8) // 17
+        joints = [("q", "<f8", n_joints), ("tau", "<f8", n_joints), ("flags", "u1", n_joints)]
+        rows = np.frombuffer(self._rows, dtype=[("time", "<f8"), *joints])
         return Recording(
             time=np.array(rows["time"], dtype=np.float64),
             q=np.array(rows["q"], dtype=np.float64, order="C"),
@@ -242,14 +238,6 @@ class Recorder:
         layout = struct.Struct(f"<d{2 * n_joints}d{n_joints}B")
         self._pack, self._size = layout.pack, layout.size
         return layout.pack(*values)
-
-
-@cache
-def _row(size: int) -> np.dtype[np.void]:
-    """Return the layout of a sample of so many bytes."""
-    n_joints = (size - 8) // 17
-    joints = [("q", "<f8", n_joints), ("tau", "<f8", n_joints), ("flags", "u1", n_joints)]
-    return np.dtype([("time", "<f8"), *joints])
 
 
 def under_way(stroke: Numbers, group: Numbers | None) -> Mask:

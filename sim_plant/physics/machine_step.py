@@ -124,38 +124,7 @@ def run_and_latch(
     number: int,
     h: float,
     row: int,
-    joints: tuple[int, ...],
-    frames: Array,
-    bodies: Array,
-    gravity: Array,
-    kinds: Array | None,
-    const: Array,
-    state: Array,
-    profile: Array,
-    normal: Array,
-    noise: Array,
-    image: NDArray[np.int64],
-    flaws: Array | None = None,
-) -> int:
-    """Do as `run`, then as `physics.servo.latch` with a row of `noise` if no event came last.
-
-    Entering compiled code costs as much as a step, so it is done once a SYNC.
-    """
-    done = run(
-        steps, number, h, joints, frames, bodies, gravity, kinds, const, state, profile, normal,
-        flaws,
-    )  # fmt: skip
-    if done == steps:
-        servo.latch(const, state, profile, noise[row], image, flaws)
-    return done
-
-
-@compiled
-def run_quietly(
-    steps: NDArray[np.int64],
-    number: int,
-    h: float,
-    row: int,
+    several: NDArray[np.int64],
     watch: NDArray[np.int64],
     readings: NDArray[np.int64],
     joints: tuple[int, ...],
@@ -171,34 +140,48 @@ def run_quietly(
     image: NDArray[np.int64],
     flaws: Array | None = None,
 ) -> int:
-    """Advance and latch several times, up to the time before an axis has news.
+    """Do as `run`, then as `physics.servo.latch` with a row of `noise` if no event came last.
+
+    Or do so several times, up to the time before an axis has news. Entering compiled code costs as
+    much as a step, so it is done at most once a SYNC; both are one function, since each costs
+    seconds to compile.
 
     Parameters
     ----------
-    steps : ndarray, shape (k,)
-        Steps before each latch.
+    steps : int
+        As of `run`.
+    several : ndarray, shape (k,)
+        Steps before each of several latches, in place of `steps`; none for a single one.
     watch : ndarray, shape (3, n)
         Known events, lowest and highest position of each axis: anything else is news.
     readings : ndarray, shape (k, n, 7)
-        Written, see `physics.servo.latch`.
+        Written by several latches, see `physics.servo.latch`.
 
     Returns
     -------
     int
-        Latches before the one with news; the machine stands where it was then.
+        As of `run`; or the number of latches before the one with news: the machine stands where it
+        was after them.
     """
+    times = len(several)
     before, profile_before = state.copy(), profile.copy()
     if flaws is not None:
         flaws_before = flaws.copy()
-    for k in range(steps.shape[0]):
-        before[:], profile_before[:] = state, profile
-        if flaws is not None:
-            flaws_before[:] = flaws
-        done = run_and_latch(
-            steps[k], number, h, row + k, joints, frames, bodies, gravity, kinds, const, state,
-            profile, normal, noise, image, flaws,
+    for k in range(max(times, 1)):
+        if times:
+            steps = several[k]
+            before[:], profile_before[:] = state, profile
+            if flaws is not None:
+                flaws_before[:] = flaws
+        done = run(
+            steps, number, h, joints, frames, bodies, gravity, kinds, const, state, profile, normal,
+            flaws,
         )  # fmt: skip
-        news = done != steps[k]
+        if done == steps:
+            servo.latch(const, state, profile, noise[row + k], image, flaws)
+        if not times:
+            return done
+        news = done != steps
         for i in range(image.shape[0]):
             news |= image[i, 6] != watch[0, i]
             news |= image[i, 0] < watch[1, i] or image[i, 0] > watch[2, i]
@@ -209,5 +192,5 @@ def run_quietly(
                 flaws[:] = flaws_before
             return k
         readings[k] = image
-        number += steps[k]
-    return len(steps)
+        number += steps
+    return times
