@@ -202,9 +202,11 @@ def _pack_all(
     packed: NDArray[np.uint8],
 ) -> None:
     for k in range(readings.shape[0]):
-        values[: readings.shape[1]] = readings[k]
+        for slot in range(readings.shape[1]):
+            values[slot] = readings[k, slot]
         _pack(values, fields, frames)
-        packed[k] = frames
+        for place in range(frames.shape[0]):
+            packed[k, place] = frames[place]
 
 
 @compiled
