@@ -127,7 +127,7 @@ def _copy(source: Array, target: Array) -> None:
 
 
 @compiled
-def run_and_latch(
+def run_and_latch(  # noqa: C901 - as `run`
     steps: int,
     number: int,
     h: float,
