@@ -118,7 +118,8 @@ def _columns(
     """Yield rows, columns without missing values, whole turns undone, and what stands out there."""
     turning = samples.n_joints if samples.wraps else 0
     for rows, _ in _parts(stretches):
-        values = np.ascontiguousarray(samples.read(rows).T).clip(-GREATEST, GREATEST)
+        values = np.ascontiguousarray(samples.read(rows).T)
+        np.clip(values, -GREATEST, GREATEST, out=values)
         for column in np.flatnonzero(np.isfinite(values).all(axis=1)).tolist():
             x, recorded = values[column], None
             if column < turning:
