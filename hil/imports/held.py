@@ -59,7 +59,8 @@ def rows_held(x: Array) -> int:
     few = len(x) <= len(_ABOUT) or not alone.any()
     if few or np.count_nonzero(alone) < _HELD * np.count_nonzero(steps[1:-1]):
         return 1
-    return round(float(np.median(np.diff(np.flatnonzero(steps))))) if repeats([x], under_way([x])) else 1
+    held = repeats([x], under_way([x]))
+    return round(float(np.median(np.diff(np.flatnonzero(steps))))) if held else 1
 
 
 def under_way(positions: Sequence[Array]) -> Mask:

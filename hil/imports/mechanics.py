@@ -139,28 +139,22 @@ def _misread(
     driven = int(stated.driven.argmax())
     drives = stated.driven[driven] >= 1.0 - LEAVES
     enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
-    every = [
-        (stated.instead_below(reading, enough), cause, axes, words, reading)
-        for cause, axes, words, reading in _readings(robot, thin)
-    ]
-    likely = [
-        (here.misfit, *each)
-        for here, *each in every
-        if here is not None and here.misfit < enough and here.possible
-    ]
     astray = set(np.flatnonzero(strangers).tolist())
-    tried = [
-        (*each[:4], signed)
-        for each in every
-        if len(each[2]) == 2 and astray.issuperset(each[2])
-        for signed in _signed(each[4], each[2])
-    ]
-    tried += [min(likely, key=lambda each: each[0])] if likely else []
+    likely, tried = [], []
+    for each in _readings(robot, thin):
+        _, axes, _, reading = each
+        here = stated.instead_below(reading, enough)
+        if here is not None and here.misfit < enough and here.possible:
+            likely.append((here.misfit, each))
+        if len(axes) == 2 and astray.issuperset(axes):
+            tried += [(*each[:3], signed) for signed in _signed(reading, axes)]
+    if likely:
+        tried.append(min(likely, key=lambda each: each[0])[1])
     if not tried:
         return None
     left, cause, axes, words = min(
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
-        for _, cause, axes, words, reading in tried
+        for cause, axes, words, reading in tried
         for of_torques in [axes if "torque" in cause else ()]
     )
     # torques that follow no motion of their axes contradict the map as what is impossible does

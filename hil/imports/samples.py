@@ -109,6 +109,7 @@ def read_samples(
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
+            last = np.empty((0, robot.n_joints))
             path = the_map.beside(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
                 numbers.append(np.isfinite(block).sum(axis=0))
@@ -120,7 +121,7 @@ def read_samples(
                     times.append(time)
                     complete.append(np.isfinite(time) & conversion.complete(values))
                     q = values[:, : robot.n_joints]
-                    steps = np.diff(q, axis=0, prepend=q[:1] if n == begins[-1] else last)
+                    steps = np.diff(q, axis=0, prepend=last)
                     # no robot makes more than half a turn within a sample; nor half of 6 m
                     wraps += int(np.count_nonzero(np.abs(steps) > np.pi))
                     last, n = q[-1:], n + len(time)

@@ -182,5 +182,3 @@ def _beyond_ordinary(x: Array) -> tuple[Array, Mask]:
     # rounding, too, is ordinary
     most = max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max())
     return excursion, np.asarray(excursion > most)
-
-

@@ -229,9 +229,9 @@ def _without_repeating(samples: Samples, rows: Integers, period: float, counts: 
     for begin in range(1, len(rows), ROWS):
         part = rows[begin - 1 : begin + ROWS]
         # what the first column shows to be new needs no look at the others
-        held = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
-        before, after = (np.nan_to_num(samples.values[part[at]]) for at in (held - 1, held))
-        same[begin - 1 + held] = (before == after).all(axis=1)
+        alike = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
+        before, after = (np.nan_to_num(samples.values[part[at]]) for at in (alike - 1, alike))
+        same[begin - 1 + alike] = (before == after).all(axis=1)
     changes = np.flatnonzero(~same)
     if len(changes) == len(rows) or len(changes) < 2:
         return rows

@@ -244,8 +244,8 @@ def explained(
 ) -> Explained:
     """Fit base parameters under a reading, and of `more` columns, shape (n, k).
 
-    What is impossible is so by more than noise of a `dispersion` makes it. `columns` may be those of
-    this reading where they are known.
+    What is impossible is so by more than noise of a `dispersion` makes it. `columns` are those of
+    this reading, where they are known.
     """
     torque, X, blocks = columns or _columns(robot, evidence, reading, more)
     n_base = X.shape[1] - (0 if more is None else more.shape[1])

@@ -21,6 +21,7 @@ import numpy as np
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrow import plain_rows
+from hil.imports.readers.diadem import is_diadem, open_diadem
 from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, instant, layout_of
 from hil.imports.readers.stacked import Channels, is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
@@ -199,8 +200,9 @@ def open_text(path: Path, stated: Format) -> Table:
     if len(head) == _HEAD:
         head = head.rpartition(b"\n")[0]
     text = _decoded(head)
-    if is_stacked(text):
-        return open_stacked(path, _whole(path))
+    for belongs, opened in ((is_stacked, open_stacked), (is_diadem, open_diadem)):
+        if belongs(text):
+            return opened(path, _whole(path))
     try:
         layout = layout_of(text, stated)
     except NoNumbers as error:
