@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     Named = tuple["SeenColumn", set[str], list[str]]
     """A column, the words of its name, and the numbers among them."""
 
-_UNIT_IN_NAME = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I)
+_UNIT_IN_NAME = re.compile(
+    r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
+)
 _WORDS = {
     "position": {"position", "positions", "pos", "q", "theta", "angle", "x"},
     "velocity": {
