@@ -28,7 +28,12 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.imports.tables import Table
 
-_UNIT_IN_NAME = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I)
+    Named = tuple["SeenColumn", set[str], list[str]]
+    """A column, the words of its name, and the numbers among them."""
+
+_UNIT_IN_NAME = re.compile(
+    r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
+)
 _WORDS = {
     "position": {"position", "positions", "pos", "q", "theta", "angle", "x"},
     "velocity": {
@@ -54,6 +59,8 @@ _SECONDS = {"sec", "secs", "second", "seconds", "s"}
 _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
 _SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
+_OTHER = "other"
+"""Kind of columns that are no measurement of a joint."""
 _FILLERS = {"actual", "measured", "meas", "act"}
 _UNITS = {
     "position": "rad, deg, m, mm, turns or counts",
@@ -87,7 +94,9 @@ def draft_map(path: Path, name: str) -> str:
         left_out = listed({**empty, **table.left_out})
         raise FileError(f"{path}: holds no columns of numbers{left_out}")
     time = _time_of(table, columns)
-    joints = _joints([column for column in columns if column not in time])
+    rest = [column for column in columns if column not in time]
+    joints = _joints(rest)
+    others = {**_not_placed(rest, joints), **empty, **table.left_out}
     return "\n".join(
         [
             comment(f"Map of {name}, drafted from its first {looked_at} rows."),
@@ -95,7 +104,7 @@ def draft_map(path: Path, name: str) -> str:
             f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
             "# Columns and what they hold:",
             *(f"#   {one_line(described(column), 400)}" for column in columns),
-            *_left_out_lines({**empty, **table.left_out}),
+            *_left_out_lines(others),
             f"robot: {to_be_stated('a robot file, a URDF, or the name of a robot')}",
             f"files: [{quoted(name)}]",
             *_time_lines(time, from_format=bool(table.time)),
@@ -187,16 +196,16 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
 
     Velocities and torques go to the position whose name has the same numbers, and the most of their
     words. Where torques are found, positions without one are joints if they are named alike but for
-    a number that no other has.
+    a number that no other has. Where none are, they are the only other columns with the numbers of
+    all positions.
     """
-    kinds: dict[str, list[tuple[SeenColumn, set[str], list[str]]]] = {}
+    kinds: dict[str, list[Named]] = {}
     for column in columns:
-        words = words_of(_UNIT_IN_NAME.sub("", column.name))
-        kind, word = _kind(column, words)
-        if kind and not (_SET_POINTS | _TIMES).intersection(words):
-            rest = [each for each in words if each not in {word, *_FILLERS}]
-            numbers = [each for each in rest if each.isdigit()]
-            kinds.setdefault(kind, []).append((column, set(rest), numbers))
+        kind, rest = _meaning(column)
+        numbers = [each for each in rest if each.isdigit()]
+        kinds.setdefault(kind, []).append((column, set(rest), numbers))
+    if "torque" not in kinds:
+        kinds["torque"] = _numbered_alike(kinds.get("", ()), kinds.get("position", ()))
     joints = [{"position": column} for column, *_ in kinds.get("position", ())]
     for kind in ("velocity", "torque"):
         pairs = [
@@ -219,6 +228,43 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
         for (numbers, words), joint in zip(named, joints, strict=True)
         if not whole or "torque" in joint or (words in alike and numbers not in numbered)
     ] or [{}]
+
+
+def _numbered_alike(others: Sequence[Named], positions: Sequence[Named]) -> list[Named]:
+    """Columns named alike whose numbers are those of the positions, if only one name has these."""
+    families: dict[frozenset[str], list[Named]] = {}
+    for each in others:
+        families.setdefault(frozenset(each[1].difference(each[2])), []).append(each)
+    wanted = sorted(numbers for *_, numbers in positions)
+    found = [each for each in families.values() if sorted(n for *_, n in each) == wanted]
+    return found[0] if len(found) == 1 else []
+
+
+def _not_placed(
+    columns: Sequence[SeenColumn], joints: Sequence[Mapping[str, SeenColumn]]
+) -> dict[str, str]:
+    """Columns that are of no joint, and why."""
+    placed = {column.number for joint in joints for column in joint.values()}
+    found: dict[str, list[str]] = {}
+    for column in columns:
+        if column.number not in placed:
+            found.setdefault(_meaning(column)[0], []).append(column.name or str(column.number))
+    if_one = "if one is what was measured of a joint, name it there as column"
+    return {
+        ", ".join(names): {
+            "": f"nothing known by the name; {if_one} of its position, velocity or torque",
+            _OTHER: f"a set point, or a time, by the name; {if_one}",
+        }.get(kind, f"a {kind} by the name, and no position has its numbers; {if_one}")
+        for kind, names in found.items()
+    }
+
+
+def _meaning(column: SeenColumn) -> tuple[str, list[str]]:
+    """What a column holds, empty where nothing says it, and the rest of its name's words."""
+    words = words_of(_UNIT_IN_NAME.sub("", column.name))
+    kind, word = _kind(column, words)
+    kind = _OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
+    return kind, [each for each in words if each not in {word, *_FILLERS}]
 
 
 def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
@@ -267,7 +313,8 @@ def _guess(key: str, column: SeenColumn | None) -> str:
     if match := _UNIT_IN_NAME.search(column.name):
         return f"; up to {most:.4g}, and its name says {one_line(match[1] or match[2], 40)}"
     if key != "position":
-        return f"; up to {most:.4g}"
+        guessed = "" if _meaning(column)[0] else ", guessed since it is numbered like the positions"
+        return f"; up to {most:.4g}{guessed}"
     likely = "rad or m" if most < 7 else "deg" if most <= 400 else "counts or mm"
     return f"; up to {most:.4g} looks like {likely}"
 

@@ -90,7 +90,9 @@ def _on_grid(instants: Array, values: Array, grid: Array, period: float) -> Arra
     """Values on a grid; as they are where all of it was sampled."""
     nearest = np.searchsorted(instants, grid - period / 2).clip(max=len(instants) - 1)
     if np.all(np.abs(instants[nearest] - grid) < _SAME * period):
-        return np.asarray(values[nearest])
+        first, last = int(nearest[0]), int(nearest[-1]) + 1
+        # a slice where rows follow each other, which needs no copy
+        return np.asarray(values[first:last] if last - first == len(grid) else values[nearest])
     return resampled(instants, values, grid)
 
 

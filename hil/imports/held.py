@@ -59,21 +59,34 @@ def rows_held(x: Array) -> int:
     few = len(x) <= len(_ABOUT) or not alone.any()
     if few or np.count_nonzero(alone) < _HELD * np.count_nonzero(steps[1:-1]):
         return 1
-    return round(float(np.median(np.diff(np.flatnonzero(steps))))) if repeats([x], [x]) else 1
+    held = repeats([x], under_way([x]))
+    return round(float(np.median(np.diff(np.flatnonzero(steps))))) if held else 1
 
 
-def repeats(columns: Sequence[Array], positions: Sequence[Array]) -> float:
-    """Return the share of rows that repeat a value while the joint is under way; 0 for chance.
+def under_way(positions: Sequence[Array]) -> Mask:
+    """Return the steps of a joint that is faster than in half of the steps in which it moves.
 
     Parameters
     ----------
-    columns, positions : sequences of array (n,)
-        Of excerpts: a column of a joint, and the joint's position.
+    positions : sequence of array (n,)
+        Of excerpts; the steps of all of them follow each other.
     """
-    steps = np.abs(np.concatenate([np.diff(x) for x in columns]))
     ways = np.abs(np.concatenate([np.convolve(np.diff(q), _ABOUT, "same") for q in positions]))
-    # under way: faster than half of the rows in which it moves
-    steps = steps[ways >= np.median(ways[ways > 0])] if np.any(ways > 0) else steps[:0]
+    moves = ways > 0
+    return np.asarray(moves & (ways >= np.median(ways[moves]))) if moves.any() else moves
+
+
+def repeats(columns: Sequence[Array], moving: Mask) -> float:
+    """Return the share of steps without a change while the joint is under way; 0 for chance.
+
+    Parameters
+    ----------
+    columns : sequence of array (n,)
+        Of excerpts: a column of a joint.
+    moving : ndarray of bool
+        `under_way` of the joint.
+    """
+    steps = np.abs(np.concatenate([np.diff(x) for x in columns]))[moving]
     changes = steps[steps > 0]
     share = 1.0 - len(changes) / max(len(steps), 1)
     if not SHARE < share < 1 or not len(changes):

@@ -73,6 +73,9 @@ DEGREE = np.pi / 180.0
 SLOW = 0.004
 """Time between the samples that are compared [s]: motion of a robot up to 20 Hz has twelve in a
 period. Faster recordings are replaced by means, alike of positions and of torques."""
+SPREAD = 4
+"""Excerpts that are compared besides those in which a joint moves most: of ten seconds each, of
+which the readings' rows are a small part anyway."""
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
 """Ranges of a joint that make nobody doubt the unit of its position [rad]: two turns are the widest
 of robots, and what moves less would not exceed them in the other unit either."""
@@ -91,7 +94,7 @@ def mechanical_suspicions(
         Joints that move, with accelerations beyond their noise: what a model leaves of the torques
         of others says nothing of the columns.
     """
-    excerpts = [_thinned(each) for each in excerpts]
+    excerpts = [_thinned(each) for each in _telling(excerpts)]
     prepared = [_motion(number, each) for number, each in enumerate(excerpts)]
     try:
         solver = SimultaneousFit(robot, prepared)
@@ -133,27 +136,25 @@ def _misread(
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
-    every = [
-        (stated.instead(reading), cause, axes, words, reading)
-        for cause, axes, words, reading in _readings(robot, thin)
-    ]
     driven = int(stated.driven.argmax())
     drives = stated.driven[driven] >= 1.0 - LEAVES
     enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
-    likely = [each for each in every if each[0].misfit < enough and each[0].possible]
     astray = set(np.flatnonzero(strangers).tolist())
-    tried = [
-        (*each[:4], signed)
-        for each in every
-        if len(each[2]) == 2 and astray.issuperset(each[2])
-        for signed in _signed(each[4], each[2])
-    ]
-    tried += [min(likely, key=lambda each: each[0].misfit)] if likely else []
+    likely, tried = [], []
+    for each in _readings(robot, thin):
+        _, axes, _, reading = each
+        here = stated.instead_below(reading, enough)
+        if here is not None and here.misfit < enough and here.possible:
+            likely.append((here.misfit, each))
+        if len(axes) == 2 and astray.issuperset(axes):
+            tried += [(*each[:3], signed) for signed in _signed(reading, axes)]
+    if likely:
+        tried.append(min(likely, key=lambda each: each[0])[1])
     if not tried:
         return None
     left, cause, axes, words = min(
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
-        for _, cause, axes, words, reading in tried
+        for cause, axes, words, reading in tried
         for of_torques in [axes if "torque" in cause else ()]
     )
     # torques that follow no motion of their axes contradict the map as what is impossible does
@@ -254,6 +255,13 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             reading = sized(robot, cause, -1)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
             yield "gravity", (), f"gravity points along [{towards}]", reading
+
+
+def _telling(excerpts: Sequence[Excerpt]) -> list[Excerpt]:
+    """Return some excerpts from begin to end, and of each joint the one in which it moves most."""
+    ranges = np.array([each.extent.high - each.extent.low for each in excerpts])
+    spread = np.linspace(0, len(excerpts) - 1, min(SPREAD, len(excerpts))).round().astype(int)
+    return [excerpts[k] for k in np.union1d(spread, ranges.argmax(axis=0))]
 
 
 def _thinned(excerpt: Excerpt) -> Excerpt:

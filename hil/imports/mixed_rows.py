@@ -78,9 +78,10 @@ def _suspicion(samples: Samples, rows: Integers, mixed: _Mixed) -> Suspicion:
 
 def _visits(q: Array) -> _Mixed | None:
     """Find rows of a rarer second source."""
-    there, back = np.abs(q[1:-1] - q[:-2]), np.abs(q[2:] - q[1:-1])
-    away, gap = np.minimum(there, back), np.abs(q[2:] - q[:-2])
-    ranges = np.ptp(q, axis=0)
+    steps, ranges = np.abs(np.diff(q, axis=0)), np.ptp(q, axis=0)
+    if np.count_nonzero((steps > FAR * ranges).any(axis=1)) < OFTEN * len(q):
+        return None
+    away, gap = np.minimum(steps[:-1], steps[1:]), np.abs(q[2:] - q[:-2])
     far = (away > FAR * ranges) & (gap < RETURNED * away) & (ranges > 0)
     visiting = far.mean(axis=1) >= min(0.5, 0.5 * np.mean(ranges > 0))
     visiting &= far.any(axis=1)
@@ -105,20 +106,22 @@ def _alternating(q: Array, time: Array) -> _Mixed | None:
     """Find two sources in turn with nearly equal positions."""
     ranges = np.ptp(q, axis=0)
     moves = ranges > FAR * ranges.max()
-    if not moves.any() or any(rows_held(x) > 1 for x in q.T[moves]):
-        return None
-    every = _least(q, time)
-    second = (_least(q[::2], time[::2]) + _least(q[1::2], time[1::2])) / 2
-    if not np.all(every[moves] > ALTERNATING * second[moves]):
-        return None
-    return _Mixed(len(q) // 2, 1, np.where(moves, every / 2, 0.0))
+    distance = np.zeros(len(ranges))
+    for joint in np.flatnonzero(moves):
+        x = q[:, [joint]]
+        every = _least(x, time)
+        second = (_least(x[::2], time[::2]) + _least(x[1::2], time[1::2])) / 2
+        if not every > ALTERNATING * second or rows_held(q[:, joint]) > 1:
+            return None
+        distance[joint] = every / 2
+    return _Mixed(len(q) // 2, 1, distance) if moves.any() else None
 
 
-def _least(q: Array, time: Array) -> Array:
+def _least(q: Array, time: Array) -> float:
     """Root mean square second differences, by count or by stamps, whichever are less."""
     period = float(np.median(np.diff(time)))
     if not period > 0:
         period = 1.0
         time = np.arange(len(time), dtype=np.float64)
     squares = roughness(q, np.diff(time), period)
-    return np.asarray(np.sqrt(squares.min(axis=0) / max(1, len(q) - 2)))
+    return float(np.sqrt(squares.min() / max(1, len(q) - 2)))

@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Suspicion
-from hil.imports.held import repeats
+from hil.imports.held import repeats, under_way
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import (
     compared,
@@ -115,11 +115,9 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
 def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
     """Columns that repeat the value of the row before, where their joint moves."""
     for joint in np.flatnonzero(evidence.moves).tolist():
+        moving = under_way([each.q[:, joint] for each in excerpts])
         for key, name in (("position", "q"), ("velocity", "qd"), ("torque", "tau")):
-            columns, positions = (
-                [getattr(each, of)[:, joint] for each in excerpts] for of in (name, "q")
-            )
-            if share := repeats(columns, positions):
+            if share := repeats([getattr(each, name)[:, joint] for each in excerpts], moving):
                 yield Suspicion(
                     "still",
                     ("joints", joint, key),

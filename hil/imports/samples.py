@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     Location = tuple[str | int, ...]
 
 
+IN_CACHE = 1 << 12
+"""Rows that are converted at a time: what is made of them is written before it leaves the cache."""
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """Samples as they were recorded, row by row.
@@ -105,19 +109,22 @@ def read_samples(
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
+            last = np.empty((0, robot.n_joints))
             path = the_map.beside(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
                 numbers.append(np.isfinite(block).sum(axis=0))
                 torques = conversion.torques(block)
                 unsigned[unsigned] = [could_lack_signs(x) for x in torques[:, unsigned].T]
-                time, values = conversion.of(block, n - begins[-1])
-                file.write(values.data)
-                times.append(time)
-                complete.append(np.isfinite(time) & conversion.complete(values))
-                n += len(time)
-                # no robot makes more than half a turn within a sample; nor half of 6 m
-                steps = np.abs(np.diff(values[:, : robot.n_joints], axis=0))
-                wraps += int(np.count_nonzero(steps > np.pi))
+                for part in np.split(block, range(IN_CACHE, len(block), IN_CACHE)):
+                    time, values = conversion.of(part, n - begins[-1])
+                    file.write(values.data)
+                    times.append(time)
+                    complete.append(np.isfinite(time) & conversion.complete(values))
+                    q = values[:, : robot.n_joints]
+                    steps = np.diff(q, axis=0, prepend=last)
+                    # no robot makes more than half a turn within a sample; nor half of 6 m
+                    wraps += int(np.count_nonzero(np.abs(steps) > np.pi))
+                    last, n = q[-1:], n + len(time)
                 progress(path, n - begins[-1])
             if n == begins[-1]:
                 raise FileError(f"{path}: has no rows; name a file with some")

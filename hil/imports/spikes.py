@@ -118,7 +118,8 @@ def _columns(
     """Yield rows, columns without missing values, whole turns undone, and what stands out there."""
     turning = samples.n_joints if samples.wraps else 0
     for rows, _ in _parts(stretches):
-        values = np.ascontiguousarray(samples.read(rows).T).clip(-GREATEST, GREATEST)
+        values = np.ascontiguousarray(samples.read(rows).T)
+        np.clip(values, -GREATEST, GREATEST, out=values)
         for column in np.flatnonzero(np.isfinite(values).all(axis=1)).tolist():
             x, recorded = values[column], None
             if column < turning:
@@ -165,20 +166,19 @@ def _outstanding(x: Array, recorded: Array | None) -> tuple[Array, Mask]:
 
 
 def _beyond_ordinary(x: Array) -> tuple[Array, Mask]:
-    """Return how far samples stand out, and which by more than samples ordinarily change."""
-    excursion = _excursion(x)
-    farthest, steps = float(excursion.max()), np.abs(x[REACH:] - x[:-REACH])
+    """Return how far samples stand out at most, and which by more than samples ordinarily change.
+
+    Both are of shape (n - 2 REACH,).
+    """
+    changes = x[REACH:] - x[:-REACH]
+    steps = np.abs(changes)
+    nearer = np.minimum(steps[:-REACH], steps[REACH:])
     # ordinary changes that a spike exceeds, 10: 28 standard deviations of white noise, as an
     # ordinary change of it is 1.96 times the square root of two of them
-    if np.count_nonzero(steps <= farthest / 10.0) < OFTEN * (len(steps) - 1):
-        return excursion, np.zeros(len(excursion), dtype=bool)  # without the quantile's sorting
+    if np.count_nonzero(steps <= nearer.max() / 10.0) < OFTEN * (len(steps) - 1):
+        return nearer, np.zeros(len(nearer), dtype=bool)  # without the quantile's sorting
+    # to one side of both: the change to the sample and that from it have opposite signs
+    excursion = np.where((changes[:-REACH] > 0) != (changes[REACH:] > 0), nearer, -nearer)
     # rounding, too, is ordinary
     most = max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max())
     return excursion, np.asarray(excursion > most)
-
-
-def _excursion(x: Array) -> Array:
-    """How far each sample but those at the ends stands out to one side, shape (n - 2 REACH,)."""
-    before, at, after = x[: -2 * REACH], x[REACH:-REACH], x[2 * REACH :]
-    up, down = np.minimum(at - before, at - after), np.minimum(before - at, after - at)
-    return np.maximum(up, down)

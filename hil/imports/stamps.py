@@ -227,8 +227,11 @@ def _without_repeating(samples: Samples, rows: Integers, period: float, counts: 
     """
     same = np.zeros(len(rows), dtype=bool)
     for begin in range(1, len(rows), ROWS):
-        values = np.nan_to_num(samples.values[rows[begin - 1 : begin + ROWS]])
-        same[begin : begin + ROWS] = (values[1:] == values[:-1]).all(axis=1)
+        part = rows[begin - 1 : begin + ROWS]
+        # what the first column shows to be new needs no look at the others
+        alike = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
+        before, after = (np.nan_to_num(samples.values[part[at]]) for at in (alike - 1, alike))
+        same[begin - 1 + alike] = (before == after).all(axis=1)
     changes = np.flatnonzero(~same)
     if len(changes) == len(rows) or len(changes) < 2:
         return rows

@@ -88,9 +88,11 @@ class Conversion:
         """
         n = self._n
         time, rest = self._times.of(block[:, : self._times.n], row), block[:, self._times.n :]
-        rest = np.where(np.isfinite(rest), rest, np.nan)
+        if np.isinf(rest).any():
+            rest = np.where(np.isinf(rest), np.nan, rest)
         to_joints, speeds = self._matrices
-        values = np.full((len(block), 3 * n), np.nan)
+        values = np.empty((len(block), 3 * n))
+        values[:, 2 * n :][:, ~self._moving] = np.nan
         values[:, :n] = rest[:, :n] @ to_joints + self._offset
         values[:, n : 2 * n] = rest[:, n : 2 * n] @ self.efforts
         values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ speeds
@@ -108,7 +110,7 @@ class Conversion:
     def complete(self, values: Array) -> Mask:
         """Rows of converted values in which nothing that was recorded is missing."""
         recorded = np.concatenate([np.ones(2 * self._n, dtype=bool), self._moving])
-        return np.asarray(np.isfinite(values[:, recorded]).all(axis=1))
+        return np.asarray((np.isfinite(values) | ~recorded).all(axis=1))
 
 
 def _motor_matrix(the_map: MapFile, robot: Robot) -> Array:

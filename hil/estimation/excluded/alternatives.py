@@ -24,8 +24,9 @@ from scipy import optimize, special
 from hil.estimation.excluded.battery import LEVEL
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import across_gravity, instants
+from hil.least_squares.normal_equations import Normal
 from hil.least_squares.regression import ROUNDS, Regression
-from hil.least_squares.solving import inverse
+from hil.least_squares.solving import inverse, solved_each
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
+    from hil.least_squares.blocks import Blocks
     from hil.model.robot import Robot
 
 ROWS = 250
@@ -146,11 +148,24 @@ class Explained:
     residual: Array
     dispersion: float
 
-    def instead(self, reading: Reading, rounds: int = ROUNDS) -> Explained:
+    def instead(
+        self, reading: Reading, rounds: int = ROUNDS, columns: _Columns | None = None
+    ) -> Explained:
         """What another reading makes of it."""
-        return explained(
-            self.robot, self.evidence, reading, self.more, rounds, dispersion=self.dispersion
-        )
+        of = self.robot, self.evidence, reading, self.more
+        return explained(*of, rounds, self.dispersion, columns)
+
+    def instead_below(self, reading: Reading, most: float) -> Explained | None:
+        """What another reading makes of it, or None where its misfit is `most` at least.
+
+        Base parameters of each channel alone leave less of it than common ones do, without weights
+        that have to be found; few readings of those that are wrong come below `most` even so.
+        """
+        blocks = _columns(self.robot, self.evidence, reading, self.more)[2]
+        apart, counts = Normal.split(blocks.products[0]), blocks.counts[0]
+        left = apart.square - np.sum(apart.v * solved_each(apart.N, apart.v), axis=1)
+        least = counts @ np.log(np.maximum(left / np.maximum(counts, 1.0), self.evidence.least))
+        return self.instead(reading) if least < most else None
 
     @cached_property
     def driven(self) -> Array:
@@ -225,24 +240,18 @@ def explained(
     more: Array | None = None,
     rounds: int = ROUNDS,
     dispersion: float = 1.0,
+    columns: _Columns | None = None,
 ) -> Explained:
     """Fit base parameters under a reading, and of `more` columns, shape (n, k).
 
-    What is impossible is so by more than noise of a `dispersion` makes it.
+    What is impossible is so by more than noise of a `dispersion` makes it. `columns` are those of
+    this reading, where they are known.
     """
-    torque, X = reading.rows(robot, evidence)
-    if evidence.later is not None:  # the earlier recordings are as stated
-        stated_torque, stated_X = Reading.stated(robot).rows(robot, evidence)
-        torque = np.where(evidence.later, torque, stated_torque)
-        X = np.where(evidence.later[:, None], X, stated_X)
-    n_base = X.shape[1]
-    if more is not None:
-        X = np.hstack([X, more])
-    rows = evidence.without_friction(np.hstack([torque[:, None], X]))
-    blocks = evidence.blocks(rows, X.shape[1])
+    torque, X, blocks = columns or _columns(robot, evidence, reading, more)
+    n_base = X.shape[1] - (0 if more is None else more.shape[1])
     regression = Regression.weighed(blocks, rounds=rounds)
-    x, least = regression.solution, np.maximum(evidence.finest**2, np.finfo(float).tiny)
-    left, counts = np.maximum(blocks.mean_squares(x), least), blocks.counts[0]
+    x = regression.solution
+    left, counts = np.maximum(blocks.mean_squares(x), evidence.least), blocks.counts[0]
     return Explained(
         robot=robot,
         evidence=evidence,
@@ -256,6 +265,26 @@ def explained(
         residual=torque - X @ x,
         dispersion=dispersion,
     )
+
+
+class _Columns(NamedTuple):
+    """Torque (n,) and columns (n, n_base + k) of a reading, and both added up without friction."""
+
+    torque: Array
+    X: Array
+    blocks: Blocks
+
+
+def _columns(robot: Robot, evidence: Evidence, reading: Reading, more: Array | None) -> _Columns:
+    torque, X = reading.rows(robot, evidence)
+    if evidence.later is not None:  # the earlier recordings are as stated
+        stated_torque, stated_X = Reading.stated(robot).rows(robot, evidence)
+        torque = np.where(evidence.later, torque, stated_torque)
+        X = np.where(evidence.later[:, None], X, stated_X)
+    if more is not None:
+        X = np.hstack([X, more])
+    rows = evidence.without_friction(np.hstack([torque[:, None], X]))
+    return _Columns(torque, X, evidence.blocks(rows, X.shape[1]))
 
 
 def _beyond(n: int) -> float:

@@ -126,14 +126,14 @@ class Evidence:
             Of the rows, where these are in another order.
         """
         axis = self.axis if axis is None else axis
-        channels = [np.flatnonzero(axis == each) for each in range(self.n_channels)]
-        counts = np.array([float(len(at)) for at in channels])
+        channels = [rows[axis == each] for each in range(self.n_channels)]
+        counts = np.array([float(len(own)) for own in channels])
         for at, Q in self.parts:
             counts[self.axis[at.start]] -= Q.shape[1]
         return Blocks(
             tuple(f"shared {k}" for k in range(n_shared)),
             tuple(f"own {k}" for k in range(rows.shape[1] - 1 - n_shared)),
-            np.array([[rows[at].T @ rows[at] for at in channels]]),
+            np.array([[own.T @ own for own in channels]]),
             counts[np.newaxis],
         )
 
@@ -141,6 +141,11 @@ class Evidence:
     def is_later(self) -> Mask:
         """Rows that causes are looked for in, where the others are without; none else."""
         return np.zeros(len(self.axis), dtype=bool) if self.later is None else self.later
+
+    @property
+    def least(self) -> Array:
+        """Mean squares below which no model is true, shape (n_channels,) [(N m)^2]."""
+        return np.maximum(self.finest**2, np.finfo(float).tiny)
 
     @property
     def n_channels(self) -> int:

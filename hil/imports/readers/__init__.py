@@ -40,6 +40,7 @@ _READERS = (
     (JSON, "parquet", "open_json"),
     ((".xml",), "xml_rows", "open_xml"),
     (TEXT, "text", "open_text"),
+    ((".r64", ".r32", ".i16", ".i32"), "diadem", "open_values"),
 )
 """Endings, and the module and what in it makes a table of such files."""
 

@@ -45,6 +45,29 @@ def test_columns_are_matched_to_joints_by_their_names(tmp_path, names):
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    "names", ["m1 m2", "M1 M2", "Iq_1 Iq_2", "Strom1 Strom2", "load[1] load[2]"]
+)
+def test_the_only_other_columns_with_the_joints_numbers_are_drafted_as_torques(tmp_path, names):
+    columns = dict(
+        zip(["t", "q1", "q2", "v1", "v2", *names.split()], table().values(), strict=True)
+    )
+    write_csv(tmp_path / "a.csv", columns | {"mode": 0 * columns["t"]})
+    found = drafted(tmp_path / "a.csv")
+    assert [joint["torque"]["column"] for joint in found["joints"]] == names.split()
+    assert "guessed since it is numbered" in found["joints"][0]["torque"]["unit"]
+
+
+def test_columns_of_no_joint_are_left_out_with_the_reason(tmp_path):
+    names = ["t", "q1", "q2", "a1", "a2", "b1", "b2"]
+    columns = dict(zip(names, table().values(), strict=True))
+    write_csv(tmp_path / "a.csv", columns | {"q_ref1": columns["q1"], "qd7": columns["a1"]})
+    text = draft_map(tmp_path / "a.csv", "a.csv")
+    for line in ("a1, a2, b1, b2: nothing known by the name; if one is", "q_ref1: a set point, or",
+                 "qd7: a velocity by the name, and no position has its numbers"):  # fmt: skip
+        assert f"#   {line}" in text
+
+
 def test_units_are_guessed_in_the_marks_alone(tmp_path):
     columns = table()
     write_csv(tmp_path / "a.csv", {

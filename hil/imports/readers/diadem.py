@@ -1,0 +1,163 @@
+"""Traces as DIAdem stores them, as KUKA's controllers do: a header as text, values beside it.
+
+The header (`.dat`) has a line ``KEY,VALUE`` for each property of a channel: 200 name, 202 unit, 210
+explicit or implicit, 211 file of the values, 213 storage, 214 type, 220 number of values, 221 place
+of the first one, from 1, 240 offset, 241 factor, 254 value that stands for none. An implicit
+channel, such as time, is offset + factor k. Of explicit ones a file (`.r64`, `.r32`, `.i16` ...)
+holds the values channel by channel (CHANNEL), or sample by sample of all its channels (BLOCK).
+
+Columns are called ``NAME [UNIT]``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from checked_files.foreign_text import one_line
+from checked_files.yaml_file import FileError
+from hil.imports.tables import ArrayTable, listed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from typing import NoReturn
+
+    from hil.arrays import Array
+    from hil.imports.map_file import Format
+
+    Header = dict[str, str]
+
+_MARK, _BEGIN, _END = "DIAEXTENDED", "#BEGINCHANNELHEADER", "#ENDCHANNELHEADER"
+_TYPES = {
+    "REAL64": "f8", "REAL32": "f4", "INT16": "i2", "INT32": "i4",
+    "WORD8": "u1", "WORD16": "u2", "WORD32": "u4",
+}  # fmt: skip
+
+
+class _NotRead(Exception):
+    """A channel that is not read; the message says why, and what to do."""
+
+
+def is_diadem(head: str) -> bool:
+    """Return True if a file that begins with `head` is a header of DIAdem."""
+    return head.lstrip("\ufeff").startswith(_MARK)
+
+
+def open_values(path: Path, _: Format) -> NoReturn:
+    """Refuse a file of values, whose channels only its header names (`FileError`)."""
+    raise FileError(
+        f"{path}: holds the values of a trace (KUKA, DIAdem) without their names; name its header,"
+        f" {path.with_suffix('.dat').name}, with this file beside it"
+    )
+
+
+def open_diadem(path: Path, text: str) -> ArrayTable:
+    """Make a table of a header's channels.
+
+    Raises
+    ------
+    FileError
+        No channel has values that can be read.
+    """
+    channels, swapped = _channels(text)
+    together = Counter((each.get("211"), each.get("213")) for each in channels)
+    columns: dict[str, tuple[int, Callable[[slice], object]]] = {}
+    left_out: dict[str, str] = {}
+    explicit = 0
+    for number, channel in enumerate(channels, start=1):
+        unit = channel.get("202", "").strip("[] ")
+        name = channel.get("200", f"channel {number}") + (f" [{unit}]" if unit else "")
+        name = name if name not in columns else f"{name} ({number})"
+        try:
+            n_stored = together[channel.get("211"), channel.get("213")]
+            columns[name] = _column(path, channel, n_stored, swapped)
+            explicit += channel["210"].startswith("E")
+        except _NotRead as error:
+            left_out[name] = str(error)
+        except (KeyError, ValueError) as error:
+            left_out[name] = f"a channel whose header lacks, or misstates, {one_line(str(error))}"
+    if not explicit:
+        raise FileError(f"{path}: no channel of it has values{listed(left_out)}")
+    return ArrayTable(path, columns, left_out)
+
+
+def _channels(text: str) -> tuple[list[Header], bool]:
+    """Headers of the channels, and whether values have their high byte first."""
+    channels: list[Header] = []
+    general: Header = {}
+    now = general
+    for line in map(str.strip, text.splitlines()):
+        if line == _BEGIN:
+            channels.append(now := {})
+        elif line == _END:
+            now = general
+        key, comma, value = line.partition(",")
+        if comma:
+            now[key.strip()] = value.strip()
+    for channel in channels:
+        channel.setdefault("254", general.get("111", "nan"))
+    return channels, general.get("112", "").replace(" ", "") == "Low->High"
+
+
+def _column(
+    path: Path, channel: Header, n_stored: int, swapped: bool
+) -> tuple[int, Callable[[slice], object]]:
+    """Length of a channel, and what reads a slice of it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the header.
+    channel : dict of str to str
+    n_stored : int
+        Channels that are stored alike in the channel's file.
+    swapped : bool
+        Whether values have their high byte first.
+
+    Raises
+    ------
+    _NotRead, KeyError, ValueError
+    """
+    n, offset, factor = int(channel["220"]), float(channel["240"]), float(channel["241"])
+    if not channel["210"].startswith("E"):
+        return n, lambda part: offset + factor * np.arange(*part.indices(n))
+    values, none = _values(path, channel, n_stored, swapped), float(channel["254"])
+
+    def read(part: slice) -> Array:
+        found = values[part].astype(np.float64)
+        return np.where(found == none, np.nan, offset + factor * found)
+
+    return n, read
+
+
+def _values(path: Path, channel: Header, n_stored: int, swapped: bool) -> Array:
+    """Values of a channel as they are stored, mapped from their file, shape (n,)."""
+    name, stored, n = channel["211"], channel["214"], int(channel["220"])
+    known = stored in _TYPES and channel["213"] in {"BLOCK", "CHANNEL"}
+    if not known or int(channel.get("222") or 0):  # a header before the values
+        raise _NotRead(
+            f"values as {one_line(stored, 20)}, stored by {one_line(channel['213'], 20)}, of which"
+            " no reader is there; export them as REAL64, or as CSV"
+        )
+    file, first = _beside(path, name), int(channel["221"]) - 1
+    apart = n_stored if channel["213"] == "BLOCK" else 1
+    kind = np.dtype(f"{'>' if swapped else '<'}{_TYPES[stored]}")
+    there, last = file.stat().st_size // kind.itemsize, first + apart * (n - 1)
+    if not 0 <= first <= last < there:
+        raise _NotRead(
+            f"{n} values, number {first + 1} to {last + 1} of {one_line(name, 60)}, which holds"
+            f" {there}; copy that file again, whole"
+        )
+    return np.memmap(file, kind, "r")[first : last + 1 : apart]
+
+
+def _beside(path: Path, name: str) -> Path:
+    """File of values in the header's folder, in whatever case its name was copied."""
+    if "/" not in name and "\\" not in name:
+        for file in path.parent.iterdir():
+            if file.name.lower() == name.lower() and file.is_file() and not file.is_symlink():
+                return file
+    raise _NotRead(f"values in {one_line(name, 60)}; copy that file beside {path.name}")
