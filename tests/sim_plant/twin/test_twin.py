@@ -177,7 +177,7 @@ def test_a_direct_drive_has_no_ripple_that_looks_like_gravity(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("velocity_limit: 3\n", "velocity_limit: unknown\n", "yaml:10: joints.0.velocity_limit: is"),
+        ("velocity_limit: 3\n", "velocity_limit: unknown\n", "yaml:10: joints.0.velocity_limit"),
         ("q_max: 2.8\n", "q_max: -3\n", "-3 must be greater than q_min = -2.8"),
         ("alpha: 0}", "alpha: one}", "'one' is no sum, product or quotient of numbers, pi and"),
         ("joints:", "couplings: [{motor: 1, joint: 2}]\njoints:", "no coupled motors"),
