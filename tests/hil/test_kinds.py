@@ -47,6 +47,7 @@ OWN = {
         "estimation/friction/points.py",
         "results/friction.py",
         "results/friction_file.py",
+        "estimation/identify.py",
     ),
     "trajectory": (
         "planning/trajectory.py",

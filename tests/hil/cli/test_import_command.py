@@ -44,7 +44,7 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     status, printed, _ = hil("import", "--draft", "data.csv", "-o", "maps/first.yaml")
     assert status == 0
     assert printed.splitlines() == [
-        "maps/first.yaml: 12 lines marked !state are yours to fill in",
+        "maps/first.yaml: 10 lines marked !state are yours to fill in",
         "maps/first.yaml: names data.csv, outside of its own folder; import with: hil import"
         f" maps/first.yaml --files {folder} -o RUN",
     ]
