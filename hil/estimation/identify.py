@@ -69,15 +69,15 @@ METHODS: dict[str, Identify] = {
 }
 """All methods by name: two-step ones, that for several kinds of recordings, and those for motions
 that somebody else recorded."""
-_CONVENTIONAL: tuple[tuple[str, ...], ...] = (("auto",), (), ("jackknife",))
+CONVENTIONAL: tuple[tuple[str, ...], ...] = (("auto",), (), ("jackknife",))
 EFFECTIVE: dict[str, tuple[tuple[str, ...], ...]] = {
-    **dict.fromkeys(METHODS, _CONVENTIONAL),
     "improved": (("auto",), ("lag", "compliance"), COVARIANCES),
     JOINT: (LAWS_ASKED, NUISANCES, COVARIANCES),
     BACK_AND_FORTH: (("auto",), (), COVARIANCES),
     DEFAULT: (LAWS_ASKED, NUISANCES, COVARIANCES),
 }
-"""Values of friction, nuisance and covariance that have an effect, by method."""
+"""Values of friction, nuisance and covariance that have an effect, by method; `CONVENTIONAL` for
+all others."""
 RIVALS = (
     "methods that they are compared with are run from the repository:"
     " python -m benchmarks.rivals RUN --method NAME"
@@ -150,7 +150,7 @@ def refuse_without_effect(method: str, options: Options) -> None:
         )
     if method not in METHODS:
         raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")
-    friction, nuisance, covariance = EFFECTIVE[method]
+    friction, nuisance, covariance = EFFECTIVE.get(method, CONVENTIONAL)
     asked = {
         "friction": ((options.friction,), friction),
         "nuisance": (() if options.nuisance == NUISANCES else options.nuisance, nuisance),

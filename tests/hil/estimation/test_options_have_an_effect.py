@@ -8,7 +8,7 @@ from itertools import product
 import pytest
 
 from hil.errors import Mismatch
-from hil.estimation.identify import EFFECTIVE, METHODS, refuse_without_effect
+from hil.estimation.identify import CONVENTIONAL, EFFECTIVE, METHODS, refuse_without_effect
 from hil.estimation.options import COVARIANCES, DEFAULTS, NUISANCES, Options
 from hil.friction.terms import LAWS
 
@@ -31,7 +31,11 @@ def test_defaults_go_with_every_method(method: str) -> None:
 @pytest.mark.parametrize(("method", "asked"), list(product(METHODS, ASKED)))
 def test_an_option_has_an_effect_or_is_refused(method: str, asked: tuple[str, str]) -> None:
     option, value = asked
-    effective = dict(zip(("friction", "nuisance", "covariance"), EFFECTIVE[method], strict=True))
+    effective = dict(
+        zip(
+            ("friction", "nuisance", "covariance"), EFFECTIVE.get(method, CONVENTIONAL), strict=True
+        )
+    )
     if value in effective[option]:
         refuse_without_effect(method, options(option, value))
         return
