@@ -147,11 +147,15 @@ class Stopwatch:
 
 LAYERS = (
     ("driver", ServoAxes, "sample"),
+    ("driver", ServoAxes, "samples"),
     ("driver", ServoAxes, "move"),
     ("reception of frames, bus and driver", SyncProcessData, "_collect"),
     ("sending of frames, bus", PlantBus, "send"),
+    ("sending of frames, bus", PlantBus, "send_repeatedly"),
     ("drives", SlaveNetwork, "receive"),
+    ("drives", SlaveNetwork, "foresee"),
     ("physics", Plant, "advance"),
+    ("physics", Plant, "advance_quietly"),
     ("physics", Plant, "read"),
 )
 
