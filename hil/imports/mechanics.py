@@ -119,7 +119,7 @@ def mechanical_suspicions(
         another = list(clock_of_torques(excerpts, robot, shown))
         yield from another
         if misread is None and not another:
-            yield from _late(robot, prepared, solver)
+            yield from _late(robot, prepared, solver, shown)
 
 
 def _misread(
@@ -212,14 +212,22 @@ def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
     return replace(excerpt, q=q, tau=reading.sign_tau * excerpt.tau[:, reading.torques])
 
 
-def _late(robot: Robot, prepared: Prepared, solver: SimultaneousFit) -> Iterator[Suspicion]:
-    """State torques that are late or early by more than an estimate looks for."""
-    every = [
-        (SimultaneousFit(robot, [(m, s.torque_advanced(lag)) for m, s in prepared]).weight, lag[0])
-        for lag in np.outer([*LAGS, *np.negative(LAGS)], np.ones(robot.n_joints))
-    ]
-    weight, lag = max(every, key=lambda each: np.log(each[0]).sum())
-    if (solver.weight / weight).min() <= LEAVES and np.log(weight / solver.weight).sum() > 0:
+def _late(
+    robot: Robot, prepared: Prepared, solver: SimultaneousFit, shown: Mask
+) -> Iterator[Suspicion]:
+    """State torques that are late or early by more than an estimate looks for.
+
+    A lag that all joints share leaves less of all of them: half of the mean squares or less in the
+    median over those that are `shown`, shape (n_joints,). What it leaves of one joint may be little
+    because a few seconds of motion fit many parameters.
+    """
+    every: list[tuple[float, float]] = []
+    for lag in [*LAGS, *np.negative(LAGS)] if shown.any() else ():
+        advanced = [(m, s.torque_advanced(np.full(robot.n_joints, lag))) for m, s in prepared]
+        ratio = solver.weight / SimultaneousFit(robot, advanced).weight
+        every.append((float(np.median(ratio[shown])), float(lag)))
+    left, lag = min(every, default=(1.0, 0.0))
+    if left <= LEAVES:
         yield Suspicion(
             "shape",
             ("joints", 0, "torque"),

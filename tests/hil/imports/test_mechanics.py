@@ -174,3 +174,11 @@ def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(see
     (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec, np.ones(6, dtype=bool))
     assert found.message.startswith("torques of all joints are late by some 50 ms; record torque")
     assert not found.certain
+
+
+def test_one_torque_that_fits_better_later_makes_those_of_all_joints_not_late(seen, manutec):
+    noise = np.random.default_rng(2).normal(0, 1.0, seen.tau.shape) * 0.3 * seen.tau.std(axis=0)
+    noise[:, 1] = 0.0
+    tau = seen.tau.copy()
+    tau[:, 1] = np.roll(tau[:, 1], round(0.05 / PERIOD))
+    assert said(seen, manutec, tau=tau + noise) == []
