@@ -19,13 +19,14 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import h5py
 import numpy as np
 
-from checked_files.budget import refuse_beyond
+from checked_files.budget import allowed, refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrays import hdf5_of, table_of
@@ -117,6 +118,8 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
             )
             if done.returncode:
                 last = (done.stderr.strip().splitlines() or ["its reader ended"])[-1]
+                if "MemoryError" in last:
+                    refuse_beyond(path, allowed(path) + 1, "reading it")
                 why = one_line(last.partition(": ")[2] or last)
                 raise FileError(f"{path}: is no file of MATLAB, or is damaged: {why}")
             found.seek(0)
@@ -125,10 +128,31 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
                 return {name: arrays[f"arr_{k}"] for k, name in enumerate(names)}, left_out
 
 
+def limit_memory(path: Path) -> None:
+    """Bound what this process may take, beside what it holds, to the budget of a file (on Linux).
+
+    A damaged header makes readers allocate what no variable of the file needs.
+    """
+    status = Path("/proc/self/status")
+    if not status.is_file():
+        return
+    import resource  # noqa: PLC0415 - not on every system
+
+    (line,) = [line for line in status.read_text().splitlines() if line.startswith("VmData:")]
+    most = 1024 * int(line.split()[1]) + allowed(path)
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+
+
 def _write_apart(path: Path, descriptor: int, tables: Sequence[str]) -> None:
     """Write what a file holds as a .npz: what the other process does."""
     contents = _Contents(path)
     contents.tables.extend(tables)
+    import scipy.io  # noqa: F401, PLC0415 - before memory is limited
+
+    if tables:
+        with suppress(ModuleNotFoundError):
+            import matio  # noqa: F401, PLC0415
+    limit_memory(path)
     for name, value in _variables(path) if not tables else ():
         contents.add(name, value)
     contents.add_tables()

@@ -2,7 +2,10 @@
 
 import gzip
 import struct
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -416,3 +419,27 @@ def test_a_package_that_is_missing_is_named_with_its_remedy(tmp_path, monkeypatc
         open_table(tmp_path / name, Format())
     assert f"needs the package {package}" in str(refused.value)
     assert remedy("recordings", package) in str(refused.value)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="memory is bounded on Linux")
+def test_the_reader_of_matlab_takes_no_more_memory_than_the_budget_of_its_file(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0")
+    code = """if True:
+        import sys
+        from pathlib import Path
+        import numpy as np
+        from hil.imports.readers.matlab import limit_memory
+        limit_memory(Path(sys.argv[1]))
+        np.ones(100_000_000 // 8)
+        try:
+            np.ones(300_000_000 // 8)
+        except MemoryError:
+            print("refused")
+    """
+    run = [sys.executable, "-c", code, str(tmp_path / "a.mat")]
+    done = subprocess.run(  # noqa: S603 - our own program
+        run, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "refused\n"
