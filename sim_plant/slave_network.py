@@ -62,7 +62,7 @@ class FramesOfSync(Sequence[CanFrame]):
 
     @classmethod
     def of(cls, frames: Sequence[CanFrame]) -> FramesOfSync:
-        """Pack frames of one instant, if they are not packed yet."""
+        """Pack frames of one instant that somebody in front of `SlaveNetwork.receive` unpacked."""
         if isinstance(frames, cls):
             return frames
         packed = b"".join(FRAME.pack(number, len(data), data) for _, number, data in frames)
@@ -171,7 +171,8 @@ class SlaveNetwork(TimedNetwork):
     def foresee(self, identifier: int, times: int) -> int:
         """Simulate at once what several SYNCs without data set off, up to any news or timer.
 
-        The next frames must be those SYNCs: `receive` returns the answers to one after the other.
+        The next frames must be those SYNCs: `receive` returns the answers to one after the other,
+        until `forget` is called.
 
         Returns
         -------
@@ -192,6 +193,10 @@ class SlaveNetwork(TimedNetwork):
             return 0
         self._foreseen.extend(map(FramesOfSync, instants, block.pack_all(readings)))
         return len(instants)
+
+    def forget(self) -> None:
+        """Drop foreseen answers that nobody has received; their time has passed."""
+        self._foreseen.clear()
 
     def receive_remote(self, identifier: int) -> list[CanFrame]:
         """Take a remote frame; return what the drives send."""

@@ -106,12 +106,15 @@ class PlantChannel:
         if alone and isinstance(network, SlaveNetwork):
             with self._lock:
                 before = network.time
-                for _ in range(network.foresee(message.arbitration_id, times - 1)):
-                    self._occupy(before, 0)
-                    frames = FramesOfSync.of(network.receive(message.arbitration_id, b""))
-                    self._occupy_for(frames)
-                    packed.append(frames.packed)
-                    before = frames.time
+                try:
+                    for _ in range(network.foresee(message.arbitration_id, times - 1)):
+                        self._occupy(before, 0)
+                        frames = FramesOfSync.of(network.receive(message.arbitration_id, b""))
+                        self._occupy_for(frames)
+                        packed.append(frames.packed)
+                        before = frames.time
+                finally:  # after an interrupt the next frame may be one that stops the axes
+                    network.forget()
         self.transmit(message, sender, echo)
         return packed
 

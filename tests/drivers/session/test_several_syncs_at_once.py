@@ -13,12 +13,13 @@ from drivers.drive_bus import Move, Sample, SampleFlag, Tripped
 from drivers.drives_file import load_drives
 from hil.runs.recording import Recorder
 from sim_plant.physics.state import ENABLED
-from sim_plant.serving.plant_channel import _channels
+from sim_plant.serving.plant_channel import PlantChannel, _channels
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from drivers.drive_bus import DriveBus
+    from sim_plant.slave_network import FramesOfSync
 
 MANUTEC = Path(__file__).parents[3] / "hil" / "robots" / "manutec-r15.drives.yaml"
 MOVES = {0: Move(0.3, 0.8, 4.0), 3: Move(-0.5, 2.0, 8.0)}
@@ -129,3 +130,26 @@ def test_a_recorder_packs_samples_as_one_by_one() -> None:
     for name, values in singly.finish().arrays.items():
         assert values.tobytes() == at_once.finish().arrays[name].tobytes(), name
     assert not any(flag & SampleFlag.MISSING for sample in taken for flag in sample.flags)
+
+
+def test_after_an_interrupt_amid_several_syncs_the_drives_take_the_next_frame(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    upload = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])  # 1000h: no drive answers a SYNC so
+    with (
+        can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus,
+        CanopenDriveBus(bus, load_drives(MANUTEC)) as axes,
+    ):
+        network: Any = _channels["manutec-r15"]._network
+        occupied = PlantChannel._occupy_for
+
+        def interrupted(self: PlantChannel, frames: FramesOfSync) -> float:
+            if len(network._foreseen) >= 3:
+                raise KeyboardInterrupt
+            return occupied(self, frames)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(PlantChannel, "_occupy_for", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                [axes.samples(FOR_EVER) for _ in range(100)]
+        assert [number for _, number, _ in network.receive(0x601, upload)] == [0x581]
