@@ -48,5 +48,14 @@ def refuse_beyond(path: Path, size: int, what: str) -> None:
         )
 
 
+def exceeded(path: Path, what: str) -> FileError:
+    """Return the error that `what` took more bytes than a file may become."""
+    most = allowed(path)
+    return FileError(
+        f"{path}: {what} takes more than {_megabytes(most)} MB (200 MB and 4 times the file); if you"
+        f" trust the file, set {LIMIT}={-(-2 * most // 1_000_000_000)} in the environment [GB]"
+    )
+
+
 def _megabytes(size: int) -> str:
     return f"{size / 1e6:.4g}"

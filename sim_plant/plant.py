@@ -206,7 +206,9 @@ class Plant:
         """
         h, rests, steps = self._step, [self._rest], []
         left = PERIOD - 1 - self._number % PERIOD
-        for duration in durations[: 0 if self._giving else STOCK - 1 - self._noise_row]:
+        # a load that gives is settled by `advance` alone
+        drawn = 0 if self._giving else STOCK - 1 - self._noise_row
+        for duration in durations[:drawn]:
             rest = rests[-1] + duration
             some = int(rest / h + WHOLE)
             left -= some

@@ -11,24 +11,19 @@ from itertools import accumulate, repeat
 from operator import sub
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sim_plant.canopen.timers import Timers
 from sim_plant.drive.process_image import ProcessImage
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from sim_plant.drive.cia402_drive import Cia402Drive
     from sim_plant.machine_protocol import Machine
 
     Integers = NDArray[np.int64]
-
-
-MANY = 3
-"""Instants from which on it pays to advance to all at once: the present one and two more."""
 
 
 class TimedNetwork:
@@ -81,8 +76,6 @@ class TimedNetwork:
         timers = self._timers
         instants = list(accumulate(repeat(duration, times), initial=timers.now))
         instants = instants[: bisect_left(instants, timers.next)]
-        if len(instants) < MANY:
-            return [], np.empty((0, 0), dtype=np.int64)
         durations = list(map(sub, instants[1:], instants))
         readings = self._machine.advance_quietly(durations, self._image.watch)
         passed = instants[1 : len(readings) + 1]

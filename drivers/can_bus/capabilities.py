@@ -1,4 +1,4 @@
-"""What a bus can do beyond python-can's interface: each ability declared once, and looked up here.
+"""Capabilities of a bus beyond python-can's interface, each declared once and looked up here.
 
 A bus has an ability by having a member of its name (`Capabilities`). A bus that stands in front of
 another one has those abilities alone which it states in `capabilities`: what passes through it
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class BlockSource(Protocol):
-    """A bus that hands over all frames that answer a SYNC at once."""
+    """Bus with block reception: all frames in answer to a SYNC at once."""
 
     def recv_block(self) -> bytes | None:
         """Return all frames that wait, as ``struct can_frame``; None where they wait singly."""
@@ -30,7 +30,7 @@ class BlockSource(Protocol):
         """Have the frames of the block received last wait singly."""
 
     def send_repeatedly(self, msg: can.Message, times: int) -> list[bytes]:
-        """Send a SYNC several times, each as soon as the one before is answered.
+        """Send a SYNC repeatedly, each after the answers to the previous SYNC.
 
         Parameters
         ----------
@@ -48,7 +48,7 @@ class BlockSource(Protocol):
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a bus can do.
+    """Capabilities of a bus.
 
     Attributes
     ----------

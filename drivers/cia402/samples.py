@@ -61,11 +61,9 @@ class SampleReader:
         reached : bool
             See `Sample`.
         """
-        positions = process_data.positions
-        increments = map(sub, positions, self._zeros) if self._shifted else positions
-        q = tuple(map(mul, self._per_increment, increments))
-        tau = tuple(map(mul, self._per_current, process_data.currents))
-        sample = _new_tuple(Sample, (time, q, tau, self.limits, reached))
+        sample = self._regular(
+            time, process_data.positions, process_data.currents, self.limits, reached
+        )
         if process_data.irregular:
             sample = _with_gaps(sample, process_data.flags)
         if process_data.untimed:
@@ -75,20 +73,21 @@ class SampleReader:
 
     def several(self, cycles: Cycles, limits: tuple[int, ...], reached: bool) -> list[Sample]:
         """Return the samples of several regular SYNCs, axes at their internal limit in `limits`."""
-        zeros, increment, current = self._zeros, self._per_increment, self._per_current
-        return [
-            _new_tuple(
-                Sample,
-                (
-                    time,
-                    tuple(map(mul, increment, map(sub, positions, zeros))),
-                    tuple(map(mul, current, currents)),
-                    limits,
-                    reached,
-                ),
-            )
-            for time, positions, currents in zip(*cycles, strict=True)
-        ]
+        regular = self._regular
+        return [regular(*values, limits, reached) for values in zip(*cycles, strict=True)]
+
+    def _regular(
+        self,
+        time: float,
+        positions: Sequence[float],
+        currents: Sequence[float],
+        limits: tuple[int, ...],
+        reached: bool,
+    ) -> Sample:
+        increments = map(sub, positions, self._zeros) if self._shifted else positions
+        q = tuple(map(mul, self._per_increment, increments))
+        tau = tuple(map(mul, self._per_current, currents))
+        return _new_tuple(Sample, (time, q, tau, limits, reached))
 
 
 def _with_gaps(sample: Sample, gaps: Sequence[int]) -> Sample:

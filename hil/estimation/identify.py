@@ -6,7 +6,7 @@ recorded (`free_motion_methods`, `back_and_forth_method`).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import Mismatch, UnknownName
 from hil.estimation.back_and_forth import NAME as BACK_AND_FORTH
@@ -57,8 +57,6 @@ def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estim
     return fit_back_and_forth(robot, recorded, options.covariance)
 
 
-LAWS_ASKED = ("auto", *LAWS)
-"""Laws of friction that may be asked for."""
 JOINT = "joint"
 """Name of the method for recordings of several kinds."""
 METHODS: dict[str, Identify] = {
@@ -69,15 +67,23 @@ METHODS: dict[str, Identify] = {
 }
 """All methods by name: two-step ones, that for several kinds of recordings, and those for motions
 that somebody else recorded."""
-CONVENTIONAL: tuple[tuple[str, ...], ...] = (("auto",), (), ("jackknife",))
-EFFECTIVE: dict[str, tuple[tuple[str, ...], ...]] = {
-    "improved": (("auto",), ("lag", "compliance"), COVARIANCES),
-    JOINT: (LAWS_ASKED, NUISANCES, COVARIANCES),
-    BACK_AND_FORTH: (("auto",), (), COVARIANCES),
-    DEFAULT: (LAWS_ASKED, NUISANCES, COVARIANCES),
+
+
+class Effective(NamedTuple):
+    """Values of options that have an effect on a method; names as in `Options`."""
+
+    friction: tuple[str, ...] = ("auto",)
+    nuisance: tuple[str, ...] = ()
+    covariance: tuple[str, ...] = ("jackknife",)
+
+
+EFFECTIVE = {
+    "improved": Effective(nuisance=("lag", "compliance"), covariance=COVARIANCES),
+    JOINT: Effective(("auto", *LAWS), NUISANCES, COVARIANCES),
+    BACK_AND_FORTH: Effective(covariance=COVARIANCES),
+    DEFAULT: Effective(("auto", *LAWS), NUISANCES, COVARIANCES),
 }
-"""Values of friction, nuisance and covariance that have an effect, by method; `CONVENTIONAL` for
-all others."""
+"""By method; all others take what `Effective` states by default."""
 RIVALS = (
     "methods that they are compared with are run from the repository:"
     " python -m benchmarks.rivals RUN --method NAME"
@@ -150,16 +156,11 @@ def refuse_without_effect(method: str, options: Options) -> None:
         )
     if method not in METHODS:
         raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")
-    friction, nuisance, covariance = EFFECTIVE.get(method, CONVENTIONAL)
-    asked = {
-        "friction": ((options.friction,), friction),
-        "nuisance": (() if options.nuisance == NUISANCES else options.nuisance, nuisance),
-        "covariance": (
-            () if options.covariance == DEFAULTS.covariance else (options.covariance,),
-            covariance,
-        ),
-    }
-    for option, (values, effective) in asked.items():
+    for option, effective in EFFECTIVE.get(method, Effective())._asdict().items():
+        asked = getattr(options, option)
+        if asked == getattr(DEFAULTS, option):
+            continue
+        values = (asked,) if isinstance(asked, str) else asked
         if without := [value for value in values if value not in effective]:
             known = ", ".join(effective) or "none"
             raise Mismatch(

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 
 IN_CACHE = 1 << 12
-"""Rows that are converted at a time: what is made of them is written before it leaves the cache."""
+"""Rows that are converted at a time: 0.7 MB of some twenty columns, so that they are written before
+they leave a cache of the second level."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,7 +55,7 @@ def _record(
         profile = measurement.profile(number)
         recorder.mark("stroke", number)
         bus.move({measurement.index: Move(profile.end, profile.velocity, profile.acceleration)})
-        take: Callable[[Sequence[Sample]], float] = recorder.extend
+        take: Callable[[Sequence[Sample]], float | None] = recorder.extend
         if partner:
             partner.begin(last.time + profile.window[0], last.time + profile.window[1])
             take = partner.take

@@ -132,7 +132,7 @@ def stand(bus: DriveBus, duration: float) -> Sample:
 
 def until_reached(
     bus: DriveBus,
-    take: Callable[[Sequence[Sample]], float],
+    take: Callable[[Sequence[Sample]], float | None],
     begin: float,
     expected: float,
     what: str,
@@ -142,7 +142,7 @@ def until_reached(
     Parameters
     ----------
     take : callable
-        Returns before which instant it has nothing to command [s].
+        Returns when it commands something next [s]; None where it never does.
     begin, expected : float
         When the motion began and how long it should take [s].
     what : str
@@ -155,10 +155,10 @@ def until_reached(
     """
     # half as long again as expected, and `GRACE`
     deadline = begin + 1.5 * expected + GRACE
-    sample = bus.sample()
-    taken: Sequence[Sample] = (sample,)
+    limit = 1
     while True:
-        idle_until = take(taken)
+        taken = bus.samples(limit)
+        due, sample = take(taken), taken[-1]
         if sample.reached:
             return sample
         if sample.time > deadline:
@@ -168,9 +168,8 @@ def until_reached(
                 f" {expected:.3g} s; see whether an axis is blocked or its position window and"
                 " velocity limit are too small"
             )
-        idle = min(idle_until, deadline) - sample.time
-        taken = bus.samples(max(1, int(idle / bus.period)))
-        sample = taken[-1]
+        idle = (deadline if due is None else min(due, deadline)) - sample.time
+        limit = max(1, int(idle / bus.period))
 
 
 def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> None:

@@ -7,7 +7,6 @@ is all that happens between two SYNCs. Only when the measurement is over does it
 
 from __future__ import annotations
 
-import math
 import struct
 from array import array
 from collections import defaultdict
@@ -205,13 +204,10 @@ class Recorder:
         time, q, tau, flags, _ = sample
         self._rows += self._pack(time, *q, *tau, *flags)
 
-    def extend(self, samples: Sequence[Sample]) -> float:
-        """Take several samples; return until when nothing else is wanted of them: for ever."""
-        pack = self._pack
-        for time, q, tau, flags, _ in samples:
-            self._rows += pack(time, *q, *tau, *flags)
-            pack = self._pack
-        return math.inf
+    def extend(self, samples: Sequence[Sample]) -> None:
+        """Take several samples."""
+        for sample in samples:
+            self.add(sample)
 
     def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
         """Count samples from here on to this stroke of axis or partner, or group; `IDLE`: none."""

@@ -88,7 +88,7 @@ class PlantBus(can.BusABC):
         plant.transmit(msg, self._inbox, self._echo)
 
     def send_repeatedly(self, msg: can.Message, times: int) -> list[bytes]:
-        """Send a SYNC several times, each as soon as the one before is answered.
+        """Send a SYNC repeatedly, each after the answers to the previous SYNC.
 
         Returns
         -------

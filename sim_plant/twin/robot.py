@@ -56,7 +56,7 @@ class RobotDrive(FileModel):
 class RobotJoint(FileModel):
     """A joint and the link that it carries."""
 
-    name: object = None
+    name: str | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
     frame: RobotFrame
     parameters: tuple[str, ...] = LINK_PARAMETERS

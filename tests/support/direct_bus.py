@@ -59,6 +59,8 @@ class DirectAccess:
 class DirectProcessData:
     """Statusword, position and current of all axes, read after each period."""
 
+    looks_ahead = False
+
     def __init__(self, network: SlaveNetwork, axes: tuple[AxisDrive, ...], period: float) -> None:
         self._network, self._axes, self._period = network, axes, period
         self.time, self.skipped = 0.0, 0

@@ -70,6 +70,19 @@ class DriveBusConformance:
             assert sum(steps) / len(steps) == pytest.approx(bus.period, rel=0.1)
             assert min(steps) > 0
 
+    def test_several_samples_follow_each_other_and_are_no_more_than_asked_for(
+        self, open_bus: Callable[[], DriveBus]
+    ) -> None:
+        with open_bus() as bus:
+            taken = [bus.samples(limit) for limit in (1, 2, 30) for _ in range(5)]
+            limits = sorted([1, 2, 30] * 5)
+            assert all(0 < len(each) <= most for each, most in zip(taken, limits, strict=True))
+            samples = [sample for each in taken for sample in each]
+            steps = [after.time - before.time for before, after in pairwise(samples)]
+            assert sum(steps) / len(steps) == pytest.approx(bus.period, rel=0.1)
+            assert min(steps) > 0
+            assert all(len(sample.q) == len(bus.axes) for sample in samples)
+
     def test_nothing_moves_without_a_command(self, open_bus: Callable[[], DriveBus]) -> None:
         with open_bus() as bus:
             first = bus.sample()

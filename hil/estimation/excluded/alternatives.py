@@ -161,11 +161,12 @@ class Explained:
         Base parameters of each channel alone leave less of it than common ones do, without weights
         that have to be found; few readings of those that are wrong come below `most` even so.
         """
-        blocks = _columns(self.robot, self.evidence, reading, self.more)[2]
+        columns = _columns(self.robot, self.evidence, reading, self.more)
+        blocks = columns.blocks
         apart, counts = Normal.split(blocks.products[0]), blocks.counts[0]
         left = apart.square - np.sum(apart.v * solved_each(apart.N, apart.v), axis=1)
         least = counts @ np.log(np.maximum(left / np.maximum(counts, 1.0), self.evidence.least))
-        return self.instead(reading) if least < most else None
+        return self.instead(reading, columns=columns) if least < most else None
 
     @cached_property
     def driven(self) -> Array:

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, cast
 import h5py
 import numpy as np
 
-from checked_files.budget import allowed, refuse_beyond
+from checked_files.budget import allowed, exceeded, refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrays import hdf5_of, table_of
@@ -119,7 +119,7 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
             if done.returncode:
                 last = (done.stderr.strip().splitlines() or ["its reader ended"])[-1]
                 if "MemoryError" in last:
-                    refuse_beyond(path, allowed(path) + 1, "reading it")
+                    raise exceeded(path, "reading it")
                 why = one_line(last.partition(": ")[2] or last)
                 raise FileError(f"{path}: is no file of MATLAB, or is damaged: {why}")
             found.seek(0)

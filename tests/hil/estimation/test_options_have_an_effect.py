@@ -3,47 +3,46 @@
 from __future__ import annotations
 
 import re
-from itertools import product
 
 import pytest
 
 from hil.errors import Mismatch
-from hil.estimation.identify import CONVENTIONAL, EFFECTIVE, METHODS, refuse_without_effect
+from hil.estimation.identify import METHODS, refuse_without_effect
 from hil.estimation.options import COVARIANCES, DEFAULTS, NUISANCES, Options
 from hil.friction.terms import LAWS
 
-ASKED = [
-    *(("friction", law) for law in LAWS),
-    *(("nuisance", name) for name in NUISANCES),
-    *(("covariance", rule) for rule in COVARIANCES if rule != DEFAULTS.covariance),
-]
-
-
-def options(option: str, value: str) -> Options:
-    return Options(**{option: (value,) if option == "nuisance" else value})  # type: ignore[arg-type]
+CHOSEN = {"joint", "free motion"}
+"""Methods that choose a law of friction and all nuisances by themselves."""
+ROBUST = {*CHOSEN, "improved", "back and forth"}
+"""Methods whose errors are stated by any rule."""
+COMPOSES = {
+    **{("friction", law): CHOSEN for law in LAWS},
+    **{("nuisance", name): CHOSEN for name in ("presliding", "drift")},
+    **{("nuisance", name): CHOSEN | {"improved"} for name in ("lag", "compliance")},
+    **{("covariance", rule): ROBUST for rule in COVARIANCES},
+    ("covariance", "jackknife"): set(METHODS),
+}
+"""By option and value the methods on which it has an effect."""
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_defaults_go_with_every_method(method: str) -> None:
     refuse_without_effect(method, DEFAULTS)
+    refuse_without_effect(method, Options(nuisance=()))
 
 
-@pytest.mark.parametrize(("method", "asked"), list(product(METHODS, ASKED)))
-def test_an_option_has_an_effect_or_is_refused(method: str, asked: tuple[str, str]) -> None:
-    option, value = asked
-    effective = dict(
-        zip(
-            ("friction", "nuisance", "covariance"), EFFECTIVE.get(method, CONVENTIONAL), strict=True
-        )
-    )
-    if value in effective[option]:
-        refuse_without_effect(method, options(option, value))
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("option", "value"), COMPOSES)
+def test_an_option_has_an_effect_or_is_refused(method: str, option: str, value: str) -> None:
+    asked = Options(**{option: (value,) if option == "nuisance" else value})  # type: ignore[arg-type]
+    if method in COMPOSES[option, value] or value == getattr(DEFAULTS, option):
+        refuse_without_effect(method, asked)
         return
-    words = f"{option} {value!r} has no effect on method {method!r}"
+    words = f"{option} {value!r} has no effect on method {method!r} (with an effect: "
     with pytest.raises(Mismatch, match=re.escape(words)):
-        refuse_without_effect(method, options(option, value))
+        refuse_without_effect(method, asked)
 
 
-def test_nothing_may_be_looked_for() -> None:
-    for method in METHODS:
-        refuse_without_effect(method, Options(nuisance=()))
+def test_every_value_is_stated() -> None:
+    stated = {value for _, value in COMPOSES}
+    assert stated == {*LAWS, *NUISANCES, *COVARIANCES}
