@@ -52,8 +52,8 @@ def exceeded(path: Path, what: str) -> FileError:
     """Return the error that `what` took more bytes than a file may become."""
     most = allowed(path)
     return FileError(
-        f"{path}: {what} takes more than {_megabytes(most)} MB (200 MB and 4 times the file); if you"
-        f" trust the file, set {LIMIT}={-(-2 * most // 1_000_000_000)} in the environment [GB]"
+        f"{path}: {what} takes more than {_megabytes(most)} MB (200 MB and 4 times the file); if"
+        f" you trust the file, set {LIMIT}={-(-2 * most // 1_000_000_000)} in the environment [GB]"
     )
 
 

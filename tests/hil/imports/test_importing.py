@@ -8,7 +8,7 @@ import yaml
 from small_recording import a_map, motion, table, write_csv, write_map
 
 from checked_files.yaml_file import FileError
-from hil.imports import one_map
+from hil.imports import one_map, samples
 from hil.imports.importing import import_recordings
 from hil.results.identification import identify
 from hil.runs.run import Run
@@ -213,7 +213,10 @@ def test_what_is_left_out_is_stated_and_kept(tmp_path):
     np.testing.assert_allclose(recording.q[100], motion(recording.time[[100]])[0][0], atol=1e-5)
 
 
-def test_angles_that_were_kept_within_a_turn_go_on(tmp_path):
+@pytest.mark.parametrize("rows", [1, samples.IN_CACHE])
+def test_angles_that_were_kept_within_a_turn_go_on(tmp_path, monkeypatch, rows):
+    """Also where a turn begins with the first of the rows that are converted together."""
+    monkeypatch.setattr(samples, "IN_CACHE", rows)
     columns = table()
     columns["t"] = columns["t"] + 0.002 * np.sin(np.arange(len(columns["t"])))
     turned = columns["q1"] + 2.5
