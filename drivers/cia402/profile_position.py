@@ -65,11 +65,6 @@ class _Motion:
     """A position, and since when it has been shown [increments], [s]."""
     following: Move | None = None
 
-    def show(self, position: int, time: float) -> None:
-        """Take note since when a position has been shown [increments], [s]."""
-        if position != self.still[0]:
-            self.still = position, time
-
 
 class ProfilePosition:
     """Set-points under way.
@@ -136,7 +131,8 @@ class ProfilePosition:
             if process_data.flags[axis] & _MISSING:
                 continue
             position = process_data.positions[axis]
-            motion.show(position, time)
+            if position != motion.still[0]:
+                motion.still = position, time
             self._step(axis, motion, process_data.words[axis], position)
             if time > motion.deadline and axis in self.active:
                 return self._failure(axis, motion, position)
@@ -156,9 +152,11 @@ class ProfilePosition:
         """Take what SYNCs brought before `quiet_until`."""
         for axis, motion in self.active.items():
             for time, positions in zip(cycles.times, cycles.positions, strict=True):
-                motion.show(positions[axis], time)
+                position = positions[axis]
+                if position != motion.still[0]:
+                    motion.still = position, time
                 # a set-point that waits looks at one bit of the statusword, and that is clear
-                motion.command.step(0, positions[axis])
+                motion.command.step(0, position)
 
     def _write_profile(self, axis: int, move: Move) -> None:
         scale, server = self._axes[axis].scale, self._axes[axis].server
