@@ -23,9 +23,9 @@ from figures import Figure, keep
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, TwoStepMethod, estimates
 from hil.ground_truth.comparison import Comparison, comparison
 from hil.ground_truth.true_parameters import true_parameters
-from hil.results.rounding import clock
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
+from hil.show.rounding import clock
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

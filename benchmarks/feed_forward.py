@@ -17,10 +17,10 @@ from figures import Figure, keep
 
 from checked_files.yaml_file import load_yaml
 from hil.cli import main
+from hil.commands.track import NAME, PASSES, Tracking
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
-from hil.results.tracking import NAME, PASSES, Tracking
 
 ROBOT = Robot.load("manutec-r15")
 SEEDS = (31, 32, 33, 34, 35, 36)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from hil.report.charts.chart import GRID, INK, MUTED
+from hil.show.charts.chart import GRID, INK, MUTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

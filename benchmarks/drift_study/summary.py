@@ -15,8 +15,8 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from benchmarks import figures
 from benchmarks.plotting import image, plotting
 from hil.model.dependencies import DIAGONAL, GROUPS
-from hil.report.charts.chart import GRID, INK, MEASURED, MODEL, MUTED
 from hil.runs.atomic_file import write_file
+from hil.show.charts.chart import GRID, INK, MEASURED, MODEL, MUTED
 
 from .campaigns import KINDS
 from .cell import OUR_DEFAULT

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 from hil.model.dependencies import GROUPS
-from hil.results.rounding import clock, significant
+from hil.show.rounding import clock, significant
 
 from .scenarios import SCENARIOS
 

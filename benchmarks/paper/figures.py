@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from hil.estimation.gravity_phase import Sinusoid
 from hil.friction.curves import torque
 from hil.planning.design.friction import OPERATION
-from hil.report.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, in_turn
+from hil.show.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, in_turn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -28,9 +28,9 @@ from hil.cli.outputs import (
     folder_to_write,
     new_folder,
     output_option,
-    say_simulated,
     show,
     show_causes,
+    write_page,
 )
 from hil.terminal.console import say, working
 
@@ -81,14 +81,14 @@ def track(
         from checked_files.yaml_file import FileError
         from hil.cli.measuring import measure
         from hil.cli.plan_files import load
+        from hil.commands import track as command
         from hil.measuring.feeding import FeedingBus, refuse_beyond_torque
         from hil.planning.trajectory import Trajectory
         from hil.results.model import loaded
         from hil.results.model_file import file_of
-        from hil.results.tracking import PASSES
         from hil.tasks.measuring import refuse_unusable
 
-        for name in PASSES:
+        for name in command.PASSES:
             refuse_unusable(output / name, resume and (output / name).exists())
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         predict = loaded(model_path, the_robot).drive_torque
@@ -111,24 +111,11 @@ def track(
         folder = output / name
         going_on = resume and folder.exists()
         measure(once, the_robot, plan_file, folder, how, going_on, in_front=feeding, feeds=True)
-    _show(output, str(file_of(model_path)), delay)
-
-
-def _show(output: Path, model: str, delay: float) -> None:
-    from hil.report.further_pages import write_tracking_page
-    from hil.results.model import Model
-    from hil.results.tracking import NAME, PASSES, tracked, tracking
-    from hil.runs.atomic_file import write_file
-    from hil.runs.run import Run
-
     with working("comparing the passes"):
-        runs = {name: Run.open(output / name) for name in PASSES}
-        found = tracked(runs, model, delay)
-    say_simulated(*runs.values())
-    show(tracking(found))
-    write_file(file := output / NAME, found.as_yaml())
-    page = write_tracking_page(output, runs, Model.load(model), delay, tracking(found))
-    say(f"following errors in {file}, page in {page}")
+        found = command.track(output, str(file_of(model_path)), delay)
+    show(found)
+    write_page(output / command.PAGE, found)
+    say(f"following errors in {output / command.NAME}")
 
 
 @commands.command(cls=PortsOptional)
@@ -236,18 +223,14 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
 
 def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show what was found, however the watch ended."""
-    from hil.report.further_pages import write_watch_page
-    from hil.results.model import Model
-    from hil.results.watch import NAME, alarms, watched
-    from hil.runs.atomic_file import write_file
+    from hil.commands.watch import NAME, PAGE, watch
     from hil.runs.run import Run
 
     found = watcher.found(the_plan.digest, model)
     if not found.learned:
         return
-    output.mkdir(parents=True, exist_ok=True)
-    show(watched(found), alarms(found))
-    write_file(file := output / NAME, found.as_yaml(80))
     run = Run.open(output / RUN) if (output / RUN / "run.json").exists() else None
-    page = write_watch_page(output, run, Model.load(model), found, watcher.trace)
-    say(f"alarms and thresholds in {file}, page in {page}")
+    shown = watch(output, run, found, watcher.trace)
+    show(shown)
+    write_page(output / PAGE, shown)
+    say(f"alarms and thresholds in {output / NAME}")

@@ -23,10 +23,9 @@ from hil.cli.outputs import (
     refuse_existing,
     refuse_no_folder,
     refuse_unwritable,
-    say_judgement,
-    say_simulated,
     show,
     show_causes,
+    write_page,
 )
 from hil.cli.results import Accuracy, Method, Others, refuse_unknown
 from hil.terminal.console import give, out, say, working
@@ -34,12 +33,8 @@ from hil.terminal.console import give, out, say, working
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from hil.results.model import Model
-    from hil.runs.run import Run
-
 
 commands = typer.Typer()
-PAGE, JUNIT = "acceptance.html", "acceptance.xml"
 
 
 @commands.command()
@@ -81,9 +76,7 @@ def validate(
     The run must be another than the one that the model was identified from; with --truth it is one
     of a virtual plant, and its own estimate is compared. Exit status 3 where the model failed.
     """
-    if (model_path is None) == (truth is None):
-        raise typer.BadParameter("give either --model, or --truth for a virtual plant")
-    if truth is not None:
+    if truth is not None and model_path is None:
         if measure or realtime or where != RobotsBus():
             raise typer.BadParameter(
                 "--measure and the options of the bus do not go with --truth, which measures"
@@ -91,18 +84,19 @@ def validate(
             )
         _against_truth(folder, truth, method, others, without)
         return
+    if model_path is None or truth is not None:
+        raise typer.BadParameter("give either --model, or --truth for a virtual plant")
     if method or others or without:
         raise typer.BadParameter(
             "--method, --with and --without go with --truth; a model is validated as it is"
         )
-    assert model_path is not None  # noqa: S101 - see above
     with working("reading the model"):
+        from hil.commands import validate as command
         from hil.results.model import Model
         from hil.results.model_file import file_of
-        from hil.results.validation import NAME
         from hil.runs.run import Run
 
-        refuse_unwritable(folder / NAME)
+        refuse_unwritable(folder / command.NAME)
         model_path = file_of(model_path)
         model = Model.load(model_path)
     if measure:
@@ -114,7 +108,18 @@ def validate(
             plan = design_validation(model.robot)
         how = OnBus(**vars(where), realtime=realtime)
         measure_plan(plan, model.robot, folder / "plan.yaml", folder, how)
-    _judge(model, model_path, Run.open(folder), accuracy / 100)
+    run = Run.open(folder)
+    with working("predicting the torques of the recordings"):
+        found = command.validate(model, model_path, run, accuracy / 100)
+    word = found.verdicts[0].kind
+    show(found)
+    if found.tables and word != "good":
+        show_causes(model_path, run)
+    if found.tables:
+        write_page(folder / command.PAGE, found)
+    say(f"validation in {folder / command.NAME}")
+    if word == "failed":
+        raise typer.Exit(Status.REFUSED)
 
 
 def _against_truth(
@@ -139,40 +144,6 @@ def _against_truth(
         within_intervals=int(found.inside.sum()),
         parameters=len(found.values),
     )
-
-
-def _judge(model: Model, model_path: Path, run: Run, accuracy: float) -> None:
-    from hil.results.tables.parameters import band_residual
-    from hil.results.validation import validate as judge
-    from hil.results.validation import write_validation
-    from hil.results.validation_tables import scores
-
-    with working("predicting the torques of the recordings"):
-        found = judge(model, run, accuracy)
-        file = write_validation(run, model, model_path, found)
-    say_simulated(run)
-    if found.axes:
-        show(scores(found, _notes(model, run)))
-        show(band_residual(found.residual, model.robot, "of this recording"))
-    say_judgement(found)
-    if found.axes and found.word != "good":
-        show_causes(model_path, run)
-    if found.axes:
-        from hil.report.further_pages import write_validation_page
-
-        with working("drawing the page"):
-            page = write_validation_page(run, model, found, _notes(model, run))
-        say(f"page in {page}")
-    say(f"validation in {file}")
-    if found.word == "failed":
-        raise typer.Exit(Status.REFUSED)
-
-
-def _notes(model: Model, run: Run) -> tuple[str, ...]:
-    """What restricts the scores."""
-    if model.provenance.plan_digest != run.plan.digest:
-        return ()
-    return ("the model was made from this very plan: record another motion to judge it",)
 
 
 @commands.command()
@@ -209,12 +180,11 @@ def accept(
 
     Exit status 3 where the run failed.
     """
-    if draft == (limits is not None):
-        raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
-    if draft:
+    if draft and limits is None:
         _draft(folder, output, factor)
         return
-    assert limits is not None  # noqa: S101 - see above
+    if draft or limits is None:
+        raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
     stated = {"Serial number": printable(serial), "Operator": printable(operator)}
     _accept(folder, output, limits, reference, stated)
 
@@ -235,26 +205,16 @@ def _accept(
     folder: Path, output: Path, limits: Path, reference: Path | None, stated: dict[str, str]
 ) -> None:
     from checked_files.yaml_file import load_yaml
-    from hil.report.further_pages import write_acceptance_page
-    from hil.results.acceptance import Limits, checked, write_junit
-    from hil.results.acceptance import accept as judged
-    from hil.results.model import Model
-    from hil.runs.atomic_file import file_errors
+    from hil.commands.accept import PAGE, accept
+    from hil.results.acceptance import Limits
     from hil.runs.run import Run
 
-    bounds = load_yaml(limits, Limits)
-    with file_errors(output, "made"):
-        output.mkdir(parents=True, exist_ok=True)
+    bounds, run = load_yaml(limits, Limits), Run.open(folder)
     with working("judging the run by the limits"):
-        run = Run.open(folder)
-        found = judged(run, bounds)
-        write_acceptance_page(output / PAGE, run, Model.load(folder), found, stated)
-    measured = run.journal.sessions[-1].started if run.journal.sessions else ""
-    write_junit(output / JUNIT, run.robot.name, measured, found)
-    say_simulated(run)
-    show(checked(found))
-    say_judgement(found, f"page in {output / PAGE}")
-    if found.word == "failed":
+        found = accept(run, bounds, output, stated)
+    show(found)
+    write_page(output / PAGE, found)
+    if found.verdicts[0].kind == "failed":
         beside = (each.parent / bounds.drafted_from for each in (limits, folder.resolve()))
         drafted_from = next((each for each in beside if (each / "run.json").exists()), None)
         if before := reference or drafted_from:
@@ -299,33 +259,22 @@ def history(
 ) -> None:
     """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
-        from hil.results import history_file as tables
+        from hil.commands.history import as_data, outcome
         from hil.results.history import read_history
-        from hil.results.history_file import as_data
-        from hil.runs.journal import NO_REAL_MACHINE
         from hil.runs.run import Run
 
         if identify:
             _identify([*folders, *([reference] if reference else [])], now)
         now(f"comparing {len(folders)} runs")
         found = read_history(folders, reference, wander / 100)
-    if any(run.model.provenance.of_virtual_plant for run in found.runs):
-        say(NO_REAL_MACHINE, style="yellow")
-    show(tables.runs(found), tables.condition(found), tables.changes(found))
-    newest = found.sentences(found.runs[-1])
-    for sentence in newest:
-        say(sentence, style="bold red")
-    if newest and (Path(found.runs[-1].label) / "run.json").exists():
-        show_causes(Path(found.reference), Run.open(found.runs[-1].label))
-    if not newest:
-        say(f"{found.runs[-1].label}: nothing changed significantly")
+    shown, last = outcome(found), found.runs[-1]
+    show(shown)
+    newest = found.sentences(last)
+    if newest and (Path(last.label) / "run.json").exists():
+        show_causes(Path(found.reference), Run.open(last.label))
     give(history=as_data(found))
     if page is not None:
-        with working("drawing the page"):
-            from hil.report.further_pages import write_history_page
-
-            write_history_page(page, found)
-        say(f"page in {page}")
+        write_page(page, shown)
     if fail_on_change and newest:
         raise typer.Exit(Status.CHANGED)
 

@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 
     from hil.errors import FileError
     from hil.results.judgement import Judgement
-    from hil.results.tables.table import Table
     from hil.runs.run import Run
+    from hil.show.outcome import Outcome, Verdict
+    from hil.show.table import Table
 
 
 class Status(IntEnum):
@@ -153,16 +154,46 @@ def say_simulated(*runs: Run) -> None:
         say(NO_REAL_MACHINE, style="yellow")
 
 
-def show(*found: Table | str) -> None:
-    """Print tables that have rows, and sentences beside them."""
-    from hil.results.tables import terminal
+def show(*found: Outcome | Table | str) -> None:
+    """Print what commands found: tables that have rows, sentences and verdicts."""
+    from hil.runs.journal import NO_REAL_MACHINE
+    from hil.show import terminal
+    from hil.show.outcome import Outcome
 
     for each in found:
-        if isinstance(each, str):
+        if isinstance(each, Outcome):
+            if each.simulated:
+                say(NO_REAL_MACHINE, style="yellow")
+            show(*each.tables, *each.sentences)
+            for remark in each.remarks:
+                terminal.show_remark(remark, out)
+            _say_verdicts(each.verdicts)
+        elif isinstance(each, str):
             give_each("sentences", each)
             terminal.show_sentence(each, out)
         else:
             terminal.show(each, out)
+
+
+def _say_verdicts(verdicts: Sequence[Verdict]) -> None:
+    """Print what a result is worth: the worst, notes, and words of the command's own."""
+    if verdicts:
+        text = printable(str(verdicts[0]))
+        give(judgement={"word": verdicts[0].kind, "text": text})
+    for number, each in enumerate(verdicts):
+        if number == 0 or each.word != each.kind:
+            say(str(each), style=STYLES[each.kind])
+        elif each.kind == "good":
+            say(f"note: {each.text}")
+
+
+def write_page(path: Path, found: Outcome) -> None:
+    """Write the page of what a command found, and state where it is."""
+    with working("drawing the page"):
+        from hil.show.page import write_outcome
+
+        write_outcome(path, found)
+    say(f"page in {path}")
 
 
 def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,9 +13,9 @@ from hil.cli.outputs import (
     folder_to_write,
     output_option,
     refuse_unwritable,
-    say_simulated,
     show,
     show_causes,
+    write_page,
 )
 from hil.cli.planning import poses
 from hil.terminal.console import say, working
@@ -25,9 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.cli.measuring import OnBus
+    from hil.commands.payload import LoadFile
     from hil.estimation.loads.figures import Load
     from hil.planning.plan import Plan
-    from hil.results.load_file import LoadFile
     from hil.runs.run import Run
 
 TWO_RUNS = "two-runs"
@@ -77,25 +76,17 @@ def two_runs(
     if gains and mass is None:
         raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
     with working("reading the runs") as now:
-        from hil.estimation.loads.figures import LOOSE
-        from hil.results import load_file
-        from hil.results import load_tables as tables
+        from hil.commands import payload as command
         from hil.results.problem import regression
-        from hil.results.tables.load import quantities
         from hil.runs.run import Run
 
-        path = loaded / load_file.NAME
+        path = loaded / command.NAME
         refuse_unwritable(path)
         runs = Run.open(without), Run.open(loaded)
         now("estimating both runs and the load between them")
         found = regression(runs[0], loaded=runs[1:], mass=mass, gains=gains).fit()
-    say_simulated(*runs)
-    kept = load_file.write_load(loaded, runs[0], runs[1:], found, tables.verdict(found.load))
-    show(tables.changes(kept), quantities(kept.load))
-    show(tables.goodness_of_fit(kept), tables.not_shown(kept), tables.torque_constants(kept))
-    if found.load.is_loose or kept.p_value <= LOOSE:
-        show_causes(without, runs[1], known=("load",))
-    _write_page(loaded, runs[0], runs[1:], found.load, kept)
+        kept = command.write_load(loaded, runs[0], runs[1:], found, command.verdict(found.load))
+    _finish(loaded, runs[0], runs[1:], found.load, kept)
     say(f"load in {path}; hil report {loaded} shows it beside the robot")
 
 
@@ -133,10 +124,9 @@ def measure(
 ) -> None:
     """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
+    from hil.commands.payload import NAME, advised, verdict, write_load
     from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
     from hil.results.load import BareRun, LoadFit, estimate_load, find_load
-    from hil.results.load_file import NAME, write_load
-    from hil.results.load_tables import advised, verdict
     from hil.runs.run import Run
 
     if mass is not None and at_most is not None and mass > at_most:
@@ -171,30 +161,20 @@ def measure(
         load = find_load(bare, runs, mass)
         said = verdict(load, advised(known, [run.planned for run in runs], load))
         kept = write_load(output, bare_run, runs, LoadFit(bare_run.robot, load), said)
-    say_simulated(*runs)
-    for line in said:
-        say(line)
-    if load.is_loose:
-        show_causes(bare_run.path, *runs, known=("load",))
-    _write_page(output, bare_run, runs, load, kept)
+    _finish(output, bare_run, runs, load, kept)
     say(f"load in {output / NAME}")
 
 
-def _write_page(
-    folder: Path, bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile
-) -> None:
-    """Write the load's page, and state where it is."""
-    with working("writing the page"):
-        from hil.errors import NotEnoughData, NotIdentifiable
-        from hil.report.further_pages import write_payload_page
-        from hil.results.findings import found_in
-        from hil.results.identification import method_for
+def _finish(folder: Path, bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile) -> None:
+    """Show a load, what else changed where it is not rigid, and write its page."""
+    from hil.commands.payload import PAGE, outcome
+    from hil.estimation.loads.figures import LOOSE
 
-        model = None
-        with suppress(NotEnoughData, NotIdentifiable):
-            model = found_in(bare, method_for(bare)[0]).model
-        page = write_payload_page(folder, model, loaded, found, kept)
-    say(f"page in {page}")
+    load = outcome(bare, loaded, found, kept)
+    show(load)
+    if found.is_loose or kept.p_value <= LOOSE:
+        show_causes(bare.path, *loaded, known=("load",))
+    write_page(folder / PAGE, load)
 
 
 def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
@@ -240,7 +220,7 @@ def _carry_out(plan: Plan, bare: Run, folder: Path, how: OnBus, *, resume: bool)
 
 def _show_stage(name: str, plan: Plan, bare: Run) -> None:
     from hil.planning.timetable import timetable
-    from hil.results.rounding import clock
+    from hil.show.rounding import clock
 
     entries = timetable(plan, bare.robot, plan.measurements)
     lasts = clock(sum(each.travel + each.duration for each in entries))

@@ -18,7 +18,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
 from hil.planning.measurement import FOR_A_LAW
 from hil.planning.prediction.precision import IMPRECISE
-from hil.results.rounding import clock, rounded, significant, unit
+from hil.show.rounding import clock, rounded, significant, unit
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:

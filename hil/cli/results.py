@@ -237,8 +237,8 @@ def friction(
         from hil.results.friction import fit_friction
         from hil.results.friction_file import NAME, write_friction
         from hil.results.tables import friction as tables
-        from hil.results.tables.terminal import show_remark
         from hil.runs.run import Run
+        from hil.show.terminal import show_remark
 
         refuse_unwritable(folder / NAME)
         run = Run.open(folder)

@@ -12,10 +12,10 @@ from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveError
 from hil.measuring.campaign import rehearse_campaign, run_campaign
 from hil.measuring.events import Finished
-from hil.results.rounding import clock
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
 from hil.runs.run_folder import RunFolder
+from hil.show.rounding import clock
 from hil.terminal.console import give, out, say
 from hil.terminal.interruption import interruptible, report
 from hil.terminal.keys import HINT, KeyboardStop

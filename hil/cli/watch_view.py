@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from hil.results.rounding import clock, significant
+from hil.show.rounding import clock, significant
 from hil.terminal.console import say
 from hil.terminal.progress import doing, shown
 from hil.watching.watcher import in_words

@@ -20,7 +20,7 @@ from scipy import optimize
 
 from hil.errors import NotEnoughData
 from hil.results.identified_robot import friction_alone, known_friction, lacking
-from hil.results.rounding import percent, significant
+from hil.show.rounding import percent, significant
 
 if TYPE_CHECKING:
     from hil.arrays import Array

@@ -21,11 +21,12 @@ from hil.results.findings import found_in
 from hil.results.model import Model, loaded
 from hil.results.model_file import NAME, read_model_file
 from hil.results.prediction import FreeTorques
-from hil.results.rounding import clock, rounded, signed, unit
 from hil.results.tables.parameters import NAMED
-from hil.results.tables.table import Marked, Part, Table, figures, table
-from hil.results.tables.terminal import Summary, show, show_sentence
 from hil.runs.pooling import pooled
+from hil.show.outcome import Outcome
+from hil.show.rounding import clock, rounded, signed, unit
+from hil.show.table import Marked, Part, Table, figures, table
+from hil.show.terminal import show, show_sentence
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
-    from hil.results.tables.table import Row
     from hil.runs.run import Run
+    from hil.show.table import Row
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class ModelComparison:
         """Differences over their standard errors, shape (n_base,)."""
         return self.difference / self.standard_errors
 
-    def summary(self) -> Summary:
+    def summary(self) -> Outcome:
         """Parameters side by side, and the torques that their differences are worth."""
         base = base_parameters(self.robot)
         each = zip(
@@ -97,7 +98,7 @@ class ModelComparison:
             ("axis", *figures("difference, %")),
             ((str(k), f"{100 * share:.3g}") for k, share in enumerate(self.torque, start=1)),
         )
-        return Summary((parameters, torques))
+        return Outcome((parameters, torques))
 
     def __repr__(self) -> str:
         return str(self.summary())

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 ASSETS = Path(__file__).parent / "assets"
 VIEW = Path(__file__).parents[1] / "view" / "assets"
+SHOW = Path(__file__).parents[1] / "show" / "templates"
 STRONGEST, LONGEST = 1e4, 1.0
 """Bounds of a push as the plant has them (`sim_plant.serving.hand`) [N m or N, s]."""
 STOP_HEADER = "X-Hil-Stop"
@@ -57,7 +58,7 @@ FILES = {
     "live.js": ("text/javascript; charset=utf-8", (ASSETS / "live.js",)),
     "live.css": (
         "text/css; charset=utf-8",
-        (VIEW / "curves.css", VIEW / "view.css", ASSETS / "live.css"),
+        (SHOW / "curves.css", VIEW / "view.css", ASSETS / "live.css"),
     ),
 }
 """Media type of each path, and the files that it consists of."""

@@ -11,28 +11,17 @@ import io
 import json
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from hil.commands.torques import packed_recordings
 from hil.model.base_parameters import base_parameters
-from hil.planning.workspace import Workspace, narrowed
-from hil.report.section import data_uri
-from hil.view.along_motion import beside, measured
-from hil.view.packed import deflated
-from hil.view.scene import Scene
+from hil.show.section import data_uri
+from hil.view.along_motion import beside
 from hil.view.stretches import carriers
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection
 
-    from hil.arrays import Array
-    from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
     from hil.results.model import Model
-    from hil.runs.recording import Recording
-    from hil.view.along_motion import Shown
-
-EACH = 400
-"""Instants of a recording, on average: as many as a dialog has pixels for."""
 
 
 def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> str:
@@ -63,41 +52,6 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
         for (name, by), title in zip(of.items(), titles, strict=True)
     }
     return packed_recordings(run.robot, recordings, parameters)
-
-
-def packed_recordings(
-    robot: Robot,
-    recordings: Sequence[Shown],
-    parameters: Mapping[str, object] | None = None,
-) -> str:
-    """Return recordings as `hil.view.packed` has them, compressed; empty where there are none."""
-    if not recordings:
-        return ""
-    tracks = measured(robot, recordings, EACH * len(recordings))
-    scene = Scene(
-        title=robot.name,
-        robot=_with_limits(robot, recordings),
-        segments=tracks.segments,
-        planned=tracks.set_point,
-        measured=tracks,
-        predicted=tracks.predicted,
-    )
-    return deflated(scene.data() | {"parameters": dict(parameters or {})})
-
-
-def first_pose(robot: Robot, recording: Recording) -> Array:
-    """Configuration where a recording begins; all joints at 0 where that is not known."""
-    there = recording.q[np.isfinite(recording.q).all(axis=1)]
-    return there[0] if len(there) else np.zeros(robot.n_joints)
-
-
-def _with_limits(robot: Robot, shown: Sequence[Shown]) -> Robot:
-    """The robot, with what it passed in place of limits that nobody stated."""
-    q = np.concatenate([each.recording.q for each in shown])
-    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
-    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()
-    passed = {j + 1: (float(low[j]), float(high[j])) for j in unknown}
-    return narrowed(robot, Workspace(ranges=passed))
 
 
 Downloads = tuple[tuple[str, str, str], ...]

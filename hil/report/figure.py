@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.commands.torques import over_time
 from hil.errors import FileError, NotEnoughData
 from hil.model.base_parameters import base_parameters
-from hil.report.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule, chart
-from hil.report.charts.svg import file
 from hil.report.sections.friction_plots import levels
-from hil.report.sections.torques import over_time
 from hil.runs.atomic_file import write_file
 from hil.runs.run import opened
+from hil.show.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule, chart
+from hil.show.charts.svg import file
 from hil.view.stretches import stretches
 
 if TYPE_CHECKING:

@@ -8,38 +8,32 @@ SVG, and behind their points are the recordings (`hil.report.carried`).
 
 from __future__ import annotations
 
-import base64
-import hashlib
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from markupsafe import Markup
-
-from hil.report.carried import carried, downloads, first_pose
-from hil.report.charts.arm import arm
+from hil.commands.torques import first_pose
+from hil.report.carried import carried, downloads
 from hil.report.reported_run import ReportedRun
 from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
-from hil.results.rounding import clock
-from hil.results.tables.html import environment
 from hil.runs.atomic_file import file_errors, write_file
-from hil.runs.journal import now, versions
 from hil.runs.run import opened
-from hil.view.packed import deflated
-from hil.view.page import ASSETS, view_script
+from hil.show.charts.arm import arm
+from hil.show.html import environment
+from hil.show.page import write_html
+from hil.show.rounding import duration, when
+from hil.view.page import view_script
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from jinja2 import Environment
 
-    from hil.report.section import Plot, Section
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
+    from hil.show.section import Plot, Section
 
 NAME = "report.html"
-_HERE = Path(__file__).parent
-TEMPLATES = _HERE / "templates", _HERE / "sections", _HERE / "charts", ASSETS
+TEMPLATES: tuple[Path, ...] = (Path(__file__).parent / "sections",)
 
 
 def report(run: Run | Path | str, figures: Path | None = None) -> Path:
@@ -68,7 +62,8 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     registry = OF_IDENTIFIED if whole.is_identified else OF_FRICTION
     sections = list(filter(None, (each(whole) for each in registry)))
     path = run.path / NAME
-    write_html(path, NAME, **_values(whole, sections))
+    values = _values(whole, sections)
+    write_html(path, NAME, view_script() if values["carried"] else "", **values)
     if figures is not None:
         _write_figures(figures, _plots(sections))
     return path
@@ -78,24 +73,8 @@ def _plots(sections: Iterable[Section]) -> list[Plot]:
     return [plot for each in sections for plot in each.plots]
 
 
-def write_html(path: Path, template: str, **values: object) -> None:
-    """Write a page, whole or not at all, with when and by which version it is written."""
-    own = (_HERE / "templates" / "report.js").read_text(encoding="utf-8")
-    bundle = view_script() if values["carried"] else ""
-    about = {
-        "bundle": deflated(bundle),
-        "written": now(),
-        "version": versions()["canopen-robot-identification"],
-        "script": Markup(own),  # noqa: S704 - our own
-        "script_source": " ".join(map(_hash, filter(None, (own, bundle)))),
-    }
-    write_file(path, _templates().get_template(template).render(**values, **about).encode())
-
-
 def _templates() -> Environment:
-    templates = environment(*TEMPLATES)
-    templates.filters["when"] = when
-    return templates
+    return environment(*TEMPLATES)
 
 
 def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object]:
@@ -113,11 +92,6 @@ def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object
         "run": whole.source,
         "picture": arm(whole.robot, first_pose(whole.robot, whole.campaign[0].recording)),
     }
-
-
-def _hash(script: str) -> str:
-    """Source of a script by its content, as a policy names it."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
 
 
 def _top(run: ReportedRun) -> dict[str, object]:
@@ -160,13 +134,3 @@ def counts(campaign: Sequence[Measured]) -> str:
     kinds: list[str] = [measured.measurement.kind for measured in campaign]
     each = (f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
     return f"{len(kinds)} ({', '.join(each)})"
-
-
-def when(stamp: str) -> str:
-    """Write an ISO time stamp for readers."""
-    return f"{datetime.fromisoformat(stamp):%d %B %Y, %H:%M %Z}".lstrip("0") if stamp else "unknown"
-
-
-def duration(seconds: float) -> str:
-    """Write a duration for readers."""
-    return f"{clock(seconds)} {'h' if seconds >= 3600 else 'min'}"

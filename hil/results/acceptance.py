@@ -3,14 +3,13 @@
 A check is a value and what it may be. Values come from the model of the run (parameters, friction,
 torque that the fit leaves, what the identification is worth) and from its journal and recordings
 (what is missing, flagged, or kept with findings). A value that was not identified fails. Limits are
-a YAML file; checks are written as JUnit XML, which CI systems read.
+a YAML file.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self, cast
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import yaml
@@ -22,8 +21,6 @@ from hil.model.base_parameters import base_parameters
 from hil.results.judgement import WORDS, Judgement, Reservation, Word, failed, good
 from hil.results.model import Model
 from hil.results.quantities import Quantity, quantities, reading
-from hil.results.rounding import signed, unit
-from hil.results.tables.table import Marked, Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import SyncTiming
 from hil.runs.run import opened
@@ -139,8 +136,10 @@ def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
     _refuse_foreign(run, model, limits)
     checks = tuple(_checks(run, model, limits))
     lost = sum(check.word == "failed" for check in checks)
-    found = [failed(f"{lost} of {len(checks)} checks")] if lost else []
-    return Acceptance.of(found, lambda: good(f"{len(checks)} checks"), checks=checks)
+    many = "are outside their" if lost > 1 else "is outside its"
+    found = [failed(f"{lost} of {len(checks)} checks {many} limits")] if lost else []
+    within = f"all {len(checks)} checks are within their limits"
+    return Acceptance.of(found, lambda: good(within), checks=checks)
 
 
 def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:
@@ -241,8 +240,8 @@ def _check(
     ends = -np.inf if least is None else _rank(least), np.inf if most is None else most
     passed = value is not None and ends[0] <= _rank(value) <= ends[1]
     limits = {"at least": least, "at most": most}
-    bounds = (f"{which} {_text(each)}" for which, each in limits.items() if each is not None)
-    reason = f"{_text(value)} {unit}".strip() + f" must be {' and '.join(bounds)}"
+    bounds = (f"{which} {text_of(each)}" for which, each in limits.items() if each is not None)
+    reason = f"{text_of(value)} {unit}".strip() + f" must be {' and '.join(bounds)}"
     return Check(
         word="good" if passed else "failed",
         reason="was not identified" if value is None else reason,
@@ -254,7 +253,8 @@ def _rank(value: float | str) -> float:
     return value if isinstance(value, int | float) else -WORDS.index(cast("Word", value))
 
 
-def _text(value: float | str | None) -> str:
+def text_of(value: float | str | None) -> str:
+    """Write a value or a limit; empty where there is none."""
     return f"{value:.6g}" if isinstance(value, int | float) else value or ""
 
 
@@ -263,33 +263,3 @@ def write_limits(path: Path, limits: Limits) -> None:
     content = limits.model_dump(mode="json", exclude_none=True)
     content["residual"] = limits.residual  # JSON knows no numbers as keys
     write_file(path, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
-
-
-def write_junit(path: Path, robot: str, measured: str, found: Acceptance) -> None:
-    """Write the checks as JUnit XML, a test case each."""
-    lost = sum(check.word == "failed" for check in found.checks)
-    counts = {"tests": str(len(found.checks)), "failures": str(lost), "errors": "0"}
-    suite = ET.Element("testsuite", name=robot, timestamp=measured, attrib=counts)
-    for check in found.checks:
-        case = ET.SubElement(suite, "testcase", classname=robot, name=check.subject)
-        if check.word == "failed":
-            ET.SubElement(case, "failure", message=check.reason)
-    ET.indent(suite)
-    write_file(path, ET.tostring(suite, encoding="utf-8", xml_declaration=True) + b"\n")
-
-
-def checked(found: Acceptance) -> Table:
-    """Checks with their values and limits."""
-    return table(
-        "Checks",
-        ("check", "result", *figures("value", "at least", "at most"), "unit"),
-        (
-            (
-                check.subject,
-                check.word if check.word == "good" else Marked(check.word),
-                *(signed(_text(each)) for each in (check.value, check.least, check.most)),
-                unit(check.unit),
-            )
-            for check in found.checks
-        ),
-    )

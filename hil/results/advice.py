@@ -42,8 +42,8 @@ from hil.results.judgement import (
     reservations,
 )
 from hil.results.prediction import FreeTorques
-from hil.results.rounding import signed, significant, unit
-from hil.results.tables.table import Table, figures, table
+from hil.show.rounding import signed, significant, unit
+from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

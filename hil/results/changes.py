@@ -34,7 +34,7 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.intervals import SIGNIFICANT, combined_degrees
-from hil.results.rounding import rounded, signed, significant, unit
+from hil.show.rounding import rounded, signed, significant, unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,9 +18,9 @@ from hil.model.dynamics import regressor
 from hil.model.frames import pseudo_inertia
 from hil.planning.free_motion import FreeMotion
 from hil.results.recorded_torque import processing_of
-from hil.results.rounding import probability, significant
 from hil.results.tables.parameters import NAMED
-from hil.results.tables.table import Table, figures, table
+from hil.show.rounding import probability, significant
+from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
-    from hil.results.tables.table import Row
     from hil.runs.recording import Recorded, Recording
+    from hil.show.table import Row
 
 
 def with_consistent_robot(

@@ -21,11 +21,11 @@ from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters
 from hil.results.provenance import RunStamp, named, same_parameters
-from hil.results.rounding import signed, uncertain
-from hil.results.tables.table import Table, figures, table
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
+from hil.show.rounding import signed, uncertain
+from hil.show.table import Table, figures, table
 from hil.version import __version__
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
-    from hil.results.tables.table import Row
     from hil.runs.run import Run
+    from hil.show.table import Row
 
 
 @dataclass(frozen=True, slots=True, eq=False)

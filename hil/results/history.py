@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hil.results.changes import Change, Rescaled
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.quantities import Quantity, Reading
-    from hil.results.tables.table import Table
+    from hil.show.table import Table
 
 
 @dataclass(frozen=True, eq=False)

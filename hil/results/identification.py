@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from hil.estimation.noise_levels import Levels
     from hil.estimation.options import Options
     from hil.estimation.prior import Prior
-    from hil.results.tables.terminal import Summary
     from hil.runs.recording import Recorded, Recording
+    from hil.show.outcome import Outcome
 
     Arrays = ArrayLike | Sequence[ArrayLike]
 
@@ -95,7 +95,7 @@ class ModelFit(ByName):
     def _half_widths(self, level: float) -> dict[str, float]:
         return dict(zip(self.model.names, self.estimate.half_width(level).tolist(), strict=True))
 
-    def summary(self) -> Summary:
+    def summary(self) -> Outcome:
         """Tables of what was found, for a terminal or a notebook."""
         return self.model.summary()
 

@@ -29,6 +29,7 @@ from checked_files.yaml_file import FileModel
 from hil.estimation.free_motion.result import LOOSE
 from hil.least_squares.uncertainty import TWICE
 from hil.model.drive_train_file import USUAL_BOUND
+from hil.show.outcome import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -142,6 +143,11 @@ class Judgement(Reservation):
         """All that speaks against the result, the worst first."""
         own = reservation(self.word, self.reason, self.remedy, self.subject)
         return own, *self.further
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """The same as they are shown."""
+        return tuple(Verdict(each.word, each.word, each.clause) for each in self.reasons)
 
     @model_validator(mode="before")
     @classmethod

@@ -33,22 +33,24 @@ from hil.planning.measurement import shows_element
 from hil.results.findings import found_in
 from hil.results.identification import identified
 from hil.results.provenance import named, same_recordings
-from hil.results.tables.load import quantities
-from hil.results.tables.terminal import Summary
 from hil.runs.pooling import Pooled, pooled, recorded, refuse_mixed
+from hil.show.outcome import Outcome
+from hil.show.rounding import uncertain, unit
+from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.estimate import Estimate
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.loads.evidence import Evidence
-    from hil.estimation.loads.figures import Load
+    from hil.estimation.loads.figures import Figure, Load
     from hil.estimation.options import Options
     from hil.model.robot import Robot
     from hil.runs.run import Run
+    from hil.show.table import Row
 
     Fit = Callable[..., Load]
 
@@ -173,9 +175,25 @@ class LoadFit(ByName):
         of_load = {each.name: each.half_width for each in self.load.quantities(level)}
         return {name: float(half) for name, half in base} | of_load
 
-    def summary(self) -> Summary:
+    def summary(self) -> Outcome:
         """The load as a table, for a terminal or a notebook."""
-        return Summary((quantities(self.load.quantities()),), ())
+        return Outcome((quantities(self.load.quantities()),))
+
+
+def quantities(load: Iterable[Figure]) -> Table:
+    """Mass, first moments, centre of mass and inertia of a load, as a table."""
+    return table(
+        "The load, in the last link's frame",
+        ("", *figures("value", "std. error", "95 %, ±"), "unit"),
+        map(_row, load),
+    )
+
+
+def _row(q: Figure) -> Row:
+    value, error = uncertain(q.value, q.standard_error)
+    half = uncertain(q.half_width, q.standard_error)[0] if q.half_width else ""
+    stated = not q.standard_error
+    return q.name, value, "stated" if stated else error, "" if stated else half, unit(q.unit)
 
 
 @dataclass(frozen=True, eq=False)

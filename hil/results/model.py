@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.model.robot import Robot
-    from hil.results.tables.terminal import Summary
+    from hil.show.outcome import Outcome
 
 
 ROUNDS = 200
@@ -426,7 +426,7 @@ class Model(IdentifiedRobot):
             half[..., [axis - 1 for axis in self.axes_without_friction]] = np.nan
         return np.stack([tau - half, tau + half], axis=-1)
 
-    def summary(self) -> Summary:
+    def summary(self) -> Outcome:
         """Parameters with their uncertainty, residuals and what could not be used, as tables."""
         return summary(self)
 

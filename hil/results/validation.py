@@ -4,16 +4,11 @@ The test that works on a real machine, where no truth is known: a motion that th
 made from. Its scores are compared with the naive prediction, the axis's mean torque, which needs no
 model at all, and with the intervals that the model states. Each rule looks at the axis that is
 worst by it.
-
-What was found is kept beside the recordings (`validation.yaml`), and the judgement in the model's
-own file too: what it was worth where.
 """
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +30,6 @@ from hil.results.judgement import (
     TOLERANCE,
     WORSE,
     Judgement,
-    KeptJudgement,
     Reservation,
     When,
     doubtful,
@@ -45,11 +39,9 @@ from hil.results.judgement import (
 )
 from hil.results.model import Model, loaded
 from hil.results.predicted_torques import predicted_torques
-from hil.results.provenance import RunStamp, recordings_in_common
+from hil.results.provenance import recordings_in_common
 from hil.results.residual import BandResidual, unexplained
 from hil.results.verdict import OF_DATA
-from hil.runs.atomic_file import write_file
-from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 from hil.runs.run import opened
 
@@ -65,7 +57,6 @@ if TYPE_CHECKING:
 
     Scores = Sequence["AxisScore"]
 
-NAME = "validation.yaml"
 OUTSIDE = 2.0 * special.ndtr(-TWICE)
 """Share of samples outside right intervals of 95 %; an axis is scored where that is one sample."""
 SURE = special.ndtri(1.0 - SIGNIFICANT / 2.0)
@@ -494,28 +485,6 @@ def _praise(scores: Scores, residual: BandResidual | None) -> str:
     return f"torque predicted within {100 * shares[worst]:.2g} % (rms{band}), worst axis {worst}"
 
 
-class ValidationRecord(FileModel):
-    """Content of `validation.yaml`: a validation and what it belongs to.
-
-    Attributes
-    ----------
-    run : RunStamp
-    model : str
-        Path of the model's file, from the run's folder.
-    method, identified : str
-        Of the model.
-    validated : str
-        When.
-    """
-
-    run: RunStamp
-    model: str
-    method: str
-    identified: str
-    validated: str
-    validation: Validation
-
-
 def of_own_recordings(model: Model, run: Run) -> Validation | None:
     """Judge a run that the model was made from: failed; None where it is another one."""
     common, every = recordings_in_common(model.provenance, run), len(run)
@@ -528,28 +497,3 @@ def of_own_recordings(model: Model, run: Run) -> Validation | None:
         " others",
         remedy="judge it by another recording",
     )
-
-
-def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:
-    """Keep a validation in the folder of the run that was predicted; return the file's path.
-
-    The judgement is added to the model's file, in place of an earlier one on the same run.
-    """
-    record = ValidationRecord(
-        run=RunStamp.of(run),
-        model=os.path.relpath(model_path, run.path),
-        method=model.method,
-        identified=model.provenance.identified,
-        validated=now(),
-        validation=found,
-    )
-    path = run.path / NAME
-    write_file(path, record.as_yaml())
-    where = os.path.relpath(run.path, model_path.parent)
-    kept = KeptJudgement.of(
-        found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative
-    )
-    model = Model.load(model_path)
-    others = tuple(each for each in model.validations if each.run != where)
-    replace(model, validations=(*others, kept)).save(model_path)
-    return path

@@ -31,7 +31,7 @@ from hil.results.judgement import (
 from hil.results.possible import impossible_inertias, impossible_links
 from hil.results.prediction import free_torques, uncertainty
 from hil.results.residual import unexplained
-from hil.results.rounding import significant, uncertain, unit
+from hil.show.rounding import significant, uncertain, unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

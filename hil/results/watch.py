@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from checked_files.yaml_file import FileModel
-from hil.results.rounding import clock, significant
-from hil.results.tables.table import Table, figures, table
-
-if TYPE_CHECKING:
-    from hil.results.tables.table import Row
-
+from hil.show.outcome import Verdict
+from hil.show.rounding import clock
 
 NAME = "watch.yaml"
 
@@ -113,71 +107,16 @@ class Watched(FileModel):
         return 3600 * len(self.alarms) / self.watched if self.watched else float("nan")
 
     @property
-    def outcome(self) -> tuple[str, str, str]:
+    def verdict(self) -> Verdict:
         """How far it can be relied on, what was found, and in what time."""
         if not self.watched:
-            return "doubtful", "nothing was watched", "watch for longer"
+            return Verdict("doubtful", "doubtful", "nothing was watched, watch for longer")
         count = f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
-        word = "doubtful" if self.alarms or _hardly_watched(self) else "good"
-        return word, count, f"in {clock(self.watched)}, {self.rate:.3g} an hour"
+        word = "doubtful" if self.alarms or hardly_watched(self) else "good"
+        return Verdict(word, word, f"{count} in {clock(self.watched)}, {self.rate:.3g} an hour")
 
 
-def watched(found: Watched) -> Table:
-    """How well each axis was seen."""
-    return table(
-        "Torque from outside that is seen",
-        (
-            "axis",
-            *figures("within 20 ms", "% of limit", "within 0.1 s", "% of limit"),
-            *figures("still, %", "blind, %", "dim, %"),
-        ),
-        map(_row, found.axes),
-        "Thresholds of means over windows that end 20 ms and 0.1 s after a push began, medians"
-        " over the time in motion; a dash where an axis has moved too little. Still is the"
-        " share of all the time in which the axis stood, and showed only what exceeds its"
-        " friction. Blind is the share, around reversals and at rest, in which a tenth of the"
-        " torque limit would not be seen within 20 ms, dim that in which a twentieth would not"
-        " be seen within 0.1 s.",
-        (_sentence(found), *_hardly_watched(found)),
-    )
-
-
-def alarms(found: Watched, most: int = 20) -> Table:
-    """The first alarms; no rows without any, and all of them are in the file."""
-    units = {axis.axis: axis.unit for axis in found.axes}
-    left = len(found.alarms) - most
-    return table(
-        "Alarms",
-        (
-            "axis",
-            *figures("at, s", "seen", "threshold", "peak"),
-            "unit",
-            *figures("window, ms", "lasted, s"),
-        ),
-        (
-            (
-                str(each.axis),
-                f"{each.time:.3f}",
-                *(significant(x, 3) for x in (each.torque, each.threshold, each.peak)),
-                units[each.axis],
-                f"{1e3 * each.window:.0f}",
-                f"{each.lasted:.2f}",
-            )
-            for each in found.alarms[:most]
-        ),
-        "When an alarm began, the mean torque from outside that showed it and the threshold of"
-        " its window; largest torque until it was over.",
-        (f"{left} more alarms in the file",) if left > 0 else (),
-    )
-
-
-def _sentence(found: Watched) -> str:
-    learned = f"thresholds learned from {clock(found.learned)} of motion"
-    _, what, how = found.outcome
-    return f"{what} {how}; {learned}" if found.watched else f"{learned}; {what}, {how}"
-
-
-def _hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
+def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
     """Which axes were blind for most of the time, and what would watch them."""
     blind = [axis for axis in found.axes if found.watched and axis.blind > mostly]
     if not blind:
@@ -187,11 +126,3 @@ def _hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
         f"{axes}: hardly watched, because still for most of the time or too little seen before;"
         " a plan that moves every axis all the time watches them, such as a trajectory",
     )
-
-
-def _row(axis: Sight) -> Row:
-    cells: list[str] = []
-    for each in (axis.soon, axis.late):
-        known = f"{significant(each, 3)} {axis.unit}" if each is not None else "–"
-        cells += known, "–" if each is None else significant(100 * each / axis.limit, 2)
-    return (str(axis.axis), *cells, *(f"{100 * x:.1f}" for x in (axis.still, axis.blind, axis.dim)))

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.prediction.precision import Precision
     from hil.planning.workspace import Workspace
-    from hil.results.tables.table import Table
     from hil.runs.run import Run
+    from hil.show.table import Table
 
     Now = Callable[[str], None]
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, Progress, TextColumn
 
 from hil.measuring import events
-from hil.results.rounding import clock
+from hil.show.rounding import clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -32,9 +32,6 @@ names for the same quantities, and torques in such tracks.
 
 from __future__ import annotations
 
-import base64
-import gzip
-import json
 from ctypes import CDLL, c_double, c_int64
 from dataclasses import dataclass
 from itertools import chain, repeat
@@ -122,12 +119,6 @@ def packed(values: ArrayLike, step: float) -> dict[str, object]:
     differences = np.full(len(given), None, dtype=object)
     differences[there] = np.diff(np.rint(given[there] / step).astype(np.int64), prepend=0).tolist()
     return {"step": step, "differences": differences.tolist()}
-
-
-def deflated(data: object) -> str:
-    """JSON of `data`, compressed, as text that HTML may hold."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
 
 
 INSTANT = 1e-4

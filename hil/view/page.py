@@ -13,10 +13,10 @@ from markupsafe import Markup
 
 from checked_files.yaml_file import FileError
 from hil.errors import InvalidValue
-from hil.results.tables.html import environment
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import versions
-from hil.view.packed import deflated
+from hil.show.deflated import deflated
+from hil.show.html import TEMPLATES, environment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,7 +69,7 @@ def html(scene: Scene) -> str:
         .render(
             scene=scene,
             data=deflated(scene.data()),
-            style=_asset("curves.css") + _asset("view.css"),
+            style=_asset("curves.css", TEMPLATES) + _asset("view.css"),
             script=_asset("view.js"),
             mark=Markup(MARK),  # noqa: S704 - our own
             version=versions()["canopen-robot-identification"],
@@ -102,5 +102,5 @@ def view_script() -> str:
     return str(_asset("view.js"))
 
 
-def _asset(name: str) -> Markup:
-    return Markup((ASSETS / name).read_text(encoding="utf-8"))  # noqa: S704 - our own
+def _asset(name: str, folder: Path = ASSETS) -> Markup:
+    return Markup((folder / name).read_text(encoding="utf-8"))  # noqa: S704 - our own

@@ -55,7 +55,7 @@ OWN = {
         "planning/design/trajectories.py",
         "measuring/streaming.py",
         "measuring/feeding.py",
-        "results/tracking.py",
+        "commands/track.py",
         "cli/beside_model.py",
     ),
 }

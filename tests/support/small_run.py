@@ -12,13 +12,13 @@ from synthetic import TABLE_3_A, Friction, record
 from drivers.drive_bus import AxisInfo
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
-from hil.report.charts.chart import Chart
 from hil.results import findings
 from hil.results.model_file import NAME
 from hil.runs.journal import BusName, axis_records
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
+from hil.show.charts.chart import Chart
 
 COUNTS = {"gravity": 12, "inertia": 24, "coupling": 3}
 SIMULATED = BusName("sim_plant", "manutec-r15")
@@ -98,4 +98,4 @@ def as_on_hardware(journal, bus):
 
 def empty_plots(monkeypatch):
     """Let reports have all their plots, with nothing in them."""
-    monkeypatch.setattr("hil.report.section.Plot.chart", Chart())
+    monkeypatch.setattr("hil.show.section.Plot.chart", Chart())

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hil.report.reported_run import ReportedRun
-    from hil.report.section import Section
+    from hil.show.section import Section
 
 OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     torques.torque,

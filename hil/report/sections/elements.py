@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
-from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
-from hil.report.section import Plot, Section
-from hil.results.rounding import signed
 from hil.results.tables import parameters as tables
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
+from hil.show.rounding import signed
+from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -5,14 +5,14 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
-from hil.report.section import Plot, Section
 from hil.results.tables import excluded as tables
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
+from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
     from hil.estimation.excluded.result import Excluded, Limit
-    from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
+    from hil.show.charts.chart import Item
 
 LEAST = 1e-3
 """Torque at which bars begin [%]: a tenth of what any campaign here has found to be the least."""

@@ -6,11 +6,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hil.estimation.friction.symmetry import of_local_values
-from hil.report.section import Plot, Section
 from hil.report.sections import friction_plots as plots
 from hil.results.identified_robot import lacking
 from hil.results.tables import friction as tables
 from hil.results.tables.friction import campaign_friction
+from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

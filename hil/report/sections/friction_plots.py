@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.estimation.local_fits import REFERENCE_SPEED
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.charts.chart import (
+from hil.show.charts.chart import (
     GREEN,
     INK,
     MODEL,
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
-    from hil.report.charts.chart import Item
     from hil.results.friction_file import FrictionResult
+    from hil.show.charts.chart import Item
 
 
 STYLES = {

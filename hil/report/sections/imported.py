@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
-from hil.report.section import Plot, Section
 from hil.results.tables.friction import campaign_friction
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
+from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from hil.estimation.back_and_forth.description import HalfSums
     from hil.estimation.back_and_forth.result import FrictionCurve
     from hil.model.robot import Robot
-    from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
+    from hil.show.charts.chart import Item
 
 
 def identified(run: ReportedRun) -> Section | None:

@@ -13,32 +13,31 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from hil.commands import payload
 from hil.errors import FileError
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, chart
-from hil.report.charts.svg import file
-from hil.report.section import Plot, Section
 from hil.report.sections.elements import residuals_over_angles
-from hil.results import consistency, load_file, load_tables
+from hil.results import consistency
 from hil.results import diagnosis as kept_diagnosis
 from hil.results.diagnosis import load_diagnosis
-from hil.results.load_file import DRAWN, read_load
-from hil.results.rounding import signed
-from hil.results.tables.load import quantities
-from hil.results.validation_tables import judgements
 from hil.runs.atomic_file import own_folder, write_file
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart
+from hil.show.charts.svg import file
+from hil.show.outcome import Outcome
+from hil.show.rounding import signed, significant, when
+from hil.show.section import Plot, Section
+from hil.show.table import Column, Marked, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    from hil.commands.payload import LoadFile
     from hil.estimation.gravity_phase import Phase
     from hil.model.robot import Robot
-    from hil.planning.measurement import ElementKind
-    from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
     from hil.results.diagnosis import Diagnosis, DiagnosisFile
-    from hil.results.load_file import ElementRecord, LoadFile
+    from hil.results.judgement import KeptJudgement
     from hil.runs.run import Run
 
 
@@ -83,6 +82,25 @@ def validation(run: ReportedRun) -> Section | None:
     return Section("Validation", "validation.html", {"judgements": judgements(kept.validations)})
 
 
+def judgements(kept: Sequence[KeptJudgement]) -> Table:
+    """What a model was worth on other recordings."""
+    return table(
+        "Judged by other recordings",
+        ("run", "judgement", *figures("off by, %"), Column("reason", folds=True)),
+        (
+            (
+                each.run,
+                each.word if each.word == "good" else Marked(each.word),
+                "" if each.relative is None else significant(100 * each.relative, 2),
+                each.clause,
+            )
+            for each in kept
+        ),
+        "By hil validate: judgement, error of the predicted torques, and the worst of what was"
+        " found.",
+    )
+
+
 def bodies(run: ReportedRun) -> Section | None:
     """Bodies that the kept model has, as long as it is the one of this report."""
     kept = run.kept_model
@@ -100,27 +118,24 @@ def bodies(run: ReportedRun) -> Section | None:
     )
 
 
+def _noted(note: str) -> dict[str, object]:
+    """What a section shows in place of a result that is not shown."""
+    return {"intro": f"{note}.", "found": Outcome()}
+
+
 def load(run: ReportedRun) -> Section | None:
     """What is kept of a load, or why it is not shown."""
-    found, note = current(read_load, run, load_file.NAME, f"hil payload WITHOUT {run.source.path}")
-    if found is None and not note:
-        return None
-    # of imported motions there are no elements by themselves to draw
-    drawn = DRAWN if found and not found.imported else ()
-    plots = tuple(_load_plot(name, found, run.robot) for name in drawn if found)
-    values = {"load": found, "note": note, "tables": load_tables, "quantities": quantities}
-    return Section("The load", "payload.html", values, plots)
-
-
-def _load_plot(name: str, load: LoadFile, robot: Robot) -> Plot:
-    kind = ELEMENT_KINDS[name]
-    elements = kind.elements.capitalize()
-    return Plot(
-        f"load-{name}",
-        partial(with_and_without_load, load.elements_without, load.elements_loaded, kind, robot),
-        f"{elements} without and with load over configuration number, one panel an axis.",
-        f"{elements} without and with load, measured and modelled ({kind.figure}).",
+    command = f"hil payload WITHOUT {run.source.path}"
+    found, note = current(payload.read_load, run, payload.NAME, command)
+    if found is None:
+        return Section("The load", "kept.html", _noted(note)) if note else None
+    shown, bare = payload.of_file(found, run.robot), found.without
+    intro = (
+        f"From two runs of the same robot, without ({bare.folder}, {when(bare.measured)}) and with"
+        " the load (this run). Parameters, load and friction follow from both runs at once by least"
+        " squares."
     )
+    return Section("The load", "kept.html", {"intro": intro, "found": shown}, shown.plots)
 
 
 PHASE = (
@@ -154,52 +169,6 @@ def _phase_plot(found: DiagnosisFile, robot: Robot) -> tuple[Plot, ...]:
             " found, and measurements.",
             PHASE,
         ),
-    )
-
-
-def with_and_without_load(
-    without: Sequence[ElementRecord],
-    loaded: Sequence[ElementRecord],
-    kind: ElementKind,
-    robot: Robot,
-) -> Chart:
-    """The paper's Figs. 5 and 6: elements of both runs over configuration number.
-
-    Parameters
-    ----------
-    without, loaded : sequence of ElementRecord
-        The latter of the run that is reported.
-    kind : ElementKind
-        Of the elements that are drawn.
-    robot : Robot
-    """
-    runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
-    axes = sorted({each.axis for run in runs for each in run})
-    return chart(
-        Panel(
-            (*_elements(runs[0], axis, loaded=False), *_elements(runs[1], axis, loaded=True)),
-            title=f"${kind.element(axis - 1, axis - 1)}$",
-            x_label="configuration number",
-            y_label=f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]",
-            whole=True,
-        )
-        for axis in axes
-    )
-
-
-def _elements(run: Sequence[ElementRecord], axis: int, *, loaded: bool) -> Iterator[Item]:
-    state = "with load" if loaded else "without load"
-    own = [(k, each) for k, each in enumerate(run, start=1) if each.axis == axis]
-    x = [k for k, _ in own]
-    dash = "5 3" if loaded else ""
-    yield Line(x, [each.model for _, each in own], MODEL, f"model {state}", dash, width=1.0)
-    yield Points(
-        x,
-        [each.value for _, each in own],
-        "x" if loaded else "ring",
-        MEASURED if loaded else MUTED,
-        f"measured {state}",
-        ids=[each.id for _, each in own] if loaded else (),
     )
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.section import Section
 from hil.results.tables.parameters import drive_train
-from hil.results.tables.table import Column, Part, Table, figures, table
+from hil.show.section import Section
+from hil.show.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

@@ -10,17 +10,17 @@ import numpy as np
 from hil.errors import FileError
 from hil.estimation.identify import JOINT
 from hil.model.base_parameters import base_parameters
-from hil.report.charts.chart import MODEL, Chart, Panel, Points, Rule, chart
-from hil.report.section import Plot, Section
 from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.tables import parameters as tables
+from hil.show.charts.chart import MODEL, Chart, Panel, Points, Rule, chart
+from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
     from hil.arrays import Array
-    from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
     from hil.runs.run import Run
+    from hil.show.charts.chart import Item
 
 
 def parameters(run: ReportedRun) -> Section | None:

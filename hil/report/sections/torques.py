@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.commands.torques import over_time
 from hil.friction.equation import SLOW
 from hil.least_squares.uncertainty import TWICE
-from hil.report.charts.chart import (
-    MEASURED,
-    MODEL,
+from hil.report.sections.friction import models_plot
+from hil.report.sections.imported import friction_curves
+from hil.results.identified_robot import friction_alone
+from hil.show.charts.chart import (
     MUTED,
     Band,
     Chart,
@@ -25,21 +27,17 @@ from hil.report.charts.chart import (
     Rule,
     chart,
 )  # fmt: skip
-from hil.report.section import Plot, Section
-from hil.report.sections.friction import models_plot
-from hil.report.sections.imported import friction_curves
-from hil.results.identified_robot import friction_alone
+from hil.show.section import Plot, Section
 from hil.view.stretches import most_demanding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array, Mask
-    from hil.model.robot import Robot
-    from hil.report.charts.chart import Item
     from hil.report.reported_run import ReportedRun
     from hil.results.model import Model
     from hil.results.recorded_torque import PredictedTorque
+    from hil.show.charts.chart import Item
 
 POINTS = 150
 """Points of friction that are drawn of an axis: more of them cover each other."""
@@ -102,39 +100,6 @@ def _law_plot(draw: object, words: str) -> Plot:
         draw,  # type: ignore[arg-type]
         "Friction of every axis over its speed, measured and by the law of friction.",
         f"Torque of friction over the speed: {words}",
-    )
-
-
-def over_time(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
-    """Measured and predicted torque with its interval, axis by axis, and the residual below."""
-    return chart(_torque(each, robot) for each in shown)
-
-
-def _torque(each: PredictedTorque, robot: Robot) -> Panel:
-    unit, t, half = robot.torque_unit(each.axis), each.time, each.half
-    low, high = each.predicted - half, each.predicted + half
-    around = np.where(np.isfinite(low), half, np.nan)
-    return Panel(
-        (
-            Band(t, low, high, label="95 % interval"),
-            Line(t, each.measured, MEASURED, "measured"),
-            Line(t, each.predicted, MODEL, "predicted", "5 3"),
-        ),
-        title=f"axis {each.axis + 1}, {each.measurement}",
-        x_label="time [s]",
-        y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
-        below=Panel(
-            (
-                Band(t, -around, around),
-                Rule(0.0),
-                Line(t, each.residual, MEASURED, width=0.9),
-            ),
-            y_label=f"Δ [{unit}]",
-            height=42.0,
-        ),
-        width=357.0,
-        height=112.0,
-        recording=each.measurement,
     )
 
 

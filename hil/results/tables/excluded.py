@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.results.rounding import clock, significant
-from hil.results.tables.table import Table, figures, table
+from hil.show.rounding import clock, significant
+from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.estimation.excluded.distinguishing import Distinguished
     from hil.estimation.excluded.result import Excluded, Limit
-    from hil.results.tables.table import Row
+    from hil.show.table import Row
 
 NEVER, FOUND = "-", "found"
 """In place of a size: where none would show, and where the cause itself was found."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.results.identified_robot import friction_alone
-from hil.results.rounding import probability, signed, significant, uncertain
-from hil.results.tables.table import Column, Part, Table, figures, table
+from hil.show.rounding import probability, signed, significant, uncertain
+from hil.show.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.friction.law import AxisLaw
     from hil.results.friction_file import FrictionResult
     from hil.results.identified_robot import IdentifiedRobot
-    from hil.results.tables.table import Row
+    from hil.show.table import Row
 
 
 def models(result: FrictionResult) -> Table:

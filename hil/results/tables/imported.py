@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.results.rounding import probability, significant, uncertain
-from hil.results.tables.table import Column, Part, Table, figures, table
+from hil.show.rounding import probability, significant, uncertain
+from hil.show.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hil.friction.law import AxisLaw, CoupledFriction, TermValue
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
-    from hil.results.tables.table import Row
+    from hil.show.table import Row
 
 
 def friction(model: IdentifiedRobot) -> Table:

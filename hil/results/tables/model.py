@@ -16,16 +16,16 @@ from hil.results.tables.imported import (
     statements_of_strokes,
 )
 from hil.results.tables.parameters import band_residual, parameters, residuals
-from hil.results.tables.terminal import Summary
+from hil.show.outcome import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from hil.results.identified_robot import IdentifiedRobot
-    from hil.results.tables.table import Table
+    from hil.show.table import Table
 
 
-def summary(model: IdentifiedRobot) -> Summary:
+def summary(model: IdentifiedRobot) -> Outcome:
     """Parameters with their uncertainty, residuals and what could not be used."""
     left = band_residual(model.band_residual, model.robot, "of these recordings")
     remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
@@ -33,17 +33,17 @@ def summary(model: IdentifiedRobot) -> Summary:
         remarks = (str(model.prior), *remarks)
     if model.friction is not None:
         tables = parameters(model), friction(model), left_by_fit(model), left
-        return Summary(_filled(tables), (*statements(model.friction), *remarks))
+        return Outcome(_filled(tables), (*statements(model.friction), *remarks))
     if (strokes := model.back_and_forth) is not None:
         own = curves(strokes), plain(strokes, model.robot)
         found = parameters(model), *own, left_by_fit(model), left
-        return Summary(_filled(found), (*statements_of_strokes(strokes), *remarks))
+        return Outcome(_filled(found), (*statements_of_strokes(strokes), *remarks))
     if lack := lacking(model):
         remarks = (*remarks, lack)
     if model.method == "improved" and (ripple := ripple_left_out(model.robot)):
         remarks = (*remarks, ripple)
     tables = parameters(model), residuals(model), left, campaign_friction(model)
-    return Summary(_filled(tables), remarks)
+    return Outcome(_filled(tables), remarks)
 
 
 def _filled(tables: Iterable[Table]) -> tuple[Table, ...]:

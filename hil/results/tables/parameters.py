@@ -10,8 +10,8 @@ import numpy as np
 from hil.estimation.drive_train import compliance_units
 from hil.estimation.simultaneous import SIGNIFICANT
 from hil.model.base_parameters import base_parameters
-from hil.results.rounding import percent, rounded, signed, significant, uncertain, unit
-from hil.results.tables.table import Column, Marked, Part, Table, figures, table
+from hil.show.rounding import percent, rounded, signed, significant, uncertain, unit
+from hil.show.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.residual import BandResidual
-    from hil.results.tables.table import Row
+    from hil.show.table import Row
 
 
 DISAGREEMENT = 3.0

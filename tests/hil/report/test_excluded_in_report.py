@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from hil.estimation.excluded.result import Excluded, Limit
-from hil.report.charts.chart import Line, Points
 from hil.report.sections.excluded import LEAST, bars
+from hil.show.charts.chart import Line, Points
 
 
 def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Limit:

@@ -29,12 +29,12 @@ from hil.results.advice import CampaignResult, advice
 from hil.results.findings import kept
 from hil.results.identification import identify
 from hil.results.prediction import FreeTorques, effect_of_errors
-from hil.results.rounding import decimals, percent, rounded, significant
-from hil.results.tables.html import symbols
 from hil.runs.pooling import recorded
 from hil.runs.recording import Finding
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
+from hil.show.html import symbols
+from hil.show.rounding import decimals, percent, rounded, significant
 
 TITLE_OF_P11 = "inertia of link 5, x less y (p11)"
 PLOTS = {

@@ -13,16 +13,15 @@ from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import load_yaml
 from hil import cli
+from hil.commands.payload import LoadFile, changes, read_load, torque_constants
 from hil.estimation.gravity_phase import Sinusoid
 from hil.model.base_parameters import base_parameters
 from hil.report.page import report
 from hil.report.sections.kept import current
 from hil.results.diagnosis import NAME, DiagnosisFile, diagnose, write_diagnosis
-from hil.results.load_file import LoadFile, read_load
-from hil.results.load_tables import changes, torque_constants
-from hil.results.tables.load import quantities
-from hil.results.tables.terminal import show
+from hil.results.load import quantities
 from hil.runs.run import Run
+from hil.show.terminal import show
 
 LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
 OFFSET = 0.06

@@ -12,10 +12,11 @@ from small_run import empty_plots, write_run
 
 from hil.planning.design.friction import sweep
 from hil.report import page, sections
-from hil.report.charts.chart import Chart
-from hil.report.section import Plot, Section
-from hil.results.tables.table import Column, Part, Table
 from hil.runs.run import Run
+from hil.show.charts.chart import Chart
+from hil.show.html import TEMPLATES
+from hil.show.section import Plot, Section
+from hil.show.table import Column, Part, Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,19 +92,19 @@ def sections_with_templates() -> dict[str, list[str]]:
     return found
 
 
-def test_every_section_is_listed_and_has_a_template_of_its_own() -> None:
+def test_every_section_is_listed_and_every_template_is_of_one() -> None:
     listed = (*sections.OF_IDENTIFIED, *sections.OF_FRICTION)
     made = sections_with_templates()
     assert {f"{each.__module__.rpartition('.')[2]}.{each.__name__}" for each in listed} == set(made)
-    templates = [name for named in made.values() for name in named]
-    assert sorted(templates) == sorted(path.name for path in HERE.glob("*.html"))
+    templates = {name for named in made.values() for name in named}
+    assert templates == {path.name for path in HERE.glob("*.html")}
 
 
 def test_neither_the_page_nor_its_template_names_a_section() -> None:
     tree = ast.parse(Path(page.__file__).read_text())
     named = {node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
     assert not named & set(MODULES)
-    template = (HERE.parent / "templates" / "report.html").read_text()
+    template = (TEMPLATES / "report.html").read_text()
     assert not [name for name in MODULES if f"{name}." in template or f'"{name}"' in template]
 
 

@@ -26,7 +26,7 @@ from hil.results.identification import identify
 from hil.results.identified_robot import PARTS
 from hil.results.model import Model
 from hil.results.model_file import NAME
-from hil.results.tables.html import symbols
+from hil.show.html import symbols
 
 
 @pytest.fixture(scope="module")

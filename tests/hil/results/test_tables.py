@@ -11,9 +11,10 @@ from rich.console import Console
 
 from hil.estimation.excluded.result import Excluded, Found, Limit
 from hil.results.tables.excluded import FOUND, excluded
-from hil.results.tables.html import html
-from hil.results.tables.table import Column, Marked, Part, Table, figures
-from hil.results.tables.terminal import Summary, show
+from hil.show.html import html
+from hil.show.outcome import Outcome
+from hil.show.table import Column, Marked, Part, Table, figures
+from hil.show.terminal import show
 
 TABLE = Table(
     title="Parameters",
@@ -90,7 +91,7 @@ def test_a_row_has_a_cell_for_every_column() -> None:
 
 
 def test_a_summary_is_text_and_html_of_all_its_tables() -> None:
-    summary = Summary((TABLE, replace(TABLE, title="Residuals")), ("left out: <g1>",))
+    summary = Outcome((TABLE, replace(TABLE, title="Residuals")), ("left out: <g1>",))
     for shown in (str(summary), read(summary._repr_html_())):
         assert shown.index("Parameters") < shown.index("Residuals") < shown.index("left out")
     assert "&lt;g1&gt;" in summary._repr_html_()

@@ -13,6 +13,7 @@ from checked_files.yaml_file import load_yaml
 from drivers.drive_bus import LimitExceeded
 from hil.cli import app, imported
 from hil.cli.measuring import OnBus, measure
+from hil.commands.track import NAME, PASSES, Tracking, notes
 from hil.measuring.feeding import DELAY, LOOP, motion_of, refuse_beyond_torque
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
@@ -20,7 +21,6 @@ from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.tracking import NAME, PASSES, Tracking, notes
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 

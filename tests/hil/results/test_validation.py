@@ -10,11 +10,12 @@ import pytest
 from scipy import special
 from small_run import identified_model, write_run
 
+from hil.commands.validate import ValidationRecord
 from hil.estimation.signals import signals
 from hil.results.identification import identify
 from hil.results.judgement import INSIDE, Judgement
 from hil.results.predicted_torques import predicted_torques
-from hil.results.validation import AxisScore, ValidationRecord, judged, scored
+from hil.results.validation import AxisScore, judged, scored
 from hil.runs.pooling import pooled
 
 if TYPE_CHECKING:

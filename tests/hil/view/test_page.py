@@ -27,8 +27,9 @@ from hil.planning.workspace import Box, Workspace
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
+from hil.show.deflated import deflated
 from hil.view import page
-from hil.view.packed import deflated, packed
+from hil.view.packed import packed
 from hil.view.planned import planned
 from hil.view.scene import of_plan, of_robot, of_run
 

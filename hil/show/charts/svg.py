@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup, escape
 
-from hil.report.charts.axis import Scale, shown, text_of
-from hil.report.charts.chart import NAMES, Band, Line, Points, Rule
+from hil.show.charts.axis import Scale, shown, text_of
+from hil.show.charts.chart import NAMES, Band, Line, Points, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from hil.arrays import Array
-    from hil.report.charts.chart import Chart, Item, Panel, Range
+    from hil.show.charts.chart import Chart, Item, Panel, Range
 
 
 _INDEX = re.compile(r"\$(\w)_\{?(\w+)\}?\$")
@@ -253,7 +253,7 @@ def _svg(width: float, height: float, content: str, attributes: str = "") -> Mar
     return Markup(f'<svg viewBox="{box}"{attributes}>{content}</svg>')  # noqa: S704 - text is escaped
 
 
-STYLE = Path(__file__).parent / "chart.css"
+STYLE = Path(__file__).parents[1] / "templates" / "chart.css"
 
 
 def file(chart: Chart) -> bytes:

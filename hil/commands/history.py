@@ -1,19 +1,50 @@
-"""A history as tables, and as JSON for monitoring systems; docs/how-to/history.md has its keys."""
+"""`hil history`: the condition of one machine over many runs, shown, and as data for monitoring.
+
+docs/how-to/history.md has the keys of the data.
+"""
 
 from __future__ import annotations
 
+from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from hil.estimation.intervals import SIGNIFICANT
-from hil.results.rounding import probability, signed, significant, uncertain, unit
-from hil.results.tables.table import Column, Marked, Table, figures, table
 from hil.runs.journal import now
+from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points, chart
+from hil.show.outcome import Outcome, Verdict
+from hil.show.rounding import probability, signed, significant, uncertain, unit
+from hil.show.section import Plot
+from hil.show.table import Column, Marked, Table, figures, table
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from hil.results.changes import Change
     from hil.results.history import History, KnownRun
-    from hil.results.quantities import Reading
-    from hil.results.tables.table import Row
+    from hil.results.quantities import Kind, Reading
+    from hil.show.table import Row
+
+FIRST = 3
+"""Changes that a page states above its charts in full, the clearest ones."""
+
+
+def outcome(found: History) -> Outcome:
+    """Return a history as it is shown."""
+    newest = found.runs[-1]
+    changed = [Verdict("doubtful", "changed", each) for each in found.sentences(newest)]
+    unchanged = Verdict("good", "unchanged", f"{newest.label}: nothing changed significantly")
+    return Outcome(
+        (runs(found), condition(found), changes(found)),
+        verdicts=tuple(changed) or (unchanged,),
+        plots=tuple(_plots(found)),
+        title=f"{found.robot.name}: condition over time",
+        simulated=any(run.model.provenance.of_virtual_plant for run in found.runs),
+        note="Anything of a run of an unchanged machine is marked with a probability of"
+        f" {SIGNIFICANT:.0%} at most.",
+    )
 
 
 def as_data(found: History) -> dict[str, Any]:
@@ -174,3 +205,67 @@ def _change(each: Change) -> Row:
         each.run, each.against, each.quantity.title, size, half, unit(each.quantity.unit), share,
         probability(each.adjusted), each.meaning,
     )  # fmt: skip
+
+
+_CAPTION = "Values with intervals of 95 %, thin lines with what temperature may add to friction."
+
+
+def _plots(found: History) -> Iterator[Plot]:
+    """A plot of each kind of quantity that the runs know."""
+    names: dict[Kind, str] = {
+        "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
+        "friction level": "Friction", "offset": "Offsets",
+    }  # fmt: skip
+    for kind, name in names.items():
+        places = [k for k, each in enumerate(found.quantities) if each.kind == kind]
+        if places:
+            yield Plot(
+                kind.replace(" ", "-"),
+                partial(over_time, found, places),
+                f"{name} over time, a panel each",
+                f"{name} over time. {_CAPTION}",
+            )
+
+
+def over_time(found: History, places: Sequence[int]) -> Chart:
+    """Draw the quantities at `places`, a panel each."""
+    at, label = _instants(found)
+    return chart(
+        Panel(
+            tuple(_readings(found, place, at)),
+            title=found.quantities[place].title,
+            x_label=label,
+            y_label=unit(found.quantities[place].unit),
+            height=105.0,
+        )
+        for place in places
+    )
+
+
+def _instants(found: History) -> tuple[np.ndarray, str]:
+    """Places of the runs along the axis: days or hours; their numbers where one has no instant."""
+    stamps = [run.measured for run in found.runs]
+    if not all(stamps):
+        return np.arange(1.0, len(stamps) + 1), "run"
+    seconds = np.array([datetime.fromisoformat(stamp).timestamp() for stamp in stamps])
+    hours = (seconds - seconds[0]) / 3600.0
+    if np.ptp(hours) < 48.0:
+        return hours, "hours since the first run"
+    return hours / 24.0, "days since the first run"
+
+
+def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:
+    quantity = found.quantities[place]
+    readings = [run.readings[place] for run in found.runs]
+    marked = {each.run for each in found.marked if each.quantity == quantity}
+    groups = (("as before", MEASURED, False), ("changed", MODEL, True))
+    for name, colour, changed in groups:
+        shown = [
+            (t, read.value, read.half_width, read.allowance)
+            for t, run, read in zip(at, found.runs, readings, strict=True)
+            if read is not None and (run.label in marked) == changed
+        ]
+        t, value, half, allowance = np.array(shown).reshape(-1, 4).T
+        if shown:
+            yield Points(t, value, "o", MUTED, error=half + allowance, size=0.5)
+            yield Points(t, value, "o", colour, name, error=half, size=2.4)

@@ -10,24 +10,28 @@ from typing import TYPE_CHECKING
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from hil.results.tables.table import Marked
+from hil.show.rounding import when
+from hil.show.table import Marked
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-    from hil.results.tables.table import Table
+    from hil.show.table import Table
 
 _NAME = re.compile(r"([A-Za-z])(\w*)")
 _POWER = re.compile(r"\^(\d+)")
 
 
+TEMPLATES = Path(__file__).parent / "templates"
+
+
 def environment(*folders: Path) -> Environment:
-    """Templates of `folders`, in which the filters ``table`` and ``symbols`` typeset."""
+    """Templates of all pages and of `folders`; ``table``, ``symbols`` and ``when`` typeset."""
     made = Environment(
-        loader=FileSystemLoader(folders), autoescape=True, undefined=StrictUndefined,
+        loader=FileSystemLoader((TEMPLATES, *folders)), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    made.filters.update(symbols=symbols, table=html)
+    made.filters.update(symbols=symbols, table=html, when=when)
     made.tests["marked"] = lambda cell: isinstance(cell, Marked)
     return made
 
@@ -46,4 +50,4 @@ def symbols(expression: str) -> Markup:
 
 @cache
 def _template() -> Template:
-    return environment(Path(__file__).parent).get_template("table.html")
+    return environment().get_template("table.html")

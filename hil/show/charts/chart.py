@@ -1,4 +1,4 @@
-"""A chart as data: panels, and what stands in them. `hil.report.charts.svg` draws it.
+"""A chart as data: panels, and what stands in them. `hil.show.charts.svg` draws it.
 
 Lengths are those of the panel's SVG; 96 of them make an inch of paper. Names of quantities may be
 written ``$g_{1}$``, with their index. Colours have names, so that a page can show them on light and

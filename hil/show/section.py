@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from hil.report.charts import svg
-from hil.report.charts.svg import file
+from hil.show.charts import svg
+from hil.show.charts.svg import file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from markupsafe import Markup
 
-    from hil.report.charts.chart import Chart
+    from hil.show.charts.chart import Chart
 
 
 @dataclass(frozen=True, eq=False)

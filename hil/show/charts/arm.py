@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from hil.model.capsules import capsules, segments
-from hil.report.charts.svg import number, text
+from hil.show.charts.svg import number, text
 
 if TYPE_CHECKING:
     from hil.arrays import Array

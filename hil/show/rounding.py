@@ -1,8 +1,9 @@
-"""How figures are written: two digits of their uncertainty, no more; units and probabilities."""
+"""How figures are written: two digits of their uncertainty, no more; units, chances, instants."""
 
 from __future__ import annotations
 
 import math
+from datetime import datetime
 
 
 def decimals(uncertainty: float, most: int = 9) -> int:
@@ -57,3 +58,13 @@ def unit(name: str) -> str:
 def probability(p: float) -> str:
     """Write a p-value; tiny ones by their bound."""
     return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
+
+
+def when(stamp: str) -> str:
+    """Write an ISO time stamp for readers."""
+    return f"{datetime.fromisoformat(stamp):%d %B %Y, %H:%M %Z}".lstrip("0") if stamp else "unknown"
+
+
+def duration(seconds: float) -> str:
+    """Write a duration for readers."""
+    return f"{clock(seconds)} {'h' if seconds >= 3600 else 'min'}"

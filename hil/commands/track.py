@@ -1,4 +1,4 @@
-"""How closely axes follow a trajectory, with what is fed forward: following errors, kept as a file.
+"""`hil track`: how closely axes follow a trajectory, by what is fed forward; kept, and shown.
 
 The following error is what was planned less what was measured, at the same instant. A drive
 follows its set-points late by the time that its interpolation takes, whatever is fed forward
@@ -9,29 +9,43 @@ torque shows by itself is stated beside it: where the two differ the stated one 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileModel
+from hil.commands.torques import played
 from hil.errors import NotEnoughData
 from hil.planning.trajectory import Trajectory
-from hil.results.rounding import significant
-from hil.results.tables.table import Part, Table, figures, table
+from hil.results.model import Model
+from hil.runs.atomic_file import write_file
+from hil.runs.run import Run
 from hil.runs.set_points import path_time
+from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, chart
+from hil.show.outcome import Outcome
+from hil.show.rounding import significant
+from hil.show.section import Plot
+from hil.show.table import Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from hil.arrays import Array
-    from hil.results.tables.table import Row
     from hil.runs.recording import Recording
-    from hil.runs.run import Run
+    from hil.show.table import Row
 
 
-NAME = "tracking.yaml"
+NAME, PAGE = "tracking.yaml", "tracking.html"
 PASSES = ("neither", "velocity", "both")
 """What is fed forward, in the order of the table."""
+PASS_LINES = {
+    "neither": ("neither", MUTED),
+    "velocity": ("velocity", MODEL),
+    "both": ("velocity and torque", MEASURED),
+}
+"""Label and colour of each pass of a tracking."""
 
 
 class AxisErrors(FileModel):
@@ -163,7 +177,7 @@ def _left_delay(run: Run, delay: float, velocity: Sequence[float] | Array) -> fl
     return float(e @ v / (v @ v)) / period
 
 
-def tracking(found: Tracking) -> Table:
+def errors(found: Tracking) -> Table:
     """Following errors of all axes."""
     return table(
         "Following errors, by what is fed forward",
@@ -206,3 +220,67 @@ def _row(axis: AxisErrors, errors: dict[str, float]) -> Row:
     cells = (significant(1e3 * errors[name], 3) for name in PASSES)
     factor = errors["velocity"] / errors["both"]
     return (str(axis.axis), *cells, f"{factor:.1f}", f"m{axis.unit}")
+
+
+def track(folder: Path, model: str, delay: float) -> Outcome:
+    """Compare the passes in a folder, and keep their following errors there.
+
+    Parameters
+    ----------
+    model : str
+        Path of the model's file.
+    delay : float
+        Of the drives behind their set-points [SYNC periods].
+    """
+    runs = {name: Run.open(folder / name) for name in PASSES}
+    found = tracked(runs, model, delay)
+    write_file(folder / NAME, found.as_yaml())
+    plot = Plot(
+        "errors",
+        partial(over_time, runs, delay),
+        "Following error of every axis over time with neither, velocity and both fed forward.",
+        "Following errors over the first period of the first trajectory, by what is fed forward;"
+        " below, the smaller ones by themselves.",
+    )
+    run, words = runs[PASSES[0]], "Velocity and torque were fed forward. "
+    return Outcome(
+        (errors(found),),
+        plots=(plot,),
+        title=f"{run.robot.name}: following errors",
+        simulated=any(each.journal.simulated for each in runs.values()),
+        played=lambda: played(Model.load(model), [runs[PASSES[-1]]], words),
+    )
+
+
+def over_time(runs: Mapping[str, Run], delay: float) -> Chart:
+    """Following errors over the first period of the first trajectory; below, the smaller ones.
+
+    Parameters
+    ----------
+    runs : mapping
+        By name of the pass.
+    delay : float
+        [SYNC periods].
+    """
+    robot = runs[PASSES[0]].robot
+    lines: list[dict[str, Line]] = [{} for _ in range(robot.n_joints)]
+    for name in PASSES:
+        trajectory, recording = trajectories(runs[name])[0]
+        time, error, _ = following_error(recording, trajectory, delay)
+        shown = np.flatnonzero(time <= trajectory.period)
+        shown = shown[:: max(1, len(shown) // 700)]
+        label, colour = PASS_LINES[name]
+        for axis, own in enumerate(lines):
+            own[name] = Line(time[shown], 1e3 * error[shown, axis], colour, label)
+    return chart(
+        Panel(
+            tuple(own.values()),
+            title=f"axis {axis}",
+            x_label="time [s]",
+            y_label=f"error [m{robot.position_unit(axis - 1)}]",
+            below=Panel([own[name] for name in PASSES if name != "neither"], height=90.0),
+            width=357.0,
+            height=110.0,
+        )
+        for axis, own in enumerate(lines, start=1)
+    )

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.report.charts.chart import Band, Line, Points, Rule
-from hil.results.rounding import signed
+from hil.show.charts.chart import Band, Line, Points, Rule
+from hil.show.rounding import signed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from hil.arrays import Array
-    from hil.report.charts.chart import Item, Range
+    from hil.show.charts.chart import Item, Range
 
 
 STEPS = (1.0, 2.0, 2.5, 5.0)

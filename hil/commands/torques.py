@@ -1,0 +1,133 @@
+"""Torques of recordings beside those that a model predicts, as plots, with what a page plays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.planning.workspace import Workspace, narrowed
+from hil.runs.pooling import recorded
+from hil.show.charts.arm import arm
+from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
+from hil.show.deflated import deflated
+from hil.show.outcome import Played
+from hil.show.section import Plot
+from hil.view.along_motion import beside, measured
+from hil.view.page import view_script
+from hil.view.scene import Scene
+from hil.view.stretches import most_demanding, stretches
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from hil.arrays import Array
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.results.model import Model
+    from hil.results.recorded_torque import PredictedTorque
+    from hil.runs.recording import Recording
+    from hil.runs.run import Run
+    from hil.view.along_motion import Shown
+
+EACH = 400
+"""Instants of a recording, on average: as many as a dialog has pixels for."""
+
+
+def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
+    """Predict the torques of runs; empty where nothing of them can be predicted.
+
+    Of each axis the recording is drawn that asks most of it, with `words` on the prediction.
+    """
+    found: dict[tuple[str, int], PredictedTorque] = {}
+    pairs: dict[str, tuple[RecordedMotion, Recording]] = {}
+    for run in runs:
+        own = {motion.id: (motion, recording) for motion, recording in recorded(run)}
+        # a later run takes the place of an earlier one's recordings of the same name
+        found = {key: each for key, each in found.items() if key[0] not in own}
+        found |= stretches(model, own.values())
+        pairs |= own
+    if not found:
+        return Played()
+    chosen = most_demanding(found)
+    names = dict.fromkeys(each.measurement for each in chosen)
+    shown = tuple(beside((pairs[name] for name in names), found))
+    plot = Plot(
+        "torque",
+        lambda: over_time(chosen, model.robot),
+        "Measured and predicted torque of every axis over time with its interval of 95 %, and"
+        " their difference below.",
+        f"Measured and predicted torque, after the low-pass; below it the residual. {words}Of"
+        " each axis the recording that asks most of it.",
+    )
+    robot = model.robot
+    picture = arm(robot, first_pose(robot, shown[0].recording))
+    return Played((plot,), packed_recordings(robot, shown), view_script(), picture)
+
+
+def over_time(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
+    """Measured and predicted torque with its interval, axis by axis, and the residual below."""
+    return chart(_torque(each, robot) for each in shown)
+
+
+def _torque(each: PredictedTorque, robot: Robot) -> Panel:
+    unit, t, half = robot.torque_unit(each.axis), each.time, each.half
+    low, high = each.predicted - half, each.predicted + half
+    around = np.where(np.isfinite(low), half, np.nan)
+    return Panel(
+        (
+            Band(t, low, high, label="95 % interval"),
+            Line(t, each.measured, MEASURED, "measured"),
+            Line(t, each.predicted, MODEL, "predicted", "5 3"),
+        ),
+        title=f"axis {each.axis + 1}, {each.measurement}",
+        x_label="time [s]",
+        y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
+        below=Panel(
+            (
+                Band(t, -around, around),
+                Rule(0.0),
+                Line(t, each.residual, MEASURED, width=0.9),
+            ),
+            y_label=f"Δ [{unit}]",
+            height=42.0,
+        ),
+        width=357.0,
+        height=112.0,
+        recording=each.measurement,
+    )
+
+
+def packed_recordings(
+    robot: Robot,
+    recordings: Sequence[Shown],
+    parameters: Mapping[str, object] | None = None,
+) -> str:
+    """Return recordings as `hil.view.packed` has them, compressed; empty where there are none."""
+    if not recordings:
+        return ""
+    tracks = measured(robot, recordings, EACH * len(recordings))
+    scene = Scene(
+        title=robot.name,
+        robot=_with_limits(robot, recordings),
+        segments=tracks.segments,
+        planned=tracks.set_point,
+        measured=tracks,
+        predicted=tracks.predicted,
+    )
+    return deflated(scene.data() | {"parameters": dict(parameters or {})})
+
+
+def first_pose(robot: Robot, recording: Recording) -> Array:
+    """Configuration where a recording begins; all joints at 0 where that is not known."""
+    there = recording.q[np.isfinite(recording.q).all(axis=1)]
+    return there[0] if len(there) else np.zeros(robot.n_joints)
+
+
+def _with_limits(robot: Robot, shown: Sequence[Shown]) -> Robot:
+    """The robot, with what it passed in place of limits that nobody stated."""
+    q = np.concatenate([each.recording.q for each in shown])
+    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
+    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()
+    passed = {j + 1: (float(low[j]), float(high[j])) for j in unknown}
+    return narrowed(robot, Workspace(ranges=passed))

@@ -1,0 +1,160 @@
+"""`hil validate`: a model judged by another run, kept as `validation.yaml`, and shown.
+
+The judgement is kept in the model's own file too: what it was worth where.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from checked_files.yaml_file import FileModel
+from hil.commands.torques import played
+from hil.results.judgement import KeptJudgement
+from hil.results.model import Model
+from hil.results.provenance import RunStamp
+from hil.results.tables.parameters import band_residual
+from hil.results.validation import Validation
+from hil.results.validation import validate as judge
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now
+from hil.show.outcome import Outcome
+from hil.show.rounding import significant
+from hil.show.table import Column, Marked, Table, figures, table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from hil.results.validation import AxisScore
+    from hil.runs.run import Run
+    from hil.show.table import Row
+
+NAME, PAGE = "validation.yaml", "validation.html"
+
+
+class ValidationRecord(FileModel):
+    """Content of `validation.yaml`: a validation and what it belongs to.
+
+    Attributes
+    ----------
+    run : RunStamp
+    model : str
+        Path of the model's file, from the run's folder.
+    method, identified : str
+        Of the model.
+    validated : str
+        When.
+    """
+
+    run: RunStamp
+    model: str
+    method: str
+    identified: str
+    validated: str
+    validation: Validation
+
+
+def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outcome:
+    """Judge a model by a run, and keep the validation beside the run and in the model's file.
+
+    Without tables where the run cannot judge the model.
+    """
+    found = judge(model, run, accuracy)
+    write_validation(run, model, model_path, found)
+    simulated, title = run.journal.simulated, f"{run.robot.name}: validation"
+    if not found.axes:
+        return Outcome(verdicts=found.verdicts, simulated=simulated)
+    notes: tuple[str, ...] = ()
+    if model.provenance.plan_digest == run.plan.digest:
+        notes = ("the model was made from this very plan: record another motion to judge it",)
+    left = band_residual(found.residual, model.robot, "of this recording")
+    return Outcome(
+        (scores(found, notes), left), verdicts=found.verdicts, title=title, simulated=simulated,
+        played=partial(played, model, [run]),
+    )  # fmt: skip
+
+
+def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:
+    """Keep a validation in the folder of the run that was predicted; return the file's path.
+
+    The judgement is added to the model's file, in place of an earlier one on the same run.
+    """
+    record = ValidationRecord(
+        run=RunStamp.of(run),
+        model=os.path.relpath(model_path, run.path),
+        method=model.method,
+        identified=model.provenance.identified,
+        validated=now(),
+        validation=found,
+    )
+    path = run.path / NAME
+    write_file(path, record.as_yaml())
+    where = os.path.relpath(run.path, model_path.parent)
+    kept = KeptJudgement.of(
+        found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative
+    )
+    model = Model.load(model_path)
+    others = tuple(each for each in model.validations if each.run != where)
+    replace(model, validations=(*others, kept)).save(model_path)
+    return path
+
+
+def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
+    """Scores of all axes that the recording moves."""
+    heads = ["torque", "residual", "residual, %", "mean, %", "inside, %", "gain"]
+    explained, fitted = "", any(each.refitted is not None for each in found.axes)
+    if fitted:
+        heads += ["friction fitted, %", "inside, %"]
+        explained = (
+            " All with the friction that the model states, but the gain and the last two columns:"
+            " ratio and share inside with friction fitted in this recording."
+        )
+    return table(
+        "Torques predicted of this recording",
+        ("axis", *figures(*heads)),
+        (
+            (
+                str(each.axis),
+                f"{significant(each.torque, 3)} {each.unit}",
+                f"{significant(each.residual, 3)} {each.unit}",
+                significant(100 * each.relative, 2),
+                f"{100 * each.naive:.0f}",
+                f"{100 * each.inside:.0f}",
+                f"{each.gain:.3f}",
+                *(_refitted(each) if fitted else ()),
+            )
+            for each in found.axes
+        ),
+        "Root mean squares of torque and residual, and their ratio; the same ratio where the"
+        " axis's mean torque is the prediction; share of samples inside the predicted intervals"
+        " of 95 %; factor of what the model states that would fit best." + explained,
+        notes,
+    )
+
+
+def _refitted(score: AxisScore) -> Row:
+    if score.refitted is None or score.refitted_inside is None:
+        return "", ""
+    return significant(100 * score.refitted, 2), f"{100 * score.refitted_inside:.0f}"
+
+
+def judgements(kept: Sequence[KeptJudgement]) -> Table:
+    """What a model was worth on other recordings."""
+    return table(
+        "Judged by other recordings",
+        ("run", "judgement", *figures("off by, %"), Column("reason", folds=True)),
+        (
+            (
+                each.run,
+                each.word if each.word == "good" else Marked(each.word),
+                "" if each.relative is None else significant(100 * each.relative, 2),
+                each.clause,
+            )
+            for each in kept
+        ),
+        "By hil validate: judgement, error of the predicted torques, and the worst of what was"
+        " found.",
+    )

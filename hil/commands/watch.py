@@ -1,0 +1,156 @@
+"""`hil watch`: torques from outside during a plan, kept as `watch.yaml`, and shown."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.commands.torques import played
+from hil.results.model import Model
+from hil.results.watch import hardly_watched
+from hil.runs.atomic_file import write_file
+from hil.runs.pooling import recorded
+from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
+from hil.show.outcome import Outcome, Played
+from hil.show.rounding import clock, significant
+from hil.show.section import Plot
+from hil.show.table import Table, figures, table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from hil.results.watch import Alarm, Sight, Watched
+    from hil.runs.run import Run
+    from hil.show.charts.chart import Item
+    from hil.show.table import Row
+    from hil.watching.trace import Trace, TraceStretch
+
+NAME, PAGE = "watch.yaml", "watch.html"
+
+
+def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcome:
+    """Keep what was found in a folder, and return it as it is shown.
+
+    Parameters
+    ----------
+    run : Run or None
+        What was recorded meanwhile; None where nothing was.
+    trace : Trace
+        Torques around alarms.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_file(folder / NAME, found.as_yaml(80))
+    model, units = Model.load(found.model), tuple(axis.unit for axis in found.axes)
+    plot = Plot(
+        "watch",
+        partial(around_alarms, trace, units),
+        "Measured and predicted torque of every axis around its first alarm, or at the end.",
+        "Torques around each axis's first alarm, or at the end of the watch.",
+    )
+    return Outcome(
+        (watched(found), alarms(found)),
+        verdicts=(found.verdict,),
+        plots=(plot,),
+        title=f"{model.robot.name}: watch",
+        simulated=run is not None and run.journal.simulated,
+        played=Played if run is None else lambda: played(model, [_around(run, found.alarms)]),
+    )
+
+
+def _around(run: Run, raised: Sequence[Alarm]) -> Run:
+    """The recordings with the first alarm of each axis; without one the last recording."""
+    first = {each.axis: each.time for each in reversed(raised)}
+    kept: list[str] = []
+    for motion, recording in recorded(run) if first else ():
+        begin, end = recording.time[[0, -1]]
+        within = [axis for axis, time in first.items() if begin <= time <= end]
+        if within:
+            kept.append(motion.id)
+        first = {axis: time for axis, time in first.items() if axis not in within}
+        if all(time < begin for time in first.values()):
+            break
+    return run.only(kept or run.ids[-1:])
+
+
+def watched(found: Watched) -> Table:
+    """How well each axis was seen."""
+    return table(
+        "Torque from outside that is seen",
+        (
+            "axis",
+            *figures("within 20 ms", "% of limit", "within 0.1 s", "% of limit"),
+            *figures("still, %", "blind, %", "dim, %"),
+        ),
+        map(_row, found.axes),
+        "Thresholds of means over windows that end 20 ms and 0.1 s after a push began, medians"
+        " over the time in motion; a dash where an axis has moved too little. Still is the"
+        " share of all the time in which the axis stood, and showed only what exceeds its"
+        " friction. Blind is the share, around reversals and at rest, in which a tenth of the"
+        " torque limit would not be seen within 20 ms, dim that in which a twentieth would not"
+        " be seen within 0.1 s.",
+        (f"thresholds learned from {clock(found.learned)} of motion", *hardly_watched(found)),
+    )
+
+
+def alarms(found: Watched, most: int = 20) -> Table:
+    """The first alarms; no rows without any, and all of them are in the file."""
+    units = {axis.axis: axis.unit for axis in found.axes}
+    left = len(found.alarms) - most
+    return table(
+        "Alarms",
+        (
+            "axis",
+            *figures("at, s", "seen", "threshold", "peak"),
+            "unit",
+            *figures("window, ms", "lasted, s"),
+        ),
+        (
+            (
+                str(each.axis),
+                f"{each.time:.3f}",
+                *(significant(x, 3) for x in (each.torque, each.threshold, each.peak)),
+                units[each.axis],
+                f"{1e3 * each.window:.0f}",
+                f"{each.lasted:.2f}",
+            )
+            for each in found.alarms[:most]
+        ),
+        "When an alarm began, the mean torque from outside that showed it and the threshold of"
+        " its window; largest torque until it was over.",
+        (f"{left} more alarms in the file",) if left > 0 else (),
+    )
+
+
+def _row(axis: Sight) -> Row:
+    cells: list[str] = []
+    for each in (axis.soon, axis.late):
+        known = f"{significant(each, 3)} {axis.unit}" if each is not None else "–"
+        cells += known, "–" if each is None else significant(100 * each / axis.limit, 2)
+    return (str(axis.axis), *cells, *(f"{100 * x:.1f}" for x in (axis.still, axis.blind, axis.dim)))
+
+
+def around_alarms(trace: Trace, units: tuple[str, ...]) -> Chart:
+    """Torques around each axis's first alarm, or at the end of the watch."""
+    return chart(
+        Panel(
+            tuple(_watched(stretch)),
+            title=f"axis {axis}",
+            x_label="time [s]",
+            y_label=f"torque [{unit}]",
+            width=357.0,
+        )
+        for axis, (stretch, unit) in enumerate(zip(trace.stretches(), units, strict=True), start=1)
+    )
+
+
+def _watched(stretch: TraceStretch) -> Iterator[Item]:
+    seen = np.where(np.isfinite(stretch.threshold), stretch.threshold, np.nan)
+    low, high = (stretch.predicted + side * seen for side in (-1, 1))
+    yield Band(stretch.time, low, high, label="within the threshold")
+    yield Line(stretch.time, stretch.measured, MEASURED, "measured")
+    yield Line(stretch.time, stretch.predicted, MODEL, "predicted", "5 3")
+    if np.isfinite(stretch.alarm):
+        yield Rule(stretch.alarm, upright=True, label="alarm", dash="4 3")

@@ -1,0 +1,128 @@
+"""What a command found: one value, which terminal, page, notebook and JSON show alike.
+
+A command computes an `Outcome`; who shows it knows nothing of what it is about. Plots, and the
+recordings that a page plays, are made when a page asks for them.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from markupsafe import escape
+from rich.console import Console
+from rich.text import Text
+
+from hil.show.terminal import rich_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from rich.console import ConsoleOptions, RenderResult
+
+    from hil.show.section import Plot
+    from hil.show.table import Table
+
+STYLE = "<style>.wide th, .wide td { text-align: left } .wide .number { text-align: right }</style>"
+"""Of a notebook, which aligns all cells to the right by itself."""
+
+
+class Verdict(NamedTuple):
+    """A sentence about a result.
+
+    Attributes
+    ----------
+    kind : {"good", "doubtful", "failed"}
+        Colour of the sentence.
+    word : str
+        What stands out on a page: the kind itself, or a word of the command.
+    text : str
+    """
+
+    kind: str
+    word: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.word}: {self.text}" if self.word == self.kind else self.text
+
+
+class Played(NamedTuple):
+    """Torques of recordings as plots, and the recordings, which a page plays.
+
+    Attributes
+    ----------
+    plots : tuple of Plot
+    carried, player, picture : str
+        Recordings, compressed, the script that plays them, and the robot at their beginning.
+    """
+
+    plots: tuple[Plot, ...] = ()
+    carried: str = ""
+    player: str = ""
+    picture: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What a command found; ``print`` it, or let a notebook show it.
+
+    Attributes
+    ----------
+    tables : tuple of Table
+        Those without rows are not shown.
+    remarks : tuple of str
+        What restricts the tables.
+    sentences : tuple of str
+        What no table says.
+    verdicts : tuple of Verdict
+        What the result is worth, the worst first; notes behind.
+    plots : tuple of Plot
+    title : str
+        Of the page: the robot, and what it is about.
+    facts : mapping of str to str
+        What the page states at its top, by name.
+    note : str
+        At the foot of the page.
+    simulated : bool
+        Whether any of it was measured on the virtual plant.
+    played : callable
+        Returns what the page plays.
+    """
+
+    tables: tuple[Table, ...] = ()
+    remarks: tuple[str, ...] = ()
+    sentences: tuple[str, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    plots: tuple[Plot, ...] = ()
+    title: str = ""
+    facts: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
+    simulated: bool = False
+    played: Callable[[], Played] = Played
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """What rich prints."""
+        del console
+        for table in self.tables:
+            if table.parts:
+                yield rich_table(table, options.max_width)
+        for sentence in self.sentences:
+            yield Text(sentence)
+        for remark in self.remarks:
+            yield Text(remark, style="yellow")
+
+    def __str__(self) -> str:
+        text = io.StringIO()
+        Console(file=text, width=100, color_system=None).print(self)
+        return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        from hil.show.html import html  # noqa: PLC0415 - Jinja, for notebooks alone
+
+        remarks = "".join(f"<p>{escape(each)}</p>" for each in (*self.sentences, *self.remarks))
+        return STYLE + "".join(map(html, self.tables)) + remarks

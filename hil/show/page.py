@@ -1,0 +1,62 @@
+"""Pages: one HTML file each with everything in it, which needs neither server nor network."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now, versions
+from hil.show.deflated import deflated
+from hil.show.html import TEMPLATES, environment
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.show.outcome import Outcome
+
+
+def write_outcome(path: Path, found: Outcome) -> Path:
+    """Write the page of what a command found, whole or not at all, and return its path.
+
+    Raises
+    ------
+    FileError
+        A damaged recording, or a full disk.
+    """
+    played = found.played()
+    write_html(
+        path, "result.html", played.player, found=found, title=found.title, carried=played.carried,
+        picture=played.picture, plots=(*found.plots, *played.plots),
+    )  # fmt: skip
+    return path
+
+
+def write_html(path: Path, template: str, player: str = "", **values: object) -> None:
+    """Write a page, whole or not at all, with when and by which version it is written.
+
+    Parameters
+    ----------
+    player : str
+        Script that plays the recordings; empty where the page carries none.
+    **values : object
+        What else the template shows.
+    """
+    own = (TEMPLATES / "report.js").read_text(encoding="utf-8")
+    about = {
+        "bundle": deflated(player),
+        "written": now(),
+        "version": versions()["canopen-robot-identification"],
+        "script": Markup(own),  # noqa: S704 - our own
+        "script_source": " ".join(map(_hash, filter(None, (own, player)))),
+    }
+    page = environment().get_template(template).render(**values, **about)
+    write_file(path, page.encode())
+
+
+def _hash(script: str) -> str:
+    """Source of a script by its content, as a policy names it."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
