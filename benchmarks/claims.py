@@ -43,13 +43,13 @@ from drift_study.summary import GROUPS
 from figures import Figure, keep
 from rivals.cramer_rao import cramer_rao
 
+from hil.commands.diagnose import diagnose
 from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
 from hil.results.advice import error_budget
-from hil.results.diagnosis import diagnose
 from hil.results.problem import regression
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded

@@ -45,10 +45,10 @@ from figures import Figure, keep
 from drivers.session import servo_axes  # noqa: F401 - loaded once, before the sessions are forked
 from hil.cli import main as hil
 from hil.cli import plan_files, run_session  # noqa: F401 - likewise
+from hil.commands.accept import accept, draft_limits
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.plan import Plan, dump_plan
-from hil.results.acceptance import accept, draft_limits
 from hil.results.identification import identify
 from hil.results.model_file import NAME as MODEL
 from hil.runs.journal import SyncTiming

@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hil import errors
+    from hil.commands.accept import accept, draft_limits
+    from hil.commands.friction import fit_friction
     from hil.ground_truth.comparison import compare
     from hil.imports.importing import import_recordings
     from hil.model.base_parameters import base_parameters
@@ -39,8 +41,6 @@ if TYPE_CHECKING:
         plot_torque,
     )
     from hil.report.page import report
-    from hil.results.acceptance import accept, draft_limits
-    from hil.results.friction import fit_friction
     from hil.results.identification import identify
     from hil.results.model import Model
     from hil.results.problem import regression
@@ -88,14 +88,14 @@ _LATER = {
     "Model": "hil.results.model",
     "Robot": "hil.model.robot",
     "Run": "hil.imports.arrays",
-    "accept": "hil.results.acceptance",
+    "accept": "hil.commands.accept",
     "available_robots": "hil.model.robot",
     "base_parameters": "hil.model.base_parameters",
     "compare": "hil.ground_truth.comparison",
-    "draft_limits": "hil.results.acceptance",
+    "draft_limits": "hil.commands.accept",
     "dry_run": "hil.tasks.measuring",
     "export": "hil.tasks.exporting",
-    "fit_friction": "hil.results.friction",
+    "fit_friction": "hil.commands.friction",
     "gravity_torque": "hil.model.dynamics",
     "identify": "hil.results.identification",
     "import_recordings": "hil.imports.importing",

@@ -22,11 +22,11 @@ from benchmarks.rivals.variants import (
     trajectories,
 )
 from checked_files.yaml_file import FileError
+from hil.commands.friction import fit_friction
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import estimates
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
-from hil.results.friction import fit_friction
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.pooling import recorded
 from hil.runs.run import Run

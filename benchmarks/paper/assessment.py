@@ -12,6 +12,8 @@ from unittest.mock import patch
 import numpy as np
 from scipy import signal
 
+from hil.commands.diagnose import diagnose
+from hil.commands.friction import fit_friction
 from hil.estimation.friction import symmetry
 from hil.estimation.signals import CUTOFF, Signals, signals
 from hil.estimation.two_step import TwoStep
@@ -21,8 +23,6 @@ from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.results.diagnosis import diagnose
-from hil.results.friction import fit_friction
 from hil.runs.pooling import recorded
 
 if TYPE_CHECKING:

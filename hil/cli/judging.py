@@ -28,7 +28,7 @@ from hil.cli.outputs import (
     write_page,
 )
 from hil.cli.results import Accuracy, Method, Others, refuse_unknown
-from hil.terminal.console import give, out, say, working
+from hil.terminal.console import give, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -138,7 +138,8 @@ def _against_truth(
         run, *more = open_runs([folder, *(others or ())])
         run = run.without(without or ())
         now(f"comparing the estimate of {run.robot.name} with the truth")
-        found = against_truth(run, truth, out, method or method_for(run, more)[0], more)
+        found = against_truth(run, truth, method or method_for(run, more)[0], more)
+    show(found.summary())
     give(
         relative_errors={**found.group_error, "torques": found.mean_torque_error},
         within_intervals=int(found.inside.sum()),
@@ -190,7 +191,7 @@ def accept(
 
 
 def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.results.acceptance import draft_limits, write_limits
+    from hil.commands.accept import draft_limits, write_limits
 
     refuse_existing(output)
     refuse_no_folder(output)
@@ -205,13 +206,12 @@ def _accept(
     folder: Path, output: Path, limits: Path, reference: Path | None, stated: dict[str, str]
 ) -> None:
     from checked_files.yaml_file import load_yaml
-    from hil.commands.accept import PAGE, accept
-    from hil.results.acceptance import Limits
+    from hil.commands.accept import PAGE, Limits, outcome
     from hil.runs.run import Run
 
     bounds, run = load_yaml(limits, Limits), Run.open(folder)
     with working("judging the run by the limits"):
-        found = accept(run, bounds, output, stated)
+        found = outcome(run, bounds, output, stated)
     show(found)
     write_page(output / PAGE, found)
     if found.verdicts[0].kind == "failed":
@@ -259,8 +259,7 @@ def history(
 ) -> None:
     """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
-        from hil.commands.history import as_data, outcome
-        from hil.results.history import read_history
+        from hil.commands.history import as_data, outcome, read_history
         from hil.runs.run import Run
 
         if identify:

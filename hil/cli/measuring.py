@@ -241,7 +241,7 @@ def _checked_drives(
 
 
 def _gate(folder: Path, the_robot: Robot) -> None:
-    from hil.results.friction_file import refuse_asymmetric
+    from hil.commands.friction import refuse_asymmetric
     from hil.runs.run import Run
 
     for line in refuse_asymmetric(Run.open(folder), the_robot):

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from typer.models import OptionInfo
 
     from hil.errors import FileError
-    from hil.results.judgement import Judgement
     from hil.runs.run import Run
     from hil.show.outcome import Outcome, Verdict
     from hil.show.table import Table
@@ -167,7 +166,7 @@ def show(*found: Outcome | Table | str) -> None:
             show(*each.tables, *each.sentences)
             for remark in each.remarks:
                 terminal.show_remark(remark, out)
-            _say_verdicts(each.verdicts)
+            say_verdicts(each.verdicts)
         elif isinstance(each, str):
             give_each("sentences", each)
             terminal.show_sentence(each, out)
@@ -175,7 +174,7 @@ def show(*found: Outcome | Table | str) -> None:
             terminal.show(each, out)
 
 
-def _say_verdicts(verdicts: Sequence[Verdict]) -> None:
+def say_verdicts(verdicts: Sequence[Verdict]) -> None:
     """Print what a result is worth: the worst, notes, and words of the command's own."""
     if verdicts:
         text = printable(str(verdicts[0]))
@@ -198,16 +197,8 @@ def write_page(path: Path, found: Outcome) -> None:
 
 def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
     """Print what recordings show of a change since a run, cause by cause."""
-    from hil.results.history import by_cause
+    from hil.commands.history import by_cause
 
     with working("looking for causes in the recordings"):
         found = by_cause(before, after, known)
     show(*found)
-
-
-def say_judgement(judgement: Judgement, more: str = "") -> None:
-    """State what a result is worth, `more` behind it, and notes below it."""
-    give(judgement={"word": judgement.word, "text": printable(str(judgement))})
-    say("; ".join(filter(None, (str(judgement), more))), style=STYLES[judgement.word])
-    for note in (each for each in judgement.further if each.word == "good"):
-        say(f"note: {note.clause}")

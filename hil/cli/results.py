@@ -15,11 +15,11 @@ from hil.cli.outputs import (
     Status,
     folder_to_write,
     refuse_unwritable,
-    say_judgement,
     say_simulated,
+    say_verdicts,
     show,
 )
-from hil.terminal.console import give, out, say, working
+from hil.terminal.console import give, say, working
 
 if TYPE_CHECKING:
     from hil.estimation.options import Options
@@ -115,10 +115,9 @@ def identify(
             now("finding the nearest robot that consists of bodies")
             found = with_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
-    if found.verdict is not None:
-        say_judgement(found.verdict)
+    say_verdicts(found.verdict.verdicts if found.verdict else ())
     say_simulated(run, *more)
-    out.print(found.summary())
+    show(found.summary())
     show(symmetry(of_local_values(found.local)))
     if found.excluded is not None:
         tested = excluded.excluded(found.excluded, found.robot.n_joints)
@@ -194,23 +193,18 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
     Writes diagnosis.yaml into the folder of the run.
     """
     with working("reading the run") as now:
-        from hil.report.sections.kept import write_diagnosis_plots
-        from hil.results import diagnosis
-        from hil.results.tables.parameters import drive_train
+        from hil.commands import diagnose as command
         from hil.runs.run import Run
 
-        refuse_unwritable(folder / diagnosis.NAME)
+        refuse_unwritable(folder / command.NAME)
         run = Run.open(folder).without(without or ())
         now(f"testing what the robot file of {run.robot.name} leaves out")
-        found = diagnosis.diagnose(run)
-        kept = diagnosis.write_diagnosis(run, found)
+        diagnosis = command.diagnose(run)
         now("drawing")
-        plots = write_diagnosis_plots(folder, found)
-    say_simulated(run)
-    show(diagnosis.candidates(kept), *diagnosis.sentences(kept))
-    show(drive_train(found.estimate, run.robot))
-    say(f"plots in {plots}")
-    say(f"diagnosis in {folder / diagnosis.NAME}; hil report {folder} shows it")
+        found = command.outcome(run, diagnosis)
+    show(found)
+    say(f"plots in {folder / command.PLOTS}")
+    say(f"diagnosis in {folder / command.NAME}; hil report {folder} shows it")
 
 
 @commands.command()
@@ -233,22 +227,16 @@ def friction(
     Writes friction.yaml into the folder of the run.
     """
     with working("reading the run") as now:
+        from hil.commands.friction import NAME, fit_friction, outcome, write_friction
         from hil.estimation.friction.symmetry import BOUND
-        from hil.results.friction import fit_friction
-        from hil.results.friction_file import NAME, write_friction
-        from hil.results.tables import friction as tables
         from hil.runs.run import Run
-        from hil.show.terminal import show_remark
 
         refuse_unwritable(folder / NAME)
         run = Run.open(folder)
         now("fitting models of friction")
         found = fit_friction(run, model, BOUND if asymmetry is None else asymmetry)
     path = write_friction(run, found)
-    say_simulated(run)
-    show(tables.models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts))
-    for left in found.left_out:
-        show_remark(f"left out: {left}", out)
+    show(outcome(run, found))
     say(f"friction in {path}")
 
 
@@ -276,10 +264,9 @@ def show_bodies(model: Model) -> None:
     """Show the bodies of a model, if they were asked for."""
     if model.consistent is None:
         return
-    from hil.results.consistency import bodies, changed_parameters, torque_costs
+    from hil.results.consistency import tables
 
-    tables = bodies, changed_parameters, torque_costs
-    show(*(table(model.robot, model.consistent) for table in tables))
+    show(*tables(model.robot, model.consistent))
 
 
 def _show_shortfall(run: Run) -> None:

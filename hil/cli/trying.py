@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.outputs import new_folder, output_option, say_judgement
+from hil.cli.outputs import new_folder, output_option, say_verdicts
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -117,8 +117,7 @@ def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -
         model.save(folder / model_file.NAME)
     for kind, line in _shown(robot, model):
         feed.publish(kind, line)
-    if model.verdict is not None:
-        say_judgement(model.verdict)
+    say_verdicts(model.verdict.verdicts if model.verdict else ())
     return model
 
 

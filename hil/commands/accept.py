@@ -1,32 +1,268 @@
-"""`hil accept`: an identified run judged by limits; a page to sign, JUnit XML for CI systems."""
+"""`hil accept`: what a run found, against limits that somebody stated; page and JUnit XML.
+
+A check is a value and what it may be. Values come from the model of the run (parameters, friction,
+torque that the fit leaves, what the identification is worth) and from its journal and recordings
+(what is missing, flagged, or kept with findings). A value that was not identified fails. Limits are
+a YAML file.
+"""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, Self, cast
 from xml.etree import ElementTree as ET
 
+import numpy as np
+import yaml
+from pydantic import Field, model_validator
+
+from checked_files.yaml_file import FileModel, load_yaml
 from hil.commands.torques import played
-from hil.results.acceptance import accept as judge
-from hil.results.acceptance import text_of
+from hil.errors import Mismatch
+from hil.model.base_parameters import base_parameters
+from hil.results.judgement import WORDS, Judgement, Reservation, Word, failed, good
 from hil.results.model import Model
+from hil.results.quantities import Quantity, quantities, reading
 from hil.runs.atomic_file import file_errors, write_file
+from hil.runs.journal import SyncTiming
+from hil.runs.run import opened
 from hil.show.outcome import Outcome
 from hil.show.rounding import signed, unit, when
 from hil.show.table import Column, Marked, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
+    from collections.abc import Iterator, Mapping
 
-    from hil.results.acceptance import Acceptance, Limits
+    from hil.results.quantities import Kind
     from hil.runs.run import Run
 
 PAGE, JUNIT = "acceptance.html", "acceptance.xml"
 NOT_KNOWN = "not stated"
+Axis = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=0)]
+Amount = Annotated[float, Field(ge=0)]
 
 
-def accept(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) -> Outcome:
+class QuantityLimits(FileModel):
+    """Limits of a parameter, or of friction: by `axis` and `speed`, without speed of its offset."""
+
+    name: str
+    unit: str
+    axis: Axis | None = None
+    speed: Annotated[float, Field(gt=0)] | None = None
+    least: float
+    most: float
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.least > self.most:
+            raise ValueError(f"least {self.least:g} must not exceed most {self.most:g}")
+        return self
+
+
+class Limits(FileModel):
+    """Content of a file of limits.
+
+    Attributes
+    ----------
+    robot : str
+        Name of the robot that they are for.
+    drafted_from : str
+        Run whose intervals they are, widened by `factor`; empty where somebody stated them.
+    outcome : {"good", "doubtful", "failed"}
+        The worst that the identification may be.
+    missing, with_findings : int
+        Measurements that may be missing or left out, and recordings that may have findings.
+    flagged : float
+        Share of the samples that may be flagged.
+    residual : dict
+        Torque that the fit may leave, rms, by axis [N m or N].
+    """
+
+    format: Literal[1] = 1
+    robot: str
+    drafted_from: str = ""
+    factor: Annotated[float, Field(gt=0)] | None = None
+    outcome: Word = "good"
+    missing: Count = 0
+    with_findings: Count = 0
+    flagged: Annotated[float, Field(ge=0, le=1)] = 0.001
+    residual: dict[Axis, Amount] = Field(default_factory=dict)
+    quantities: tuple[QuantityLimits, ...] = ()
+
+
+class Check(Reservation):
+    """A value and its limits, by the name of `subject`; texts where they are no numbers.
+
+    Attributes
+    ----------
+    unit : str
+    value : float, str or None
+        None where the run does not give it.
+    least, most : float, str or None
+        None where there is no such limit.
+    """
+
+    unit: str
+    value: float | str | None
+    least: float | str | None
+    most: float | str | None
+
+
+class Acceptance(Judgement):
+    """A machine judged by limits: failed where a check failed."""
+
+    checks: tuple[Check, ...]
+
+
+def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
+    """Judge an identified run by limits; nothing is written.
+
+    Parameters
+    ----------
+    run : Run or path
+        With its model.
+    limits : Limits or path
+        A file of limits, or what `draft_limits` returns.
+
+    Returns
+    -------
+    Acceptance
+        Its `word` is good or failed; `checks` states each value with its limits.
+
+    Raises
+    ------
+    FileError
+        No model, or a damaged file.
+    Mismatch
+        Limits of another robot, or a model of another state of the run.
+    """
+    run = opened(run)
+    model = Model.load(run.path)
+    limits = limits if isinstance(limits, Limits) else load_yaml(Path(limits), Limits)
+    _refuse_foreign(run, model, limits)
+    checks = tuple(_checks(run, model, limits))
+    lost = sum(check.word == "failed" for check in checks)
+    many = "are outside their" if lost > 1 else "is outside its"
+    found = [failed(f"{lost} of {len(checks)} checks {many} limits")] if lost else []
+    within = f"all {len(checks)} checks are within their limits"
+    return Acceptance.of(found, lambda: good(within), checks=checks)
+
+
+def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:
+    """Draft limits around what a good run found: its intervals of 95 %, widened by a factor.
+
+    Raises
+    ------
+    FileError
+        No model, or a damaged recording.
+    Mismatch
+        A model of another state of the run.
+    """
+    run = opened(run)
+    model = Model.load(run.path)
+    limits = Limits(robot=model.robot.name, drafted_from=run.path.name, factor=factor)
+    _refuse_foreign(run, model, limits)
+    left = dict(enumerate(model.residual.tolist(), start=1))
+    residual = {axis: float(f"{factor * r:.4g}") for axis, r in left.items() if np.isfinite(r)}
+    drafted, intervals = [], model.interval()
+    for each in quantities([model]):
+        if (found := reading(model, each)) is None:
+            continue
+        half = found.half_width + found.allowance
+        if each.axis is None:
+            low, high = intervals[model.names.index(each.name)]
+            half = (high - low) / 2
+        least, most = (float(f"{found.value + k * factor * half:.6g}") for k in (-1, 1))
+        limits_of = QuantityLimits(
+            name=each.name, unit=each.unit, axis=each.axis, speed=each.speed, least=least, most=most
+        )
+        drafted.append(limits_of)
+    return limits.model_copy(update={"residual": residual, "quantities": tuple(drafted)})
+
+
+def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
+    sessions, made_from = run.journal.sessions, model.provenance
+    now_there = run.plan.digest, sessions[-1].started if sessions else ""
+    if (made_from.plan_digest, made_from.measured) != now_there or made_from.together_with:
+        raise Mismatch(
+            f"{run.path}: its model was made from other recordings than this run's as it is now;"
+            f" identify it anew with: hil identify {run.path}"
+        )
+    if limits.robot != run.robot.name:
+        raise Mismatch(
+            f"{run.path}: is a run of {run.robot.name}, and the limits are for {limits.robot};"
+            " name the limits of this robot with --limits"
+        )
+
+
+def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
+    word = "doubtful" if model.verdict is None else model.verdict.word
+    yield _check("identification", "", word, least=limits.outcome)
+    timing = SyncTiming()  # of the recordings: a session that was killed keeps no count for sure
+    for measured in run:
+        timing = timing.with_recording(measured.recording)
+    flagged = timing.flagged / max(1, timing.samples)
+    kept = sum(bool(each.findings) for each in run.without(model.provenance.without))
+    yield _check("measurements missing", "", len(run.missing), limits.missing)
+    yield _check("measurements left out", "", len(model.provenance.without), limits.missing)
+    yield _check("recordings with findings", "", kept, limits.with_findings)
+    yield _check("samples flagged", "%", 100 * flagged, 100 * limits.flagged)
+    for axis, most in sorted(limits.residual.items()):
+        known = axis <= model.robot.n_joints
+        unit = model.robot.torque_unit(axis - 1) if known else "N m"
+        left = float(model.residual[axis - 1]) if known else None
+        yield _check(f"torque left by the fit, axis {axis}", unit, left, most)
+    titles = dict(zip(model.names, base_parameters(model.robot).titles, strict=True))
+    for each in limits.quantities:
+        kind: Kind = "inertia parameter" if each.axis is None else "friction level"
+        known = each.name in titles if each.axis is None else each.axis <= model.robot.n_joints
+        wanted = Quantity(each.name, kind, each.unit, axis=each.axis, speed=each.speed)
+        found = reading(model, wanted) if known else None
+        value, name = None if found is None else found.value, titles.get(each.name, each.name)
+        yield _check(name, each.unit, value, each.most, each.least)
+
+
+def _check(
+    name: str,
+    unit: str,
+    value: float | str | None,
+    most: float | None = None,
+    least: float | str | None = None,
+) -> Check:
+    """Judge a number or a word of a judgement by its limits; NaN is no value."""
+    if isinstance(value, float) and not np.isfinite(value):
+        value = None
+    ends = -np.inf if least is None else _rank(least), np.inf if most is None else most
+    passed = value is not None and ends[0] <= _rank(value) <= ends[1]
+    limits = {"at least": least, "at most": most}
+    bounds = (f"{which} {_text(each)}" for which, each in limits.items() if each is not None)
+    reason = f"{_text(value)} {unit}".strip() + f" must be {' and '.join(bounds)}"
+    return Check(
+        word="good" if passed else "failed",
+        reason="was not identified" if value is None else reason,
+        subject=name, unit=unit, value=value, least=least, most=most,
+    )  # fmt: skip
+
+
+def _rank(value: float | str) -> float:
+    return value if isinstance(value, int | float) else -WORDS.index(cast("Word", value))
+
+
+def _text(value: float | str | None) -> str:
+    """Write a value or a limit; empty where there is none."""
+    return f"{value:.6g}" if isinstance(value, int | float) else value or ""
+
+
+def write_limits(path: Path, limits: Limits) -> None:
+    """Write limits as YAML, whole or not at all."""
+    content = limits.model_dump(mode="json", exclude_none=True)
+    content["residual"] = limits.residual  # JSON knows no numbers as keys
+    write_file(path, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
+
+
+def outcome(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) -> Outcome:
     """Judge a run by limits, and write the checks as JUnit XML into a folder.
 
     Parameters
@@ -36,7 +272,7 @@ def accept(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) ->
     """
     with file_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
-    found, sessions = judge(run, limits), run.journal.sessions
+    found, sessions = accept(run, limits), run.journal.sessions
     write_junit(folder / JUNIT, run.robot.name, sessions[-1].started if sessions else "", found)
     axes = next((session.axes for session in sessions if session.axes), ())
     rows = ((axis.name, axis.identity) for axis in axes)
@@ -77,7 +313,7 @@ def checked(found: Acceptance) -> Table:
             (
                 check.subject,
                 check.word if check.word == "good" else Marked(check.word),
-                *(signed(text_of(each)) for each in (check.value, check.least, check.most)),
+                *(signed(_text(each)) for each in (check.value, check.least, check.most)),
                 unit(check.unit),
             )
             for check in found.checks

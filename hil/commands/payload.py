@@ -310,8 +310,8 @@ def verdict(found: Load, advice: Mapping[str, str] | None = None) -> tuple[str, 
         lines += _of_unsure(found, advice or {})
     if found.unseen:
         lines.append(
-            f"taken as zero: {', '.join(found.unseen)}, absent from the last link in the robot file;"
-            " add what the load has of them there, or test them with hil diagnose"
+            f"taken as zero: {', '.join(found.unseen)}, absent from the last link in the robot"
+            " file; add what the load has of them there, or test them with hil diagnose"
         )
     return tuple(lines)
 

@@ -29,7 +29,7 @@ from hil.show.section import Plot
 from hil.show.table import Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
 
     from hil.arrays import Array
@@ -109,14 +109,27 @@ def tracked(runs: dict[str, Run], model: str, delay: float) -> Tracking:
     NotEnoughData
         A pass has no sample of a motion.
     """
-    run = runs[PASSES[0]]
-    found = {name: _errors(each, delay) for name, each in runs.items()}
+    run, left = runs[PASSES[0]], 0.0
+    found: dict[str, Array] = {}
+    for name, each in runs.items():
+        own = trajectories(each)
+        parts = [following_error(recording, path, delay)[1:] for path, recording in own]
+        if not any(len(error) for error, _ in parts):
+            raise NotEnoughData(
+                f"{each.path}: no sample of a motion was recorded; measure it again"
+            )
+        error, qd = (np.vstack(both) for both in zip(*parts, strict=True))
+        found[name] = error
+        if name == "both":
+            # delay that is left in the errors of all axes, by least squares [SYNC periods]
+            e, v = ((x / run.robot.velocity_limit).ravel() for x in (error, qd))
+            left = float(e @ v / (v @ v)) / own[-1][1].period
     return Tracking(
         robot_digest=run.robot.digest,
         plan_digest=run.plan.digest,
         model=model,
         delay=delay,
-        shown_delay=delay + _left_delay(runs["both"], delay, run.robot.velocity_limit),
+        shown_delay=delay + left,
         axes=tuple(
             AxisErrors(
                 axis=axis + 1,
@@ -155,26 +168,6 @@ def trajectories(run: Run) -> list[tuple[Trajectory, Recording]]:
         for each in run
         if isinstance(each.measurement, Trajectory)
     ]
-
-
-def _errors(run: Run, delay: float) -> Array:
-    parts = [following_error(recording, t, delay)[1] for t, recording in trajectories(run)]
-    errors = np.vstack([np.empty((0, run.robot.n_joints)), *parts])
-    if not len(errors):
-        raise NotEnoughData(f"{run.path}: no sample of a motion was recorded; measure it again")
-    return errors
-
-
-def _left_delay(run: Run, delay: float, velocity: Sequence[float] | Array) -> float:
-    """Delay that is left in the errors of all axes, by least squares [SYNC periods]."""
-    speeds, errors, period = [], [], 1.0
-    for trajectory, recording in trajectories(run):
-        _, error, qd = following_error(recording, trajectory, delay)
-        speeds.append((qd / velocity).ravel())
-        errors.append((error / velocity).ravel())
-        period = recording.period
-    v, e = np.concatenate(speeds), np.concatenate(errors)
-    return float(e @ v / (v @ v)) / period
 
 
 def errors(found: Tracking) -> Table:

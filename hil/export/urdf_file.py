@@ -143,12 +143,13 @@ def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
     element = reader.links[link].find("inertial")
     if element is None:
         return
-    missing = [f"<{tag}>" for tag in ("mass", "inertia") if element.find(tag) is None]
-    if missing:
+    mass, stated = element.find("mass"), element.find("inertia")
+    if mass is None or stated is None:
+        missing = [f"<{tag}>" for tag in ("mass", "inertia") if element.find(tag) is None]
         yield _at(reader, link, f": its inertial has no {' and no '.join(missing)}; add it")
         return
     try:
-        m, inertia = _mass_and_inertia(reader, element)
+        m, inertia = _mass_and_inertia(reader, mass, stated)
     except FileError as error:
         yield f"{error} (link {link!r})"
         return
@@ -193,17 +194,20 @@ def body_of(reader: UrdfReader, link: str) -> Array | None:
 
 def _stated(reader: UrdfReader, link: str) -> Array | None:
     element = reader.links[link].find("inertial")
-    if element is None or element.find("mass") is None or element.find("inertia") is None:
+    if element is None:
         return None
-    m, inertia = _mass_and_inertia(reader, element)
+    mass, stated = element.find("mass"), element.find("inertia")
+    if mass is None or stated is None:
+        return None
+    m, inertia = _mass_and_inertia(reader, mass, stated)
     about_centre = np.array([*(inertia[at] for at in INERTIA.values()), 0.0, 0.0, 0.0, m])
     return np.asarray(parameter_map(reader.origin(element)) @ about_centre)
 
 
-def _mass_and_inertia(reader: UrdfReader, element: ET.Element) -> tuple[float, Array]:
+def _mass_and_inertia(
+    reader: UrdfReader, mass: ET.Element, stated: ET.Element
+) -> tuple[float, Array]:
     """Mass [kg], and inertia about the centre of mass, shape (3, 3) [kg m^2], of an inertial."""
-    mass, stated = element.find("mass"), element.find("inertia")
-    assert mass is not None and stated is not None  # noqa: S101, PT018 - the caller has looked
     (m,) = reader.file.numbers(mass, "value", 1) or [0.0]
     inertia = np.zeros((3, 3))
     for key, (i, j) in INERTIA.items():

@@ -8,7 +8,7 @@ such by the torques that it predicts on a motion that has nothing to do with the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,12 +26,9 @@ from hil.runs.pooling import pooled
 from hil.show.outcome import Outcome
 from hil.show.rounding import clock, rounded, signed, unit
 from hil.show.table import Marked, Part, Table, figures, table
-from hil.show.terminal import show, show_sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.console import Console
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Mask
     from hil.estimation.estimate import Estimate
@@ -150,10 +147,17 @@ class Comparison(ModelComparison):
         Of the intervals of 95 % of the estimate.
     group_error : dict
         Norm of the error of each group of base parameters over the norm of the group.
+    source : str
+        What was compared.
     """
 
     half_width: Array
     group_error: dict[str, float]
+    source: str = ""
+
+    def summary(self) -> Outcome:
+        """Parameters one by one, then groups, torques and coverage."""
+        return Outcome((_parameters(self),), sentences=(*_sentences(self), self.source))
 
     @property
     def inside(self) -> Mask:
@@ -188,11 +192,10 @@ def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
 def against_truth(
     run: Run,
     truth: Path | str,
-    console: Console,
     method: str = "improved",
     others: Sequence[Run] = (),
 ) -> Comparison:
-    """Compare what runs of the virtual plant gave with the truth, print.
+    """Compare what runs of the virtual plant gave with the truth.
 
     What is kept of them is taken, else they are identified, as `hil identify` does.
 
@@ -219,13 +222,11 @@ def against_truth(
     _refuse_other_model(run, others)
     recordings = list(pooled([run, *others]))
     result = comparison(found_in(run, method, others).estimate, run.robot, true)
-    _show(result, console)
-    show_sentence(
+    source = (
         f"{len(recordings)} measurements in {clock(recordings[-1][1].time[-1])} of robot time,"
-        f" {method} method, truth of {truth}",
-        console,
+        f" {method} method, truth of {truth}"
     )
-    return result
+    return replace(result, source=source)
 
 
 def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
@@ -242,22 +243,18 @@ def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
         )
 
 
-def _show(result: Comparison, console: Console) -> None:
-    """Print a comparison: parameters one by one, then groups, torques and coverage."""
-    show(_parameters(result), console)
+def _sentences(result: Comparison) -> Iterator[str]:
+    """Groups, torques and coverage of a comparison."""
     for group, error in result.group_error.items():
         name = group.replace("_", "-")
-        text = f"{name + ' group,':20} relative error in the norm   {_percent(error)}"
-        show_sentence(text, console)
+        yield f"{name + ' group,':20} relative error in the norm   {_percent(error)}"
     joints = ", ".join(_percent(error).strip() for error in result.torque)
-    show_sentence(
+    yield (
         f"{'torques,':20} mean relative rms over joints{_percent(result.mean_torque_error)}"
-        f"  (joints 1 to {result.robot.n_joints}: {joints})",
-        console,
+        f"  (joints 1 to {result.robot.n_joints}: {joints})"
     )
     inside = f"{result.inside.sum()} of {len(result.values)}"
-    text = f"{'intervals of 95 %,':20} hold the truth for {inside} parameters"
-    show_sentence(text, console)
+    yield f"{'intervals of 95 %,':20} hold the truth for {inside} parameters"
 
 
 def _parameters(result: Comparison) -> Table:

@@ -18,12 +18,12 @@ from hil.runs.run import Run
 from hil.view.stretches import stretches
 
 if TYPE_CHECKING:
+    from hil.commands.friction import FrictionResult
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.findings import Findings
-    from hil.results.friction_file import FrictionResult
     from hil.results.recorded_torque import PredictedTorque
     from hil.runs.recording import Recording
     from hil.runs.recording_file import Measured
@@ -171,9 +171,8 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     if not recorded_as(Friction, recordings) and not _friction_alone(run):
         return None
     # of runs that measure friction: other reports need none of this
+    from hil.commands.friction import fit_friction, load_friction  # noqa: PLC0415
     from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
-    from hil.results.friction import fit_friction  # noqa: PLC0415
-    from hil.results.friction_file import load_friction  # noqa: PLC0415
 
     try:
         kept = load_friction(run)

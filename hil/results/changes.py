@@ -37,7 +37,7 @@ from hil.estimation.intervals import SIGNIFICANT, combined_degrees
 from hil.show.rounding import rounded, signed, significant, unit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from hil.arrays import Array
     from hil.results.identified_robot import IdentifiedRobot
@@ -243,15 +243,24 @@ def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None
     marked = sum(each.marked for each in tests)
     if model.torque_effect is None or not marked:
         return None
-    found = (_by_axis(model, axis, tests, marked) for axis in range(model.robot.n_joints))
+    found = (
+        _by_axis(axis, dict(zip(model.names, each.tolist(), strict=True)), tests, marked)
+        for axis, each in enumerate(model.torque_effect.T)
+    )
     best = [each for each in found if each is not None]
     return min(best, key=lambda each: each.half_width / abs(each.share), default=None)
 
 
 def _by_axis(
-    model: IdentifiedRobot, axis: int, tests: Sequence[Change], marked: int
+    axis: int, effects: Mapping[str, float], tests: Sequence[Change], marked: int
 ) -> Rescaled | None:
-    effect = np.array([_effect(model, axis, each) for each in tests])
+    """Factor of the torque of an axis (from 0); `effects` on base parameters, by name."""
+    # change of each quantity per relative change of the axis's torque
+    effect = np.array([
+        effects[each.quantity.name] if each.quantity.axis is None
+        else each.before if each.quantity.axis == axis + 1 else 0.0
+        for each in tests
+    ])  # fmt: skip
     sizes = np.array([each.size for each in tests])
     shown = effect / np.array([each.half_width or np.inf for each in tests])
     if np.count_nonzero(shown) < 2:
@@ -271,11 +280,3 @@ def _fitted(effect: Array, sizes: Array, shown: Array) -> tuple[float, float]:
     errors = np.divide(effect, shown, out=np.ones_like(effect), where=shown != 0)
     information = float(shown @ shown)
     return float(shown @ (sizes / errors)) / information, 1.0 / float(np.sqrt(information))
-
-
-def _effect(model: IdentifiedRobot, axis: int, each: Change) -> float:
-    """Change of a quantity per relative change of the axis's torque."""
-    assert model.torque_effect is not None  # noqa: S101 - asked for before
-    if each.quantity.axis is None:
-        return float(model.torque_effect[model.names.index(each.quantity.name), axis])
-    return each.before if each.quantity.axis == axis + 1 else 0.0

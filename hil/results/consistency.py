@@ -112,6 +112,11 @@ def _root(square: float) -> float:
     return float(np.sqrt(max(float(square), 0.0)))
 
 
+def tables(robot: Robot, found: ConsistentRobot) -> tuple[Table, ...]:
+    """Bodies, parameters that they change, and what that costs in torques."""
+    return tuple(each(robot, found) for each in (bodies, changed_parameters, torque_costs))
+
+
 def bodies(robot: Robot, found: ConsistentRobot) -> Table:
     """Mass, centre and spread of every link."""
     binding = {each.name: each.distance_without for each in found.binding}

@@ -149,8 +149,8 @@ def follow_from(
     """Return what was identified in a run with all that follows from it."""
     from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
     from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
+    from hil.friction.drift import Level, drift  # noqa: PLC0415
     from hil.results.advice import CampaignResult, advice  # noqa: PLC0415
-    from hil.results.friction import campaign_drifts  # noqa: PLC0415
     from hil.results.identification import model_of  # noqa: PLC0415
     from hil.results.prediction import effect_of_errors  # noqa: PLC0415
 
@@ -161,7 +161,12 @@ def follow_from(
         with suppress(NotIdentifiable, NotEnoughData):
             check = model_of(run, estimates(robot, recordings, ("published",))["published"])
     effect = effect_of_errors(estimate, robot)
-    drifts = campaign_drifts(robot, estimate.local, history(robot, recordings))
+    past, local = history(robot, recordings), [each for each in estimate.local if each.friction > 0]
+    levels = (
+        (axis, [Level(v.time, v.friction, v.kind) for v in local if v.axis == axis])
+        for axis in range(robot.n_joints)
+    )
+    drifts = tuple(filter(None, (drift(axis, own, past) for axis, own in levels)))
     if run.imported:
         return Findings(estimate, model, check, effect, drifts=drifts)
     of = CampaignResult(estimate, effect, model.error_budget, robot, run.planned, campaign)

@@ -34,6 +34,7 @@ import numpy as np
 
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
+from hil.results.identified_robot import known_friction
 from hil.watching.friction import FrictionLevel, FrictionTables, columns_of
 from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import Turning
@@ -257,6 +258,5 @@ class Detector:
 
 
 def _presliding(model: Model) -> Array:
-    law = model.friction_law
-    assert law is not None  # noqa: S101 - refused before
-    return np.array([0.0 if axis is None else axis.presliding for axis in law.axes])
+    axes = known_friction(model).axes
+    return np.array([0.0 if axis is None else axis.presliding for axis in axes])

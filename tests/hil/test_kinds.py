@@ -45,8 +45,7 @@ OWN = {
     "friction": (
         "planning/design/friction.py",
         "estimation/friction/points.py",
-        "results/friction.py",
-        "results/friction_file.py",
+        "commands/friction.py",
         "estimation/identify.py",
     ),
     "trajectory": (

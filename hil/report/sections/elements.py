@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.commands.diagnose import residuals_over_angles
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 from hil.results.tables import parameters as tables
 from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
-from hil.show.rounding import signed
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
-    from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
@@ -171,67 +170,6 @@ def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMea
             height=220.0,
         )
     )
-
-
-def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Chart:
-    """Measured less modelled elements of every axis against the position of each joint that varied.
-
-    What is the same at all configurations of an axis is taken off: it is friction that differs by
-    direction, or that step 1 takes for part of the element, and hides what depends on angles.
-
-    Parameters
-    ----------
-    values : sequence of LocalValue
-        Of one kind.
-    robot : Robot
-    kind : ElementKind
-        Theirs.
-    """
-    axes = sorted({value.axis for value in values})
-    each = ([value for value in values if value.axis == axis] for axis in axes)
-    return chart(panel for own in each for panel in _over_angles(own, robot, kind))
-
-
-def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
-    """Panels of one axis, all with the same vertical axis, over joints that vary by 4 deg or mm."""
-    axis = own[0].axis
-    left = np.array([value.shown[0] - value.model for value in own])
-    mean = float(left.mean())
-    error = 2.0 * np.nan_to_num([value.shown[1] for value in own])
-    most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
-    unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
-    for joint, turns in enumerate(robot.revolute):
-        shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
-        if np.ptp(shown) > 4.0:
-            yield Panel(
-                (
-                    Rule(0.0, colour=MODEL),
-                    Points(shown, left - mean, error=error, ids=[value.id for value in own],
-                           label="measured − modelled, ± 2 standard errors", size=2.5),
-                ),
-                title=f"${element}$ less mean {signed(f'{mean:.2g}')} {unit}",
-                x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
-                y_label=f"Δ${element}$ [{unit}]",
-                y_range=(-most, most),
-                ticks=_right_angles(shown) if turns else None,
-                width=260.0,
-                height=95.0,
-            )  # fmt: skip
-
-
-def _right_angles(shown: Array) -> dict[float, str] | None:
-    """Marks at right angles, where a joint turns as far."""
-    if np.ptp(shown) < 150:
-        return None
-    step = 180 if np.ptp(shown) > 340 else 90
-    first, last = int(np.floor(shown.min() / step)), int(np.ceil(shown.max() / step))
-    room = 0.05 * np.ptp(shown)
-    within = (step * k for k in range(first, last + 1))
-    return {
-        float(each): signed(f"{each}")
-        for each in within
-        if shown.min() - room <= each <= shown.max() + room
-    }
 
 
 def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> float:

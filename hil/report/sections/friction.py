@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from hil.commands.friction import models
 from hil.estimation.friction.symmetry import of_local_values
 from hil.report.sections import friction_plots as plots
 from hil.results.identified_robot import lacking
@@ -15,10 +16,10 @@ from hil.show.section import Plot, Section
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from hil.commands.friction import FrictionResult
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
-    from hil.results.friction_file import FrictionResult
 
 
 def friction_over_campaign(run: ReportedRun) -> Section | None:
@@ -75,7 +76,7 @@ def friction(run: ReportedRun) -> Section | None:
         return None
     values = {
         "result": result,
-        "models": tables.models(result),
+        "models": models(result),
         "symmetry": tables.symmetry(result.symmetry),
         "drift": tables.drift(result.drifts),
     }

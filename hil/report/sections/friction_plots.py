@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array
+    from hil.commands.friction import FrictionResult
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_values import LocalValue
     from hil.friction.curves import AxisCurves
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
-    from hil.results.friction_file import FrictionResult
     from hil.show.charts.chart import Item
 
 

@@ -33,7 +33,7 @@ from hil.view.stretches import most_demanding
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from hil.arrays import Array, Mask
+    from hil.friction.law import AxisLaw
     from hil.report.reported_run import ReportedRun
     from hil.results.model import Model
     from hil.results.recorded_torque import PredictedTorque
@@ -111,16 +111,23 @@ def over_speed(model: Model, found: Iterable[PredictedTorque], *, linked: bool) 
     by_axis: dict[int, list[PredictedTorque]] = {}
     for each in found:
         by_axis.setdefault(each.axis, []).append(each)
-    known = (axis for axis in sorted(by_axis) if axis + 1 not in model.axes_without_friction)
-    return chart(_law(model, axis, by_axis[axis], linked) for axis in known)
+    return chart(
+        _law(model, axis, law, by_axis[axis], linked)
+        for axis, law in enumerate(model.friction_law.axes if model.friction_law else ())
+        if law is not None and axis in by_axis
+    )
 
 
-def _law(model: Model, axis: int, own: Sequence[PredictedTorque], linked: bool) -> Panel:
+def _law(
+    model: Model, axis: int, law: AxisLaw, own: Sequence[PredictedTorque], linked: bool
+) -> Panel:
     robot = model.robot
     speed, residual = (
         np.concatenate([getattr(each, name) for each in own]) for name in ("qd", "residual")
     )
-    there = _known(model, axis, speed) & np.isfinite(residual)
+    # speeds that the law was found from, or of the law's speed above 5 %
+    low, high = law.speeds or (SLOW * law.speed, np.inf)
+    there = (low <= np.abs(speed)) & (np.abs(speed) <= high) & np.isfinite(residual)
     ids = np.repeat([each.measurement for each in own], [len(each.time) for each in own])[there]
     speed, residual = speed[there], residual[there]
     at = np.zeros(len(speed))
@@ -153,11 +160,3 @@ def _law(model: Model, axis: int, own: Sequence[PredictedTorque], linked: bool) 
         width=357.0,
         height=140.0,
     )  # fmt: skip
-
-
-def _known(model: Model, axis: int, speed: Array) -> Mask:
-    """Samples at speeds that the law was found from, or of the law's speed above 5 %."""
-    law = model.friction_law.axes[axis] if model.friction_law else None
-    assert law is not None  # noqa: S101 - asked for before
-    low, high = law.speeds or (SLOW * law.speed, np.inf)
-    return np.asarray((low <= np.abs(speed)) & (np.abs(speed) <= high))

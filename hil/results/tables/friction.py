@@ -14,52 +14,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from hil.estimation.friction.symmetry import Symmetry
-    from hil.friction.curves import AxisCurves, FrictionModel
     from hil.friction.drift import Drift
     from hil.friction.law import AxisLaw
-    from hil.results.friction_file import FrictionResult
     from hil.results.identified_robot import IdentifiedRobot
     from hil.show.table import Row
-
-
-def models(result: FrictionResult) -> Table:
-    """Every model of every axis with its errors; parameters that the data leave open are notes."""
-    return table(
-        f"{result.robot.name}: {len(result.points)} friction measurements, gravity by"
-        f" {result.gravity}",
-        (
-            "axis",
-            "model",
-            *figures(*(f"{head}, {result.robot.torque_units}" for head in ("rms", "held out"))),
-            "chosen",
-            Column("parameters with std. errors", folds=True),
-        ),
-        (Part(tuple(_models(fit))) for fit in result.axes),
-        "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
-        " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
-        " none beats by more than chance at speeds held out.",
-        tuple(
-            f"axis {fit.axis + 1}, {kind}: {word}"
-            for fit in result.axes
-            for kind, model in fit.models.items()
-            for word in model.unidentifiable
-        ),
-    )
-
-
-def _models(fit: AxisCurves) -> Iterator[Row]:
-    for number, (kind, model) in enumerate(fit.models.items()):
-        errors = (significant(each, 3) for each in (model.error, model.held_out_error or 0.0))
-        chosen = "yes" if kind == fit.chosen else ""
-        yield "" if number else str(fit.axis + 1), kind, *errors, chosen, _parameters(model)
-
-
-def _parameters(model: FrictionModel) -> str:
-    each = zip(model.a, model.standard_error, model.units, strict=True)
-    written = ((*uncertain(a, np.nan if e is None else e), unit) for a, e, unit in each)
-    return ", ".join(
-        f"a{k} {value} ± {error} {unit}" for k, (value, error, unit) in enumerate(written, start=1)
-    )
 
 
 def campaign_friction(model: IdentifiedRobot) -> Table:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def friction(model: IdentifiedRobot) -> Table:
     """Law of friction of each axis, its coefficients, and what other laws predict."""
     fit = model.friction
-    laws = () if fit is None else (_axis(model, axis) for axis in range(len(fit.axes)))
+    laws = () if fit is None else (_axis(model.robot, *each) for each in enumerate(fit.axes))
     return table(
         "Friction",
         (
@@ -47,10 +47,9 @@ def friction(model: IdentifiedRobot) -> Table:
     )
 
 
-def _axis(model: IdentifiedRobot, axis: int) -> Row:
-    assert model.friction is not None  # noqa: S101 - the table is empty without
-    law, position = model.friction.axes[axis], model.robot.position_unit(axis)
-    written = partial(_coefficient, law, model.robot.torque_unit(axis), position)
+def _axis(robot: Robot, axis: int, law: AxisLaw) -> Row:
+    position = robot.position_unit(axis)
+    written = partial(_coefficient, law, robot.torque_unit(axis), position)
     others = (each for each in law.terms.items() if not each[0].startswith(("cosine", "sine")))
     named = [written(*each) for each in others]
     if law.presliding:

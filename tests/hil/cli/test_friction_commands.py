@@ -98,7 +98,7 @@ def test_models_and_symmetry_of_the_axis_are_in_friction_yaml(folder, robot):
 
 
 def test_the_recommended_model_can_be_evaluated(folder, robot):
-    from hil.results.friction_file import load_friction
+    from hil.commands.friction import load_friction
 
     kept = load_friction(hil.Run.open(folder))
     model = kept.model(5)

@@ -5,10 +5,9 @@ import pytest
 from small_run import SIMULATED, identified_run
 from synthetic import TABLE_3_A, Friction, record
 
+from hil.commands.friction import fit_friction, write_friction
 from hil.planning.design.friction import sweep
 from hil.report.reported_run import friction_of_run
-from hil.results.friction import fit_friction
-from hil.results.friction_file import write_friction
 from hil.runs.pooling import recorded
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder

@@ -80,23 +80,25 @@ def read(mixed: Path) -> Iterator[tuple[list[str], str]]:
         yield ids, page.report(Run.open(mixed)).read_text()
 
 
-def sections_with_templates() -> dict[str, list[str]]:
-    """The functions that make sections, and the templates that they name."""
-    found = {}
+def sections_and_templates() -> tuple[set[str], set[str]]:
+    """The functions that make sections of a run, and the templates that their modules name."""
+    made, templates = set(), set()
     for module in MODULES:
-        for node in ast.parse((HERE / f"{module}.py").read_text()).body:
-            texts = (each.value for each in ast.walk(node) if isinstance(each, ast.Constant))
-            named = [text for text in texts if str(text).endswith(".html")]
-            if named:
-                found[f"{module}.{node.name}"] = named
-    return found
+        tree = ast.parse((HERE / f"{module}.py").read_text())
+        texts = (each.value for each in ast.walk(tree) if isinstance(each, ast.Constant))
+        templates |= {text for text in texts if str(text).endswith(".html")}
+        for node in tree.body:
+            if not isinstance(node, ast.FunctionDef) or node.args.args[0].arg != "run":
+                continue
+            if ast.unparse(node.returns).startswith("Section"):
+                made.add(f"{module}.{node.name}")
+    return made, templates
 
 
 def test_every_section_is_listed_and_every_template_is_of_one() -> None:
     listed = (*sections.OF_IDENTIFIED, *sections.OF_FRICTION)
-    made = sections_with_templates()
-    assert {f"{each.__module__.rpartition('.')[2]}.{each.__name__}" for each in listed} == set(made)
-    templates = {name for named in made.values() for name in named}
+    made, templates = sections_and_templates()
+    assert {f"{each.__module__.rpartition('.')[2]}.{each.__name__}" for each in listed} == made
     assert templates == {path.name for path in HERE.glob("*.html")}
 
 

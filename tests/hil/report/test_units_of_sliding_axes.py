@@ -8,13 +8,13 @@ import h5py
 import numpy as np
 import pytest
 
+from hil.commands.diagnose import shifted_sinusoid
 from hil.commands.payload import ElementRecord, with_and_without_load
 from hil.estimation.drive_train import compliance_units
 from hil.estimation.gravity_phase import Phase, Sinusoid
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.report.sections.kept import shifted_sinusoid
 from hil.runs.recording import Recording
 from hil.runs.recording_file import Measured, read_measured, write_measured
 

@@ -116,7 +116,7 @@ def test_a_damaged_file_is_as_none(copy: Path, damage: Any) -> None:
 def test_a_report_with_it_is_the_report_without(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil.report.page.now", lambda: "2026-01-02T03:04:05+00:00")
+    monkeypatch.setattr("hil.show.page.now", lambda: "2026-01-02T03:04:05+00:00")
     quick = report(Run.open(copy)).read_text()
     (copy / NAME).unlink()
     assert report(Run.open(copy)).read_text() == quick

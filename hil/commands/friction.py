@@ -1,4 +1,4 @@
-"""What a run says about friction, and the file `friction.yaml` that keeps it in the run's folder.
+"""`hil friction`: all that a run says about friction, kept as `friction.yaml`, and shown.
 
 The file says for every axis which model is recommended, all models with their errors and the
 outcome of the symmetry test, so that later steps need no recordings: compensation beforehand, and a
@@ -8,25 +8,43 @@ gate before a campaign. It can be written again at any time.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from checked_files.yaml_file import FileError, FileModel, load_yaml
-from hil.errors import AsymmetricFriction, Mismatch
+from hil.errors import AsymmetricFriction, Mismatch, NotEnoughData
+from hil.estimation.friction import symmetry
+from hil.estimation.friction.history import history
+from hil.estimation.friction.points import GravityModel, points
 from hil.estimation.friction.symmetry import Symmetry
-from hil.friction.curves import FrictionModel, Law
+from hil.friction.curves import FrictionModel, Law, choose
+from hil.friction.drift import Level, drift
+from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import Friction, recorded_as
+from hil.results.model import Model
+from hil.results.tables import friction as tables
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
+from hil.runs.pooling import recorded
+from hil.runs.run import opened
+from hil.show.outcome import Outcome
+from hil.show.rounding import significant, uncertain
+from hil.show.table import Column, Part, Table, figures, table
 from hil.version import __version__
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Iterator, Sequence
 
     from hil.estimation.friction.points import FrictionPoint
     from hil.friction.curves import AxisCurves
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
-    from hil.planning.measurement import Friction
+    from hil.planning.measurement import RecordedMotion
+    from hil.runs.recording import Recording
     from hil.runs.run import Run
+    from hil.show.table import Row
 
 NAME = "friction.yaml"
 
@@ -105,6 +123,79 @@ class FrictionFile(FileModel):
         """Recommended model of an axis (index from 0); None where there is none."""
         every = ((r, m) for r in self.axes for m in r.models if r.axis == axis + 1)
         return next((m for r, m in every if m.kind == r.chosen), None)
+
+
+def fit_friction(
+    run: Run | Path | str,
+    model: Path | str | None = None,
+    asymmetry: float = symmetry.BOUND,
+    recordings: Sequence[tuple[RecordedMotion, Recording]] | None = None,
+) -> FrictionResult:
+    """Fit laws of friction to a run and test their symmetry; nothing is written.
+
+    Parameters
+    ----------
+    run : Run or path
+        With measurements of friction.
+    model : path, optional
+        Identified run whose model compensates gravity; without it half-differences of both
+        directions do.
+    asymmetry : float
+        Greatest asymmetry that is accepted, as a share of the friction level.
+    recordings : sequence of (RecordedMotion, Recording), optional
+        All of the run, where they were read already (`hil.runs.pooling.recorded`).
+
+    Raises
+    ------
+    NotEnoughData
+        No friction measurements.
+    FileError
+        No model, or a damaged one.
+    Mismatch
+        A model of another robot.
+    """
+    run = opened(run)
+    robot, model_folder = run.robot, None if model is None else Path(model)
+    recordings = list(recorded(run)) if recordings is None else recordings
+    chosen = recorded_as(Friction, recordings)
+    if not chosen:
+        raise NotEnoughData(
+            f"{run.path}: holds no friction measurements; plan some with: hil plan --kind friction"
+            f" {robot.name} -o friction.yaml"
+        )
+    gravity = None
+    if model_folder is not None:
+        of = Model.load(model_folder)
+        if of.names != base_parameters(robot).names:
+            raise Mismatch(
+                f"{model_folder}: its model is about {of.robot.name}, whose parameters are not"
+                f" those of {robot.name}; give a run of this robot"
+            )
+        gravity = GravityModel(of.values, of.covariance)
+    found, left_out = points(robot, chosen, gravity)
+    past, fits, drifts = history(robot, recordings), [], []
+    for axis in sorted({point.axis for point in found}):
+        own = [point for point in found if point.axis == axis]
+        velocity, friction = np.array([(point.velocity, point.friction) for point in own]).T
+        limit = float(robot.velocity_limit[axis])
+        fits.append(choose(axis, velocity, friction, limit, turns=bool(robot.revolute[axis])))
+        # levels at one speed are compared with one another
+        levels = [
+            Level(point.time, point.friction, f"{100 * point.velocity / limit:.0f} %")
+            for point in own
+            if point.friction > 0
+        ]
+        drifts.append(drift(axis, levels, past))
+    return FrictionResult(
+        robot=robot,
+        planned={m.id: m for m, _ in chosen},
+        points=tuple(found),
+        axes=tuple(fit for fit in fits if fit),
+        symmetry=symmetry.of_points(found, asymmetry),
+        drifts=tuple(each for each in drifts if each),
+        left_out=tuple(left_out),
+        model_folder=str(model_folder) if model_folder else None,
+    )
 
 
 def write_friction(run: Run, result: FrictionResult) -> Path:
@@ -189,3 +280,52 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
         )
     untested = [str(k) for k in range(1, robot.n_joints + 1) if k not in tested]
     return [f"symmetry of axis {', '.join(untested)} was not tested"] if untested else []
+
+
+def outcome(run: Run, found: FrictionResult) -> Outcome:
+    """Return all that a run says about friction as it is shown."""
+    return Outcome(
+        (models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts)),
+        tuple(f"left out: {left}" for left in found.left_out),
+        simulated=run.journal.simulated,
+    )
+
+
+def models(result: FrictionResult) -> Table:
+    """Every model of every axis with its errors; parameters that the data leave open are notes."""
+    return table(
+        f"{result.robot.name}: {len(result.points)} friction measurements, gravity by"
+        f" {result.gravity}",
+        (
+            "axis",
+            "model",
+            *figures(*(f"{head}, {result.robot.torque_units}" for head in ("rms", "held out"))),
+            "chosen",
+            Column("parameters with std. errors", folds=True),
+        ),
+        (Part(tuple(_models(fit))) for fit in result.axes),
+        "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
+        " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
+        " none beats by more than chance at speeds held out.",
+        tuple(
+            f"axis {fit.axis + 1}, {kind}: {word}"
+            for fit in result.axes
+            for kind, model in fit.models.items()
+            for word in model.unidentifiable
+        ),
+    )
+
+
+def _models(fit: AxisCurves) -> Iterator[Row]:
+    for number, (kind, model) in enumerate(fit.models.items()):
+        errors = (significant(each, 3) for each in (model.error, model.held_out_error or 0.0))
+        chosen = "yes" if kind == fit.chosen else ""
+        yield "" if number else str(fit.axis + 1), kind, *errors, chosen, _parameters(model)
+
+
+def _parameters(model: FrictionModel) -> str:
+    each = zip(model.a, model.standard_error, model.units, strict=True)
+    written = ((*uncertain(a, np.nan if e is None else e), unit) for a, e, unit in each)
+    return ", ".join(
+        f"a{k} {value} ± {error} {unit}" for k, (value, error, unit) in enumerate(written, start=1)
+    )

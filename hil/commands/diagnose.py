@@ -1,4 +1,4 @@
-"""What a run shows against its robot file: left-out parameters, needless ones, Fig. 7.
+"""`hil diagnose`: a run held against its robot file: left-out parameters, needless ones, Fig. 7.
 
 It is kept as `diagnosis.yaml` in the run's folder. Reports show it without computing it again, so
 the file says of what it was made: the recordings, the robot file, and the parameters of the
@@ -8,7 +8,8 @@ estimate that it stood beside.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -20,21 +21,29 @@ from hil.estimation.gravity_phase import Phase, Sinusoid, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters
+from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.provenance import RunStamp, named, same_parameters
-from hil.runs.atomic_file import write_file
+from hil.results.tables.parameters import drive_train
+from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
+from hil.show.charts.svg import file
+from hil.show.outcome import Outcome
 from hil.show.rounding import signed, uncertain
+from hil.show.section import Plot
 from hil.show.table import Table, figures, table
 from hil.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
+    from hil.estimation.local_values import LocalValue
     from hil.model.robot import Robot
+    from hil.planning.measurement import ElementKind
     from hil.runs.run import Run
     from hil.show.table import Row
 
@@ -75,9 +84,7 @@ def diagnose(run: Run) -> Diagnosis:
     return Diagnosis(robot, best, errors, shifted)
 
 
-NAME = "diagnosis.yaml"
-AS_TESTED = ("names", "value", "standard_error", "t", "p_value")
-"""What is kept of a candidate as it was tested."""
+NAME, PLOTS = "diagnosis.yaml", "diagnosis"
 SHOWN = 8
 """Candidates in the ranking."""
 
@@ -194,7 +201,12 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         threshold=errors.threshold,
         candidates=tuple(
             CandidateRecord(
-                **{name: getattr(c, name) for name in AS_TESTED}, beside=beside.get(c.names)
+                names=c.names,
+                value=c.value,
+                standard_error=c.standard_error,
+                t=c.t,
+                p_value=c.p_value,
+                beside=beside.get(c.names),
             )
             for c in errors.alone
         ),
@@ -264,3 +276,127 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
         )
     if names := "; ".join(f"{each.name}: {each.expression}" for each in found.needless):
         yield f"Not needed by the data: {names}."
+    if found.absorbed:
+        yield f"Cannot show, whatever is measured: {', '.join(found.absorbed)}."
+    if found.unmeasured:
+        yield f"Not shown by these measurements: {', '.join(found.unmeasured)}."
+
+
+def outcome(run: Run, found: Diagnosis) -> Outcome:
+    """Keep a diagnosis and its plots in the run's folder, and return it as it is shown."""
+    shown, robot = of_file(write_diagnosis(run, found), run.robot), run.robot
+    charts = {
+        name: residuals_over_angles(
+            [v for v in found.estimate.local if v.kind == name], robot, kind
+        )
+        for name, kind in ELEMENT_KINDS.items()
+        if not kind.pair
+    }
+    charts |= {plot.name: plot.chart for plot in shown.plots}
+    own_folder(run.path / PLOTS)
+    for name, drawn in charts.items():
+        write_file(run.path / PLOTS / f"{name}.svg", file(drawn))
+    tables = *shown.tables, drive_train(found.estimate, robot)
+    return replace(shown, tables=tables, simulated=run.journal.simulated)
+
+
+def of_file(kept: DiagnosisFile, robot: Robot) -> Outcome:
+    """Return a diagnosis as its file has it."""
+    plots: tuple[Plot, ...] = ()
+    if kept.phase is not None:
+        plot = Plot(
+            "phase",
+            partial(shifted_sinusoid, kept.phase.phase(), ", ".join(kept.found), robot),
+            "A gravity torque over a joint angle: sinusoids of the robot file and with what was"
+            " found, and measurements.",
+            "Where what was found shifts a gravity torque most (the paper's Fig. 7): sinusoids at"
+            " the measured configuration where the stated one is largest. Measurements at other"
+            " configurations are brought to this one by the extended model, and what is the same in"
+            " all of them is taken off.",
+        )
+        plots = (plot,)
+    return Outcome((candidates(kept),), sentences=tuple(sentences(kept)), plots=plots)
+
+
+def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
+    """The paper's Fig. 7: a gravity torque by the robot file and by what was `found`."""
+    angle = np.linspace(-np.pi, np.pi, 181)
+    shown = np.degrees(angle)
+    name = found if len(found) < 40 else "what was found"  # letters that a legend has room for
+    error = 2.0 * np.nan_to_num(phase.standard_error)
+    return chart(
+        Panel(
+            (
+                Line(shown, phase.stated.at(angle), MODEL, "robot file", "5 3"),
+                Line(shown, phase.extended.at(angle), MODEL, f"with {name}"),
+                Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
+            ),
+            title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
+            x_label=f"$q_{{{phase.over + 1}}}$ [deg]",
+            y_label=f"$g_{{{phase.axis + 1}}}$ [{robot.torque_unit(phase.axis)}]",
+            ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
+            width=700.0,
+            height=220.0,
+        )
+    )
+
+
+def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Chart:
+    """Measured less modelled elements of every axis against the position of each joint that varied.
+
+    What is the same at all configurations of an axis is taken off: it is friction that differs by
+    direction, or that step 1 takes for part of the element, and hides what depends on angles.
+
+    Parameters
+    ----------
+    values : sequence of LocalValue
+        Of one kind.
+    robot : Robot
+    kind : ElementKind
+        Theirs.
+    """
+    axes = sorted({value.axis for value in values})
+    each = ([value for value in values if value.axis == axis] for axis in axes)
+    return chart(panel for own in each for panel in _over_angles(own, robot, kind))
+
+
+def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
+    """Panels of one axis, all with the same vertical axis, over joints that vary by 4 deg or mm."""
+    axis = own[0].axis
+    left = np.array([value.shown[0] - value.model for value in own])
+    mean = float(left.mean())
+    error = 2.0 * np.nan_to_num([value.shown[1] for value in own])
+    most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
+    unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
+    for joint, turns in enumerate(robot.revolute):
+        shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
+        if np.ptp(shown) > 4.0:
+            yield Panel(
+                (
+                    Rule(0.0, colour=MODEL),
+                    Points(shown, left - mean, error=error, ids=[value.id for value in own],
+                           label="measured − modelled, ± 2 standard errors", size=2.5),
+                ),
+                title=f"${element}$ less mean {signed(f'{mean:.2g}')} {unit}",
+                x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
+                y_label=f"Δ${element}$ [{unit}]",
+                y_range=(-most, most),
+                ticks=_right_angles(shown) if turns else None,
+                width=260.0,
+                height=95.0,
+            )  # fmt: skip
+
+
+def _right_angles(shown: Array) -> dict[float, str] | None:
+    """Marks at right angles, where a joint turns as far."""
+    if np.ptp(shown) < 150:
+        return None
+    step = 180 if np.ptp(shown) > 340 else 90
+    first, last = int(np.floor(shown.min() / step)), int(np.ceil(shown.max() / step))
+    room = 0.05 * np.ptp(shown)
+    within = (step * k for k in range(first, last + 1))
+    return {
+        float(each): signed(f"{each}")
+        for each in within
+        if shown.min() - room <= each <= shown.max() + room
+    }
