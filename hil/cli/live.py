@@ -111,7 +111,8 @@ def listeners(
     folder : Path, optional
         Run folder whose recordings are identified while the page shows the run.
     while_open : bool
-        Stop the run once its page has been closed.
+        Stop the run once its page has been closed; its page has the report of `folder` once that is
+        there.
 
     Raises
     ------
@@ -122,7 +123,9 @@ def listeners(
     stream = "--foxglove", "the stream to Foxglove", "hil.live.foxglove_server"
     found = []
     pushed = ["--hand", hand] if (hand := hand_of(bus_option)) else []
-    pushed += ["--while-open"] if while_open else []
+    if while_open:
+        pushed += ["--while-open"]
+        pushed += ["--report", str(folder / "report.html")] if folder is not None else []
     for option, what, module, port, address, more in (
         (*page, shown.live, shown.live_address, pushed),
         (*stream, shown.foxglove, shown.foxglove_address, ()),

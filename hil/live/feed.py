@@ -21,6 +21,7 @@ from hil.live import lines
 from hil.live.listener import ANSWERS
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
+from hil.results.watch import pushes
 from hil.terminal.console import say
 from hil.terminal.interruption import STATUS, interrupt_main
 from hil.terminal.progress import Pace
@@ -42,6 +43,18 @@ if TYPE_CHECKING:
     Take = Callable[[Event], None]
     Display = Callable[[Console], AbstractContextManager[Take]]
 
+_LEARNING = (
+    "The axes follow a motion that the model has never seen. The coloured band about each predicted"
+    " torque becomes as wide as measured torques scatter."
+)
+_WATCHING = (
+    "Each measured torque is compared with its prediction. The band holds 95 % of what is normal;"
+    " torque that leaves it for long enough comes from outside."
+)
+_FOUND = (
+    "Found by motor currents and encoders alone: no sensor measures the push. Red lines in the"
+    " curves mark when it was found."
+)
 _EVERY = 1 / 25
 """Least time between samples that are passed on [s], enough for the eye."""
 
@@ -161,21 +174,26 @@ class Feed:
                 listener.write(encoded, droppable=True)
         if watcher.learning is not self._learning:
             self._learning = watcher.learning
-            self.publish("headline", {"text": self._state_of(watcher)})
+            self.publish("headline", self._state_of(watcher))
         begun = watcher.alarms[self._alarms :]
         self._alarms += len(begun)
+        if not begun:
+            return
+        found = pushes(watcher.alarms)
         for raised in begun:
-            self.publish("alarm", lines.alarm(raised, watcher.unit(raised)))
-        if begun:
-            clearest = max(begun, key=lambda each: abs(each.torque) / each.threshold)
-            size = f"{clearest.torque:.3g}".replace("-", "\N{MINUS SIGN}")
-            push = f"axis {clearest.axis}, {size} {watcher.unit(clearest)}"
-            self.publish("headline", {"text": f"Push found: {push}"})
+            number = next(k for k, each in enumerate(found, start=1) if raised in each)
+            self.publish("alarm", lines.alarm(raised, watcher.unit(raised), number))
+        clearest = max(found[-1], key=lambda each: abs(each.torque) / each.threshold)
+        size = f"{clearest.torque:.3g}".replace("-", "\N{MINUS SIGN}")
+        text = f"Push found: axis {clearest.axis}, {size} {watcher.unit(clearest)}"
+        self.publish("headline", {"text": text, "more": _FOUND})
 
-    def _state_of(self, watcher: Watcher) -> str:
+    def _state_of(self, watcher: Watcher) -> lines.Line:
         if watcher.learning:
-            return f"Learning how torques scatter, {watcher.to_learn:.0f} s of motion: do not push"
-        return "Push the arm: drag a link" if self._hand else "Watching: no push so far"
+            text = f"Learning how torques scatter, {watcher.to_learn:.0f} s of motion: do not push"
+            return {"text": text, "more": _LEARNING}
+        text = "Push the arm: drag a link" if self._hand else "Watching: no push so far"
+        return {"text": text, "more": _WATCHING}
 
     @contextmanager
     def open(self, console: Console) -> Iterator[Sequence[str]]:

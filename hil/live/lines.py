@@ -10,7 +10,10 @@ start
     plant that moves, ``hand``: whether its arm can be pushed from the page, ``watched``: whether
     torques are compared with a model's.
 headline
-    ``text``: what is going on, in one sentence; of several the last holds.
+    ``text``: what is going on, in one sentence, and ``more``: what it is for; of several the last
+    holds.
+report
+    ``folder`` of the run and the ``next`` command; ``there``: whether this server has the report.
 armed
     The axes are under power: ``axes``, of each ``name``, ``identity``, ``lower`` and ``upper``
     limit of its position and the ``velocity`` limit that hold on the drive.
@@ -23,7 +26,8 @@ event
     The sequencer's: ``name`` of its class in `hil.measuring.events`, ``doing`` in words, ``notice``
     that the operator must see or "", ``t`` and ``total``: the bus's time and what it will be at the
     end [s], ``left`` by the wall's clock [s]; of those about a measurement its ``measurement``, its
-    ``number`` in the plan from 1, and the ``axes`` that move, from 0.
+    ``number`` in the plan from 1, the ``axes`` that move, from 0, what is ``seen`` of the robot and
+    what that motion ``shows``.
 level
     What a recording shows of the friction of one ``axis`` (`level_of`): ``level``, ``speed``,
     ``measurement``, and of all so far ``count``, ``least`` and ``most``.
@@ -38,8 +42,8 @@ estimate
     half-width of its 95 % interval, null while recordings leave it open, and ``share``: the torque
     that this amounts to on a free motion, of the axis where it is largest, as a share of its limit.
 alarm
-    A push begins to be seen: ``axis``, from 0, ``torque`` from outside and its ``threshold``, with
-    their ``unit``, at ``t``.
+    A push begins to be seen on one ``axis``, from 0: ``torque`` from outside and its ``threshold``,
+    with their ``unit``, at ``t``; ``push``: its number, which alarms of several axes share.
 note
     ``text`` of what the operator should know though it stops nothing.
 fault
@@ -58,6 +62,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.measuring.events import AboutMeasurement
+from hil.planning.measurement import words_of
 from hil.terminal.progress import doing, notice
 from hil.view.packed import Track
 from hil.view.visuals import robot_data, workspace_data
@@ -217,9 +222,10 @@ def torque(axes: Sequence[int], time: Array, *torques: Array, measurement: str =
     return {"axes": list(axes), "measurement": measurement, **dict(zip(names, tracks, strict=True))}
 
 
-def alarm(raised: Alarm, unit: str) -> Line:
-    """What stands in the line ``alarm``."""
+def alarm(raised: Alarm, unit: str, push: int) -> Line:
+    """What stands in the line ``alarm``, which is of push number `push`."""
     return {
+        "push": push,
         "axis": raised.axis - 1,
         "torque": _number(raised.torque),
         "threshold": _number(raised.threshold),
@@ -248,7 +254,10 @@ def event(happened: Event, left: float, numbers: Mapping[str, int]) -> Line:
     }
     if isinstance(happened, AboutMeasurement):
         measurement = happened.measurement
+        seen, shows = words_of(measurement)
         line |= {
+            "seen": seen,
+            "shows": shows,
             "measurement": measurement.id,
             "number": numbers.get(measurement.id),
             "axes": list(measurement.moved),

@@ -28,7 +28,7 @@ from urllib.parse import urlsplit
 from hil.live.incoming import is_ours
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from http.server import HTTPServer
 
     from typing_extensions import Buffer
@@ -52,6 +52,11 @@ SECURITY = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
 }
+OF_THE_REPORT = {
+    **SECURITY,
+    "Content-Security-Policy": "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+}
+"""Of the report, which states in itself by their hashes which scripts may run."""
 FILES = {
     "": ("text/html; charset=utf-8", (ASSETS / "page.html",)),
     "view.js": ("text/javascript; charset=utf-8", (VIEW / "view.js",)),
@@ -78,6 +83,8 @@ class Site(NamedTuple):
         Names of this computer by which it may be addressed, beside its addresses.
     hand : str
         Path of the socket at which the plant takes pushes; empty where nothing can be pushed.
+    report : str
+        Path of the report of the run, once there is one; empty for none.
     """
 
     streams: Streams
@@ -85,6 +92,7 @@ class Site(NamedTuple):
     secret: str
     names: frozenset[str]
     hand: str = ""
+    report: str = ""
 
 
 class Whole(NamedTuple):
@@ -107,7 +115,7 @@ def takes_time(data: bytes, site: Site) -> bool:
     """
     method, _, rest = data.partition(b" ")
     place = _within(rest.partition(b" ")[0].decode("latin-1"), site.secret)
-    return method == b"GET" and (place == "events" or place in FILES)
+    return method == b"GET" and (place in ("events", "report") or place in FILES)
 
 
 class Requests(BaseHTTPRequestHandler):
@@ -133,6 +141,13 @@ class Requests(BaseHTTPRequestHandler):
             self._events()
         elif place in FILES:
             self._file(*FILES[place])
+        elif place == "report" and self.site.report and Path(self.site.report).is_file():
+            self._answer(
+                HTTPStatus.OK,
+                "text/html; charset=utf-8",
+                Path(self.site.report).read_bytes(),
+                headers=OF_THE_REPORT,
+            )
         else:
             self._text(HTTPStatus.NOT_FOUND, "there is no such page")
 
@@ -217,14 +232,19 @@ class Requests(BaseHTTPRequestHandler):
         self._answer(status, "text/plain; charset=utf-8", f"{text}\n".encode())
 
     def _answer(
-        self, status: HTTPStatus, kind: str, content: bytes, compressed: bool = False
+        self,
+        status: HTTPStatus,
+        kind: str,
+        content: bytes,
+        compressed: bool = False,
+        headers: Mapping[str, str] = SECURITY,
     ) -> None:
         self.send_response(status)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         if compressed:
             self.send_header("Content-Encoding", "gzip")
-        for name, value in SECURITY.items():
+        for name, value in headers.items():
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(content)

@@ -6,7 +6,8 @@ run's lines it adds ``alive``, now and then; ``stopping``, where a page has aske
 ``end`` of its own, ``lost``, where the run has ended without one.
 
 After ADDRESS and PORT may come ``--hand PATH``, the socket at which the virtual plant takes pushes,
-and ``--while-open``: a stop is asked for once the last page has been closed.
+``--report PATH``, the report that is served once it is there, and ``--while-open``: a stop is asked
+for once the last page has been closed, or with the line ``report`` if none is open.
 """
 
 from __future__ import annotations
@@ -157,7 +158,10 @@ class PageServer(ThreadingHTTPServer):
 
 def main(address: str, port: str, *options: str) -> None:
     """Serve until the end of standard input."""
-    hand = options[options.index("--hand") + 1] if "--hand" in options else ""
+    hand, report = (
+        options[options.index(name) + 1] if name in options else ""
+        for name in ("--hand", "--report")
+    )
     streams, say = Streams(), begin_listening()
 
     def stop() -> None:
@@ -167,7 +171,7 @@ def main(address: str, port: str, *options: str) -> None:
     secret = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
     try:
         server = PageServer(
-            address, int(port), Site(streams, stop, secret, names_of_this_computer(), hand)
+            address, int(port), Site(streams, stop, secret, names_of_this_computer(), hand, report)
         )
     except OSError as error:
         say(
@@ -202,6 +206,8 @@ def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
             streams.take(_line("alive"))
             if streams.pages:
                 seen = now
+        if line.startswith(b'{"kind":"report"') and not streams.pages:
+            seen = -math.inf
         if closed is not None and now - seen > CLOSED:
             closed()
             closed = None

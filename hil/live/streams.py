@@ -17,6 +17,10 @@ CLIENTS_MAX = 64
 """Pages that are served at a time."""
 DROPPABLE = frozenset({"sample", "torque"})
 """Kinds of lines that a page that is behind can do without."""
+_STATES = frozenset(
+    {"start", "event", "sample", "stopping", "headline", "estimate", "report", "end"}
+)
+"""Kinds of which a late page gets the last line."""
 PATIENCE = 10.0
 """How long a page may take nothing [s]."""
 
@@ -133,7 +137,7 @@ class Streams:
             self._state["power"] = chunk
         elif kind == "level":
             self._state[f"level of {said['axis']}"] = chunk
-        elif kind in {"start", "event", "sample", "stopping", "headline", "estimate", "end"}:
+        elif kind in _STATES:
             self._state[kind] = chunk
 
     def _passed(self) -> bytes:

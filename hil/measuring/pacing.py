@@ -14,9 +14,9 @@ from hil.measuring.feeding import BusInFront
 if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus, Sample
 
-REAL_TIME = 6.0
+REAL_TIME = 4.0
 """Time of motion at its own speed before it becomes faster [s]: as long as a look takes."""
-DOUBLED = 3.0
+DOUBLED = 1.5
 """Time after which it is twice as fast, again and again [s]."""
 
 
@@ -28,12 +28,13 @@ class PacedBus(BusInFront):
     bus : DriveBus
         Not entered yet; SYNC is the clock of what moves on it.
     fastest : float
-        Times real time that are reached in the end, at least 1: motion begins in real time.
+        Times real time that are reached in the end, at least 1: motion begins in real time. It may
+        be changed meanwhile.
     """
 
     def __init__(self, bus: DriveBus, fastest: float) -> None:
         super().__init__(bus)
-        self._fastest = fastest
+        self.fastest = fastest
         self._began = self._due = 0.0
 
     def sample(self) -> Sample:
@@ -46,7 +47,7 @@ class PacedBus(BusInFront):
         if not self._began:
             self._began = self._due = now
         faster = min((now - self._began - REAL_TIME) / DOUBLED, 20.0)
-        self._due += self.period / min(self._fastest, max(1.0, 2.0**faster))
+        self._due += self.period / min(self.fastest, max(1.0, 2.0**faster))
         if now < self._due:
             time.sleep(self._due - now)
         else:

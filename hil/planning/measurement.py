@@ -185,9 +185,20 @@ KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A row of the table: what does not depend on a measurement; its model answers what does."""
+    """Row of the table: what does not depend on a measurement; its model answers what does.
+
+    Attributes
+    ----------
+    model : type
+    seen : str
+        What a spectator of the robot sees, for `str.format` with `axis` and `partner`, from 1.
+    shows : str
+        What the torques of this motion show, for readers who do not know base parameters.
+    """
 
     model: type[Strokes | Trajectory]
+    seen: str
+    shows: str
 
     @property
     def name(self) -> str:
@@ -247,14 +258,20 @@ class ElementKind(Kind):
 
 _TABLE = (
     ElementKind(
-        Gravity, GRAVITY, "g", 56, "g", "torque", "N m", pair=False, colour="#1f5fa8", marker="o",
+        Gravity,
+        "Axis {axis} goes back and forth at constant speed",
+        "Half the sum of the torques there and back is gravity, half their difference friction.",
+        GRAVITY, "g", 56, "g", "torque", "N m", pair=False, colour="#1f5fa8", marker="o",
         elements="gravity torques",
         figure="the paper's Fig. 5",
         caption="Gravity torques (the paper's Fig. 5): half-sums of both directions at constant"
         " velocity, eq. (14), against g(q) of the model.",
     ),
     ElementKind(
-        Inertia, DIAGONAL, "i", 80, "M", "inertia", "kg m²", pair=False, colour="#d9730d",
+        Inertia,
+        "Axis {axis} accelerates back and forth",
+        "The torque needed per acceleration is the moment of inertia about the axis.",
+        DIAGONAL, "i", 80, "M", "inertia", "kg m²", pair=False, colour="#d9730d",
         marker="s",
         elements="moments of inertia",
         figure="Fig. 6",
@@ -262,15 +279,26 @@ _TABLE = (
         " inertias and gravity compensated, against the model.",
     ),
     ElementKind(
-        Coupling, OFF_DIAGONAL, "c", 16, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
+        Coupling,
+        "Axis {axis} creeps while axis {partner} accelerates back and forth",
+        "The torque that the creeping axis takes from the other is their coupling inertia.",
+        OFF_DIAGONAL, "c", 16, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
         marker="^",
         elements="coupling inertias",
         figure="",
         caption="Couplings: off-diagonal elements of M(q) by eq. (21), read on the axis that creeps"
         " while its partner accelerates.",
     ),
-    Kind(Friction),
-    Kind(Trajectory),
+    Kind(
+        Friction,
+        "Axis {axis} goes back and forth at one speed",
+        "Half the difference of the torques there and back is friction at this speed.",
+    ),
+    Kind(
+        Trajectory,
+        "The axes follow one smooth path together",
+        "Torques of all axes at once, with every inertia and friction in them.",
+    ),
 )  # fmt: skip
 KINDS: dict[str, Kind] = {kind.name: kind for kind in _TABLE}
 """All kinds by the name that plans state, in the order of tables and plots."""
@@ -278,6 +306,12 @@ ELEMENT_KINDS: dict[str, ElementKind] = {
     name: kind for name, kind in KINDS.items() if isinstance(kind, ElementKind)
 }
 """Those that show elements of g(q) or M(q)."""
+
+
+def words_of(measurement: Measurement) -> tuple[str, str]:
+    """Return what a spectator sees of a measurement, and what its torques show."""
+    kind, axes = KINDS[measurement.kind], [axis + 1 for axis in measurement.moved]
+    return kind.seen.format(axis=axes[0], partner=axes[-1]), kind.shows
 
 
 def shows_element(measurement: RecordedMotion) -> TypeGuard[ElementMeasurement]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import yaml
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from checked_files.yaml_events import Dumper
 from checked_files.yaml_file import FileError, FileModel, load_yaml, read_text, refuse
 from hil.planning import LONGEST
 from hil.planning.free_motion import FreeMotion
@@ -208,7 +209,7 @@ def dump_plan(plan: Plan) -> str:
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=200)
 
 
-class _Dumper(yaml.CSafeDumper if yaml.__with_libyaml__ else yaml.SafeDumper):  # type: ignore[misc]
+class _Dumper(Dumper):
     """Lists of numbers in one line, everything else in blocks."""
 
     def represent_sequence(
@@ -243,6 +244,6 @@ class RecordedMotions(FileModel):
 
     def text(self) -> str:
         """As YAML."""
-        return yaml.safe_dump(
-            self.model_dump(mode="json", exclude_none=True), sort_keys=False, width=200
-        )
+        content = self.model_dump(mode="json", exclude_none=True)
+        text: str = yaml.dump(content, Dumper=Dumper, sort_keys=False, width=200)
+        return text

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from checked_files.yaml_file import FileModel
 from hil.show.outcome import Verdict
 from hil.show.rounding import clock
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 NAME = "watch.yaml"
 
@@ -75,6 +80,22 @@ SOON, LATE = 0.02, 0.1
 """Times within which a strong and a weak push are to be seen [s]."""
 STRONG, WEAK = 0.1, 0.05
 """Sizes of such pushes, as shares of the torque limit."""
+
+
+def pushes(alarms: Sequence[Alarm], pause: float = 1.0) -> list[list[Alarm]]:
+    """Group the alarms of all axes by the push that raised them.
+
+    A push at one link reaches several axes, and an axis that springs back raises a second alarm: an
+    alarm belongs to the push before if it begins within `pause` of its end [s], sooner than a hand
+    lets go and pulls again.
+    """
+    found: list[list[Alarm]] = []
+    for alarm in alarms:
+        if found and alarm.time - max(each.time + each.lasted for each in found[-1]) < pause:
+            found[-1].append(alarm)
+        else:
+            found.append([alarm])
+    return found
 
 
 class Watched(FileModel):

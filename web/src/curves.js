@@ -11,10 +11,12 @@ const TOP = 8;
 export function ticks(low, high, most) {
   const raw = (high - low) / most;
   const power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((k) => k * power).find((each) => each >= raw);
+  // neighbours differ by a factor of 2 at most, so that four parts of a scale have two labels at least
+  const step = [1, 2, 2.5, 5, 10].map((k) => k * power).find((each) => each >= raw);
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-  return { values: found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+  const digits = [0, 1, 2, 3, 4, 5, 6].find((each) => Math.abs(step * 10 ** each - Math.round(step * 10 ** each)) < 1e-6 * step * 10 ** each);
+  return { values: found, digits: digits ?? 6 };
 }
 
 /** How much of a band is to be seen: twice its median, unless its line is small beside that. */
@@ -164,7 +166,7 @@ export class Curve {
     pen.lineWidth = 1;
     pen.textBaseline = 'middle';
     pen.textAlign = 'right';
-    const { values, digits } = ticks(this.low, this.high, this.height < HEIGHT ? 2 : 4);
+    const { values, digits } = ticks(this.low, this.high, 4);
     for (const v of values) {
       pen.strokeStyle = colour('--line');
       this._line(pen, LEFT, this._y(v), this.width - RIGHT, this._y(v));

@@ -19,15 +19,16 @@ export function curvesOf(host, { robot: { joints }, workspace, prediction }, rec
   const found = [];
   if (torque || predicted) {
     found.push(add((j) => `axis ${j + 1}: ${word(joints[j])}, ${joints[j].torque_unit}`, (j) => [
-      ...(predicted ? [line(predicted[j], prediction, '--planned', { dashed: Boolean(torque), ...within(j) })] : []),
       ...(torque ? [line(torque[j], 'measured', '--measured')] : []),
+      // dashed and on top, so that both are seen where they agree
+      ...(predicted ? [line(predicted[j], prediction, '--planned', { dashed: Boolean(torque), ...within(j) })] : []),
     ], { bounds: (j) => both(joints[j].torque), least: (j) => LEAST * (joints[j].torque ?? 0) }));
   }
   if (torque && predicted) {
     const left = (j) => ({ value: (t) => torque[j].at(t)[0] - predicted[j].at(t)[0] });
-    found.push(add((j) => `axis ${j + 1}: measured less predicted, ${joints[j].torque_unit}`, (j) => [
-      line(predicted[j], band ? 'interval of 95 %' : '', '--planned', { dashed: true, value: (t) => 0 * predicted[j].at(t)[0], ...within(j) }),
-      line(predicted[j], 'difference', '--measured', left(j)),
+    found.push(add((j) => `axis ${j + 1}: measured − predicted, ${joints[j].torque_unit}`, (j) => [
+      line(predicted[j], band ? '95 %' : '', '--planned', { dashed: true, value: (t) => 0 * predicted[j].at(t)[0], ...within(j) }),
+      line(predicted[j], '', '--measured', left(j)),
     ], { least: (j) => (LEAST / 2) * (joints[j].torque ?? 0) }));
   }
   if (measured || planned) {

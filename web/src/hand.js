@@ -7,7 +7,8 @@ const FULL = 0.25; // share of the reach by which the pointer goes for the stron
 const EVERY = 100; // a pull is told again so often [ms]
 const PUSHED = 0.5; // how long a button pushes [s]
 const LASTS = 0.3; // after which the arm is let go where no more is told [s]
-const GRIP = 14; // a pointer so close to a link has it [pixels]
+const GRIP = [0, 14, 32]; // rings about the pointer in which a link is looked for, so that a near miss does not turn the camera [pixels]
+const AROUND = 8; // directions of a ring
 
 export class Hand {
   /** `send(torque, lasts)` passes a push on. */
@@ -70,11 +71,14 @@ export class Hand {
 
   /** Link and point under the pointer, or beside it: a fingertip is wide, and the wrist slender. */
   _under(event) {
-    const around = [[0, 0], [GRIP, 0], [-GRIP, 0], [0, GRIP], [0, -GRIP]];
-    for (const [dx, dy] of around) {
-      this.ray.setFromCamera(this._place(event, dx, dy), this.view.camera);
-      const [hit] = this.ray.intersectObjects(this.view.capsules.filter(({ visible }) => visible));
-      if (hit) return { link: this.view.capsules.indexOf(hit.object), point: hit.point };
+    const links = this.view.capsules.filter(({ visible }) => visible);
+    for (const radius of GRIP) {
+      for (let k = 0; k < (radius ? AROUND : 1); k++) {
+        const angle = (2 * Math.PI * k) / AROUND;
+        this.ray.setFromCamera(this._place(event, radius * Math.cos(angle), radius * Math.sin(angle)), this.view.camera);
+        const [hit] = this.ray.intersectObjects(links);
+        if (hit) return { link: this.view.capsules.indexOf(hit.object), point: hit.point };
+      }
     }
     return undefined;
   }

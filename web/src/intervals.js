@@ -3,6 +3,8 @@ import { make } from './elements.js';
 
 const [WIDEST, NARROWEST] = [1, 1e-6]; // shares of the torque limit at the scale's ends
 
+const SURE = 0.01; // share of the torque limit below which a parameter counts as known
+
 export class Intervals {
   constructor(host) {
     this.host = host;
@@ -11,7 +13,8 @@ export class Intervals {
 
   take({ recordings, parameters }) {
     if (this.rows.length !== parameters.length) this._build(parameters);
-    this.caption.textContent = `95 % intervals from ${recordings} recordings`;
+    const sure = parameters.filter(({ half, share }) => half !== null && share < SURE).length;
+    this.caption.textContent = `95 % intervals from ${recordings} recordings: ${sure} of ${parameters.length} matter by less than ${100 * SURE} % of a torque limit`;
     parameters.forEach((each, k) => this._set(this.rows[k], each));
   }
 

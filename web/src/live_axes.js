@@ -15,16 +15,16 @@ export class LiveAxes {
   _row(joint, j) {
     const fill = make('span', { class: 'fill' });
     const bar = make('span', { class: 'torque-bar' });
-    const [position, torque] = [make('span', { text: '–' }), make('span', { text: '–' })];
+    const [position, torque] = [make('span'), make('span')];
     const [ends, most] = [make('span', { class: 'small' }), make('span', { class: 'small' })];
-    const friction = make('td', { class: 'friction', text: '–' });
+    const friction = make('td', { class: 'friction' });
     const name = make('th', { scope: 'row', text: `${j + 1}` });
     const range = make('span', { class: 'range', 'aria-hidden': 'true' }, fill);
     const limit = make('span', { class: 'range', 'aria-hidden': 'true' }, bar);
     limit.hidden = most.hidden = !joint.torque;
     ends.textContent = within(joint);
     most.textContent = `limit ${shown(joint.torque, joint.torque)}`;
-    const row = make('tr', {}, name, make('td', {}, position, range, ends), make('td', {}, torque, limit, most), friction);
+    const row = make('tr', { class: 'unknown' }, name, make('td', {}, position, range, ends), make('td', {}, torque, limit, most), friction);
     return { row, position, fill, ends, torque, bar, friction };
   }
 
@@ -42,6 +42,7 @@ export class LiveAxes {
   /** Show positions and torques; null where none came. */
   show(q, tau) {
     this.rows.forEach((row, j) => {
+      row.row.classList.remove('unknown');
       const { lower, upper, unit, torque, torque_unit: torqueUnit } = this.joints[j];
       row.position.textContent = q[j] === null ? 'missing' : `${shown(q[j], upper - lower)} ${unit}`;
       if (q[j] !== null) row.fill.style.left = `${100 * Math.min(Math.max((q[j] - lower) / (upper - lower), 0), 1)}%`;

@@ -16,6 +16,9 @@ export class LiveCurves {
     this.label = make('span', { class: 'small' });
     this.bar = make('div', { class: 'row time' }, this.button, this.slider, this.label, make('button', { type: 'button', text: 'Now', onclick: () => this.look() }));
     host.after(this.bar);
+    const keys = ['measured', 'predicted', '95 % of what is normal'].map((text, k) => make('span', { class: `key of-${['measured', 'predicted', 'band'][k]}`, text }));
+    this.legend = make('p', { class: 'small legend' }, ...keys); // once, in place of one for each axis
+    host.before(this.legend);
     this.player.addEventListener('time', () => this._follow());
     this.player.addEventListener('state', () => { this.button.textContent = this.player.playing ? 'Pause' : 'Play'; });
     new ResizeObserver(() => this.draw()).observe(host);
@@ -32,7 +35,7 @@ export class LiveCurves {
       this.host.append(cell);
       return curvesOf(cell, this.data, { torque, predicted, band }, (t) => this.look(t));
     });
-    this.host.hidden = this.bar.hidden = true;
+    this.host.hidden = this.legend.hidden = this.bar.hidden = true;
   }
 
   alarm(alarm) {
@@ -78,7 +81,7 @@ export class LiveCurves {
     player.duration = recorded.duration;
     const t = this.back ? player.time : recorded.duration;
     this.bar.hidden = !recorded.duration;
-    this.host.hidden = !recorded.segments.length;
+    this.host.hidden = this.legend.hidden = !recorded.segments.length;
     [this.slider.min, this.slider.max, this.slider.value] = [this.first, recorded.duration, t];
     this.label.textContent = this.back ? `${clock(recorded.duration - t)} ago` : '';
     if (this.host.hidden) return;

@@ -18,6 +18,13 @@ const ENDS = {
   lost: ['the run has ended without a word: look at the robot', 'bad'],
 };
 
+/** What an event lets somebody see who looks at the robot, and what that motion shows. */
+function seen({ name, doing, seen: motion, shows }) {
+  if (name === 'Travelled' || name === 'Repeated') return [motion, shows];
+  if (name === 'Recorded' || name === 'GaveUp') return ['On the way to the next motion', ''];
+  return [doing.charAt(0).toUpperCase() + doing.slice(1), ''];
+}
+
 export class LivePage {
   constructor() {
     this.power = 'starting';
@@ -59,7 +66,7 @@ export class LivePage {
     at('fault').textContent = '';
     if (!this.robot) this._open(line);
     this.text = text;
-    [this.watched, this.rate, this.event] = [line.watched, undefined, undefined];
+    [this.watched, this.rate, this.event, this.push] = [line.watched, undefined, undefined, undefined];
     this.recorded = Recorded.growing(line.robot.joints);
     this.curves.begin(this.recorded, line.watched);
     this.hand?.enable(line.hand);
@@ -151,8 +158,18 @@ export class LivePage {
     this.scene?.show(this.q);
   }
 
-  _headline({ text }) {
+  _headline({ text, more }) {
     this.headline = text;
+    if (more !== undefined) at('more').textContent = more;
+  }
+
+  /** The end of all: where the report and the run are, and what to do next. */
+  _report({ folder, commands }) {
+    const link = make('a', { href: 'report', target: '_blank', text: 'Open the report' });
+    const next = commands.map((each) => make('li', {}, make('code', { text: each })));
+    const kept = make('p', { text: `Both runs are in ${folder}. Go on in a terminal:` });
+    at('ended').replaceChildren(make('p', {}, link), kept, make('ul', {}, ...next));
+    at('ended').hidden = false;
   }
 
   _torque(line) {
@@ -167,13 +184,17 @@ export class LivePage {
 
   _alarm(line) {
     this.curves.alarm(line);
-    this._note({ ...line, text: `axis ${line.axis + 1}: ${line.torque.toFixed(1)} ${line.unit} from outside, threshold ${line.threshold.toFixed(1)} ${line.unit}` });
+    if (this.push === line.push) return; // one push reaches several axes
+    this.push = line.push;
+    this._note({ ...line, text: `push ${line.push}, axis ${line.axis + 1}: ${line.torque.toFixed(1)} ${line.unit} from outside, threshold ${line.threshold.toFixed(1)} ${line.unit}` });
   }
 
   _event(line) {
     this.event = line;
     this.due = performance.now() + 1000 * line.left;
-    at('doing').textContent = line.number ? `${line.doing}, ${line.number} of ${this.measurements}` : line.doing;
+    const [doing, shows] = seen(line);
+    at('doing').textContent = line.number ? `${doing} (${line.number} of ${this.measurements})` : doing;
+    at('shows').textContent = shows;
     if (line.total) at('progress').value = Math.min(line.t / line.total, 1);
     if (line.notice) this._note({ ...line, text: line.notice });
     const axes = line.axes ?? [];

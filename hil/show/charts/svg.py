@@ -207,7 +207,8 @@ def _left(panel: Panel) -> float:
 def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
     """Marks of the vertical axis; an empty one where there is none."""
     y = _upright(panel, top)
-    marks = y.marks(max(2, int(panel.height / 26.0)))  # about so far apart
+    # about so far apart; of three marks about zero two have a value that says how large it is
+    marks = y.marks(max(3, int(panel.height / 26.0)))
     return text_of(marks if panel.rows is None else panel.rows, y) or [(top, "")]
 
 

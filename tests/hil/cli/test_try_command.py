@@ -40,6 +40,7 @@ class Visitor(Thread):
         super().__init__(daemon=True)
         self.page = Served(Listener("", ""), url=f"http://127.0.0.1:{port}/")
         self.lines: list[dict[str, Any]] = []
+        self.report: Any = None
 
     def run(self) -> None:
         while True:
@@ -51,12 +52,15 @@ class Visitor(Thread):
         with connection:
             for line in events(connection):
                 self.lines.append(line)
+                if line["kind"] == "report":
+                    self.report = self.page.ask("GET", "/report")
+                    return  # which closes the page
                 if line.get("text") == "Push the arm: drag a link":
                     Thread(target=self._push, daemon=True).start()
 
     def _push(self) -> None:
         time.sleep(2.0)
-        while not any(line["kind"] in ("alarm", "end") for line in self.lines):
+        while not any(line["kind"] in ("alarm", "report") for line in self.lines):
             self.page.ask("POST", "/push", PUSH, PUSHED)
             time.sleep(1.5)
 
@@ -84,14 +88,17 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert f"go on with: hil report {folder / 'measured'}" in out
 
     heads = [line["text"] for line in visitor.of("headline")]
-    asked = ["Identifying", "Identified: predicted torque within", "Learning", "Push the arm"]
+    asked = ["Planning", "Checking the drives", "Identifying", "Identified", "Learning", "Push the"]
     assert all(any(head.startswith(each) for head in heads) for each in asked)
+    assert all(line["more"] for line in visitor.of("headline")[:3])
     assert any(re.match(r"Push found: axis 2, \d+ N m", head) for head in heads), heads
     assert heads[-1].startswith("Done: ")
     first, second = visitor.of("start")
     assert [each["watched"] for each in (first, second)] == [False, True]
     assert [each["hand"] for each in (first, second)] == [False, True]
-    assert visitor.of("end")[-1]["how"] == "finished"
+    status, _, text = visitor.report
+    assert (status, (folder / "measured" / "report.html").read_text()) == (200, text)
+    assert any(each.startswith("hil run") for each in visitor.of("report")[0]["commands"])
     assert visitor.of("off")
 
     estimates = [line["parameters"] for line in visitor.of("estimate")]

@@ -39,6 +39,7 @@ const every = [...document.querySelectorAll('body *')];
 return Math.max(...every.map((each) => each.getBoundingClientRect().right));
 """
 HOSTILE = "<img src=x onerror=alert(1)>"
+SEEN = "Axis 2 goes back and forth at constant speed (1 of 3)"
 Q = (0.5, -0.3, 0.2, 0.1, 0.4, -1.0)
 TAU = (10.0, -500.0, 3.0, 0.5, 70.0, -0.2)
 
@@ -102,7 +103,7 @@ def complaints(browser: Chrome) -> list[str]:
 
 def test_state_progress_and_axes_are_shown(browser: Chrome, page: Served) -> None:
     assert text(browser, "state") == "armed: the axes are under power"
-    assert text(browser, "doing") == "measuring g1 (gravity), 1 of 3"
+    assert text(browser, "doing") == SEEN
     assert text(browser, "left") in {"1:05 left", "1:04 left", "1:03 left"}
     progress = browser.execute_script("return document.getElementById('progress').value")
     assert progress == pytest.approx(4 / 23, abs=0.01)
@@ -210,7 +211,7 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
     one = np.sin(t)[:, np.newaxis]
     page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, np.full((40, 1), np.inf)))
     until(browser, lambda: "at its end" in label(browser, 1))
-    assert label(browser, 1).startswith("axis 2: torque, N m, over time; at its end predicted")
+    assert label(browser, 1).startswith("axis 2: torque, N m, over time; at its end measured")
     assert "measured" in label(browser, 1)
     assert "none yet" in label(browser, 0)
     assert complaints(browser) == []
@@ -290,7 +291,7 @@ def test_recordings_that_have_passed_can_be_looked_back_at(browser: Chrome, page
         browser,
         lambda: browser.execute_script("return window.live.scene.q[0]") == pytest.approx(0.1),
     )
-    assert "measuring" in text(browser, "doing")  # the run goes on
+    assert "back and forth" in text(browser, "doing")  # the run goes on
 
 
 def spans(browser: Chrome, axis: int) -> list[float]:
@@ -304,7 +305,7 @@ def test_an_event_is_looked_back_at(browser: Chrome, watched: tuple[Served, Any]
     for k in range(3):
         page.sample(Sample(6.1 + k, (1.0 + 0.1 * k, *Q[1:]), TAU, (0,) * 6, False))
     until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 1.2)
-    page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=6.6)
+    page.publish("alarm", push=1, axis=1, torque=-31.2, threshold=9.0, unit="N m", t=6.6)
     until(browser, lambda: "from outside" in text(browser, "notices"))
     browser.find_element(By.CSS_SELECTOR, "#notices .then").click()
     until(
@@ -334,10 +335,13 @@ def test_a_link_that_is_dragged_pushes_the_plant_and_is_let_go(
     ActionChains(browser).release().perform()
     while any(json.loads(plant.recv(4096))["torque"]):
         continue
-    page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
-    page.publish("headline", text="Push found: axis 2, 31.2 N m")
+    page.publish("alarm", push=1, axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
+    page.publish("alarm", push=1, axis=2, torque=12.0, threshold=5.0, unit="N m", t=4.6)
+    page.publish("headline", text="Push found: axis 2, 31.2 N m", more="By currents alone.")
     until(browser, lambda: text(browser, "headline") == "Push found: axis 2, 31.2 N m")
-    assert "axis 2: -31.2 N m from outside" in text(browser, "notices")
+    assert text(browser, "more") == "By currents alone."
+    assert "push 1, axis 2: -31.2 N m from outside" in text(browser, "notices")
+    assert "axis 3" not in text(browser, "notices")  # one push reaches several axes
     page.publish("end", how="finished", text="")
     until(browser, lambda: not browser.find_element(By.ID, "hand").text)
     assert complaints(browser) == []
@@ -351,6 +355,49 @@ def test_an_axis_is_pushed_without_a_mouse_too(
     torque = json.loads(plant.recv(4096))["torque"]
     assert torque == pytest.approx([0, 0, 0, 0.2 * manutec.torque_limit[3], 0, 0])
     until(browser, lambda: force(browser) == "pushed axis 4 with 42 N m")
+
+
+def test_a_near_miss_takes_the_link_and_does_not_turn_the_camera(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    _, plant = watched
+    held = browser.execute_script(
+        "const {scene, hand} = window.live, {x, y} = scene.project(2);"
+        "const {left, top, width} = scene.renderer.domElement.getBoundingClientRect();"
+        "const at = (dx) => ({clientX: x + left + dx, clientY: y + top});"
+        "let edge = 0; while (hand._under(at(edge + 1)) && edge < width) edge++;"
+        "scene.renderer.domElement.dispatchEvent(new PointerEvent('pointerdown',"
+        " {...at(edge), pointerId: 1, bubbles: true, cancelable: true}));"
+        "const held = Boolean(hand.held);"
+        "scene.renderer.domElement.dispatchEvent(new PointerEvent('pointerup', {pointerId: 1}));"
+        "return held;"
+    )
+    assert held
+    assert not any(json.loads(plant.recv(4096))["torque"])  # it is let go
+
+
+def test_marks_wait_for_data(
+    browser: Chrome, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus
+) -> None:
+    marks = "return [...document.querySelectorAll('#axes .fill')].map((e) => e.checkVisibility())"
+    with served() as page:
+        page.begin(manutec, small_plan, ideal_bus.axes)
+        browser.get(page.url)
+        until(browser, lambda: browser.execute_script(marks) == [False] * 6)
+        page.sample(Sample(4.1, Q, TAU, (0,) * 6, False))
+        until(browser, lambda: browser.execute_script(marks) == [True] * 6)
+
+
+def test_a_motion_is_explained_and_the_end_leads_to_the_report(
+    browser: Chrome, page: Served
+) -> None:
+    assert text(browser, "doing") == SEEN
+    assert "gravity" in text(browser, "shows")
+    page.publish("report", folder="runs/try", commands=["hil view runs/try/pushed/run"])
+    until(browser, lambda: "hil view" in text(browser, "ended"))
+    link = browser.find_element(By.LINK_TEXT, "Open the report")
+    assert link.get_attribute("href") == f"{page.url}report"
+    assert complaints(browser) == []
 
 
 def test_where_nothing_can_be_pushed_there_is_no_hand(browser: Chrome, page: Served) -> None:
@@ -368,7 +415,7 @@ def test_everybody_can_use_a_page_that_is_watched_and_pushed(
     colour_scheme(browser, scheme)
     page.publish("estimate", **estimate(0.0052, None))
     page.publish("torque", **torques(4.0))
-    page.publish("alarm", axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
+    page.publish("alarm", push=1, axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
     until(browser, lambda: "kg m²" in text(browser, "intervals"))
     until(browser, lambda: "at its end" in label(browser, 5))
     browser.execute_script(AXE)
@@ -442,7 +489,7 @@ def test_a_page_that_is_opened_late_knows_all(browser: Chrome, page: Served) -> 
     browser.refresh()
     until(browser, lambda: "joint 3 warms up" in text(browser, "notices"))
     until(browser, lambda: any(row[1].startswith("−0.30 rad") for row in cells(browser)))
-    assert text(browser, "doing") == "measuring g1 (gravity), 1 of 3"
+    assert text(browser, "doing") == SEEN
 
 
 def test_the_button_of_another_address_works_too(

@@ -142,6 +142,26 @@ def test_a_push_goes_to_the_plant_and_nowhere_else(tmp_path: Path) -> None:
         assert page.stops == []
 
 
+def test_the_report_is_served_once_it_is_there_under_its_own_policy(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    with served("127.0.0.1", 0, "--report", str(path)) as page:
+        assert page.ask("GET", "/report")[0] == 404
+        path.write_text("<p>the report</p>")
+        status, headers, text = page.ask("GET", "/report")
+        assert (status, text) == (200, "<p>the report</p>")
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert "default-src" not in headers["Content-Security-Policy"]  # the report states its own
+        assert page.ask("GET", "/report", {"Origin": "http://evil.example"})[0] == 403
+    with served() as page:
+        assert page.ask("GET", "/report")[0] == 404
+
+
+def test_who_waits_for_the_last_page_to_be_closed_does_not_wait_where_none_is_open() -> None:
+    with served("127.0.0.1", 0, "--while-open") as page:
+        page.publish("report", folder="runs/try", commands=[])
+        until(lambda: page.stops != [])
+
+
 def test_a_push_is_bounded_as_the_plant_bounds_it() -> None:
     assert (STRONGEST, LONGEST) == (plants_hand.STRONGEST, plants_hand.LONGEST)
 
