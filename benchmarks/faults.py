@@ -113,8 +113,8 @@ OVER_ETHERCAT = """
 Same plant, measurement and columns. A frame with process data counts as a SYNC; an axis is
 unsupervised if the watchdog of its sync manager is off in OP, or if it is energised outside of OP
 and does not stop. Inputs are latched by the previous frame, so a fault shows one frame later. The
-{drives} faults of drives, sensors and motors of the table above have the same reaction over
-EtherCAT, with at most {latest} SYNCs to stop.
+{drives} faults of drives, sensors and motors above have the same reaction here, with at most
+{latest} SYNCs to stop.
 
 EtherCAT does not show what another participant writes. The driver therefore reads the watchdogs'
 registers with every `heartbeat_period` (0.1 s), restores them and stops the axes, and reads one
@@ -167,8 +167,8 @@ def _rows(cases: Sequence[Case], *, ethercat: bool = False) -> list[Row]:
 def page(can: Sequence[Row], ethercat: Sequence[Row]) -> str:
     """Return the whole page."""
     rows = [*can, *ethercat]
-    on_can = {row.case.name for row in can}
-    of_drives = [row for row in ethercat if row.case.name in on_can and not row.case.outage]
+    on_can = {(row.case.name, row.case.does) for row in can}
+    of_drives = [row for row in ethercat if (row.case.name, row.case.does) in on_can]
     introduction = INTRODUCTION.format(
         cycles=CYCLES, delay=STOP_DELAY, margin=STOP_MARGIN, longest=WAY, rows=len(rows),
         kept=sum(not row.broken for row in rows), slowest=_largest(rows),
@@ -214,7 +214,7 @@ def _cells(texts: Sequence[str]) -> str:
 
 def _read_by_operator(outcome: Outcome) -> str:
     """Return the finding of the first message, without the joint's name and the remedy."""
-    first, *_ = outcome.text.splitlines() or [""]
+    first = next(filter(None, outcome.text.splitlines()), "")
     finding = ADDRESSED.sub("", first).split(REMEDY)[0]
     return finding if len(finding) <= LONGEST else finding[:LONGEST].rsplit(" ", 1)[0] + " ..."
 

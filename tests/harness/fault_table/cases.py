@@ -208,6 +208,7 @@ CASES = (
         Case(
             f"another participant {what}", _STOPS, (), Tripped,
             reads, signs.event, foreign=((identifier, bytes.fromhex(data)),),
+            kind="another participant commands (NMT, SYNC, RPDO) or configures (SDO) a drive",
         )
         for what, identifier, data, reads in FOREIGN
     ),
