@@ -48,7 +48,8 @@ def _outages(what: What) -> Iterator[Case]:
         yield Case(
             f"{name} of {1000 * length:.0f} ms at Ctrl-C",
             "repeats the command to stop in every frame", faults,
-            KeyboardInterrupt, "", interrupted=True, outage=length, kind=f"{name} of {{}} ms at Ctrl-C",
+            KeyboardInterrupt, "", interrupted=True, outage=length,
+            kind=f"{name} of {{}} ms at Ctrl-C",
         )  # fmt: skip
     yield Case(
         f"{name} of {1000 * SHORT:.0f} ms in a stroke", "flags the samples and goes on",
