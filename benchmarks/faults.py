@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import re
 import signal
 import sys
 from pathlib import Path
@@ -33,49 +34,66 @@ if TYPE_CHECKING:
     from fault_table.trial import Outcome
 
 DOCS = Path(__file__).parents[1] / "docs" / "reference" / "faults.md"
-LONGEST = 220
+LONGEST = 90
+"""Characters of a message in the table [1]."""
+ADDRESSED = re.compile(r"^(?:joint \d+ \(node \d+\)(?:, |: ))+")
+REMEDY = "; "
+"""What separates finding and remedy in a message."""
 
 INTRODUCTION = """\
-# Faults, and what becomes of them
+# Faults and the reaction to each
 
-Each row is a run of its own on the virtual plant, over real CAN frames in lock-step at 250 Hz: six
-axes powered, joint 2 in the second stroke of a gravity measurement, then the fault. Where speed
-matters, joint 1 is in a stroke at 2.4 rad/s. The table is written by `python benchmarks/faults.py`,
-and the tests check every row. Afterwards all axes stood still and were off, in every row, and no
-recorded sample was wrong without a flag on it, a finding on its recording or a note with its
-session (`run.json`).
+What does the driver do when something fails in the middle of a measurement? It commands all axes to
+stop within {cycles} SYNCs of the first frame that shows the fault, and then switches them off.
+Smaller faults, such as a lost telegram, flag the sample, and the measurement goes on. {rows} faults
+were injected into a virtual plant of six axes over real frames of both buses, in lock-step at
+250 Hz, while joint 2 made the second stroke of a gravity measurement, or joint 1 a stroke at
+2.4 rad/s where speed matters.
 
-*Stop* counts SYNCs from the first frame that shows the fault to the command to stop on the last
-axis, at most {cycles} as measured from the log of all frames; 0 is before the next SYNC. What stays
-away is shown by the frame at which the tolerance for it ends: 10 SYNCs without a TPDO, the
-heartbeat's time-out of 0.5 s, a request without an answer. *Off* is the time from the fault until
-no axis was energised any more, whether we switched it off or the drive did. A dash in *stop* stands
-where nothing has to be stopped or nothing can be commanded. *Flagged* counts samples.
+| | all {rows} rows |
+| --- | --- |
+| reaction as described | {kept} |
+| most SYNCs from the fault to the last command to stop | {slowest} |
+| rows with an axis that was energised while its drive did not supervise the driver | {unwatched} |
+| rows with an axis energised or moving afterwards | {left} |
+| rows with a wrong sample that no flag, finding or note of the session reports | {wrong} |
 
-*Way* is the longest way of any axis from the fault (or from Ctrl-C, which is pressed at the same
-moment) until it stands still, read from the machine. What an axis still moves on purpose before the
-fault shows is part of it; a dash stands where the measurement goes on. After an outage and after
-Ctrl-C it is at most
+Not detected: an encoder jump below about 1 mrad, a current offset below 2 % of an axis's torque
+limit, and a wrong torque constant.
+
+## Columns
+
+*Stops*: the driver commands all axes to stop and switches them off. A row of several cases has the
+largest figure of each column; a dash means that nothing has to be stopped or can be commanded.
+
+- *stop*: SYNCs from the first frame that shows the fault to the last axis's command to stop; 0 is
+  before the next SYNC. A missing frame shows when its tolerance ends: 10 SYNCs without a TPDO, the
+  heartbeat's timeout of 0.5 s, or a request without an answer.
+- *off*: time [s] from the fault until no axis is energised, switched off by driver or drive.
+- *path*: longest path [rad] of any axis from the fault (or Ctrl-C, at the same moment) to
+  standstill, with intended motion before the fault shows.
+- *the operator reads*: the finding of the first message. The remedy follows in the message itself;
+  [messages](messages.md) lists them.
+
+After an outage and after Ctrl-C the path is at most
 
     v (min(outage, heartbeat_timeout) + {delay:g} s) + {margin:g} v^2 / 2a + following_error_window,
 
-v being the axis's highest speed before anybody could stop it and a its stated deceleration
-(`limits.acceleration`). Where a drive does not slow down when it is commanded to, the way is at
-most {longest:g} rad at 2.4 rad/s.
+with the axis's highest speed v before the stop and its stated deceleration a
+(`limits.acceleration`). A drive that ignores the command to stop travels at most {longest:g} rad
+from 2.4 rad/s.
 
-*Unwatched* counts axes that were energised for longer than a SYNC while their drive would not have
-reacted to the loss of our heartbeat, because object 1016 names none or the drive has not heard it
-since; it is read from the machine and from the drives' own dictionaries at every frame, and must be
-0 in every row. Where another participant takes us out of a drive's watch, the frame that does so is
-heard, and the drive is set to watch us again before the next SYNC, while its axis is being stopped.
+An axis is *unsupervised* if it is energised for more than one SYNC while its drive would not react
+to the loss of the driver's heartbeat (no entry in object 1016, or none received since). If another
+participant changes object 1016, the driver restores it before the next SYNC and stops the axis.
 
-An outage is one of our adapter: frames are refused, or none arrives, for so long in the plant's
-time; what the drives send, or we, passes in the other direction. `python benchmarks/outages.py`
-draws a thousand of them at random (length, direction, moment, our adapter or one drive, with and
-without Ctrl-C) while six axes move at up to full speed, and fails if an axis is left energised, is
-ever unwatched, or goes farther than stated here.
+`python benchmarks/faults.py` writes this page from the checkout, and the tests check every row.
+`python benchmarks/outages.py` draws a thousand outages at random (length, direction, moment,
+adapter or one drive, with and without Ctrl-C), with the bounds of this page.
 
-Faults are injected by plan (`sim_plant/faults/fault_plan.py`):
+## Inject a fault
+
+`python -m sim_plant --faults FILE` serves a plant with a plan of faults:
 
 ```yaml
 faults:
@@ -83,38 +101,28 @@ faults:
   - {{what: fault, axis: 1, code: 0x2310, at: {{time: 12.5}}}}
 ```
 
-`at` is a time, the number of a SYNC or of a frame, or a stroke of a measurement, which the plant
-sees as the set-point of an axis; `lasts` is a time or a number of SYNCs, for good if left out.
-`python -m sim_plant --faults FILE` serves a plant with such a plan.
+`at` is a time, the number of a SYNC or of a frame, or a stroke of a measurement (`set_point`, as
+the axis receives it); `lasts` is a time or a number of SYNCs, and permanent if omitted.
 
-Not found are a jump of an encoder by less than about a milliradian, a current offset below 2 % of
-an axis's torque limit, and a wrong torque constant.
+## Over CAN
 
 """
 OVER_ETHERCAT = """
 ## Over EtherCAT
 
-The same plant, measurement and columns over EtherCAT frames in lock-step. A frame with process data
-counts as a SYNC, and *unwatched* axes are those whose sync manager's watchdog is off in OP, or that
-are energised outside of it and do not stop. A frame brings the inputs that were latched as the
-frame before passed, so what a fault does shows a frame later. Faults of drives, sensors and motors
-are those above. Nobody hears on EtherCAT that another participant writes a register or an object.
-The registers of the watchdogs are read with every `heartbeat_period` (0.1 s), for which a drive may
-be unwatched without being counted here, and are set again before the axes are stopped; a limit of
-each drive is read back before each move, the next one each time. Random outages:
+Same plant, measurement and columns. A frame with process data counts as a SYNC; an axis is
+unsupervised if the watchdog of its sync manager is off in OP, or if it is energised outside of OP
+and does not stop. Inputs are latched by the previous frame, so a fault shows one frame later. The
+{drives} faults of drives, sensors and motors above have the same reaction here, with at most
+{latest} SYNCs to stop.
+
+EtherCAT does not show what another participant writes. The driver therefore reads the watchdogs'
+registers with every `heartbeat_period` (0.1 s), restores them and stops the axes, and reads one
+limit of each drive back before each move, the next one each time. Random outages:
 `python benchmarks/ethercat_outages.py`.
 
 """
-HEADINGS = (
-    "what happens",
-    "what the driver does",
-    "stop",
-    "off, s",
-    "way, rad",
-    "unwatched",
-    "flagged",
-    "the operator reads",
-)
+HEADINGS = ("fault", "reaction", "stop", "off, s", "path, rad", "the operator reads")
 
 
 def main() -> int:
@@ -158,27 +166,46 @@ def _rows(cases: Sequence[Case], *, ethercat: bool = False) -> list[Row]:
 
 def page(can: Sequence[Row], ethercat: Sequence[Row]) -> str:
     """Return the whole page."""
+    rows = [*can, *ethercat]
+    on_can = {(row.case.name, row.case.does) for row in can}
+    of_drives = [row for row in ethercat if (row.case.name, row.case.does) in on_can]
     introduction = INTRODUCTION.format(
-        cycles=CYCLES, delay=STOP_DELAY, margin=STOP_MARGIN, longest=WAY
-    )
-    return introduction + table(can) + OVER_ETHERCAT + table(ethercat)
+        cycles=CYCLES, delay=STOP_DELAY, margin=STOP_MARGIN, longest=WAY, rows=len(rows),
+        kept=sum(not row.broken for row in rows), slowest=_largest(rows),
+        unwatched=sum(bool(row.outcome.unwatched) for row in rows),
+        left=sum(not row.outcome.off for row in rows),
+        wrong=sum(bool(row.outcome.wrong) and not row.case.noted for row in rows),
+    )  # fmt: skip
+    over_ethercat = OVER_ETHERCAT.format(drives=len(of_drives), latest=_largest(of_drives))
+    others = [row for row in ethercat if row not in of_drives]
+    return introduction + table(can) + over_ethercat + table(others)
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the rows as a table."""
+    """Return a table with one line for all rows of a kind."""
+    kinds: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        kinds.setdefault((row.case.kind or row.case.name, row.case.does), []).append(row)
     head = _cells(HEADINGS) + _cells(["---"] * len(HEADINGS))
-    return head + "".join(_line(row) for row in rows)
+    return head + "".join(_line(*kind, members) for kind, members in kinds.items())
 
 
-def _line(row: Row) -> str:
-    case, outcome, _ = row
-    stop = "-" if outcome.cycles is None else str(outcome.cycles)
-    off = way = "-"
-    if outcome.error is not None and case.energised is not False:
-        off = "never" if outcome.off_after is None else f"{outcome.off_after:.2f}"
-        way = f"{outcome.ways.max():.3f}"
-    figures = (stop, off, way, str(len(outcome.unwatched)), str(outcome.flagged))
-    return _cells((case.name, case.does, *figures, _read_by_operator(outcome)))
+def _line(name: str, reaction: str, rows: Sequence[Row]) -> str:
+    stopped = [row.outcome for row in rows if row.outcome.error and row.case.energised is not False]
+    off = path = "-"
+    if stopped:
+        after = [outcome.off_after for outcome in stopped]
+        off = "never" if None in after else f"{max(filter(None, after), default=0.0):.2f}"
+        path = f"{max(outcome.ways.max() for outcome in stopped):.3f}"
+    lengths = sorted({1000 * row.case.outage for row in rows})
+    named = name.format(" to ".join(f"{length:.0f}" for length in {lengths[0]: 0, lengths[-1]: 0}))
+    return _cells((named, reaction, _largest(rows), off, path, _read_by_operator(rows[0].outcome)))
+
+
+def _largest(rows: Sequence[Row]) -> str:
+    """Return the most SYNCs to the last command to stop."""
+    cycles = [row.outcome.cycles for row in rows if row.outcome.cycles is not None]
+    return str(max(cycles)) if cycles else "-"
 
 
 def _cells(texts: Sequence[str]) -> str:
@@ -186,12 +213,10 @@ def _cells(texts: Sequence[str]) -> str:
 
 
 def _read_by_operator(outcome: Outcome) -> str:
-    lines = dict.fromkeys(filter(None, outcome.text.splitlines()))
-    return "<br>".join(_shortened(line) for line in lines)
-
-
-def _shortened(line: str) -> str:
-    return line if len(line) <= LONGEST else line[:LONGEST].rsplit(" ", 1)[0] + " ..."
+    """Return the finding of the first message, without the joint's name and the remedy."""
+    first = next(filter(None, outcome.text.splitlines()), "")
+    finding = ADDRESSED.sub("", first).split(REMEDY)[0]
+    return finding if len(finding) <= LONGEST else finding[:LONGEST].rsplit(" ", 1)[0] + " ..."
 
 
 if __name__ == "__main__":

@@ -64,6 +64,8 @@ class Case:
         What another participant changes in the drive of the axis at that time, over EtherCAT.
     unnoticed : float
         For how long that cannot be noticed [s].
+    kind : str
+        Name of all cases that share a line of the table; `{}` holds the lengths of outages.
     """
 
     name: str
@@ -86,6 +88,7 @@ class Case:
     foreign: tuple[tuple[int, bytes], ...] = ()
     changed: Callable[[Any], None] | None = None
     unnoticed: float = 0.0
+    kind: str = ""
 
 
 def fault(

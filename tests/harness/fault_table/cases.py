@@ -34,8 +34,8 @@ CLASSES = {
 }
 """One code of each class of CiA 402."""
 
-_STOPS = "stops all axes and switches them off"
-_GAP = "flags the sample and never guesses it"
+_STOPS = "stops"
+_GAP = "flags the sample, without a substitute"
 
 FOREIGN = (
     ("has all nodes go pre-operational (NMT)", 0, "8000", "all nodes to go pre-operational"),
@@ -62,16 +62,16 @@ CASES = (
         (fault(What.TPDO_DOUBLED, lasts=ONCE),), None, "", flags=True,
     ),
     Case(
-        "every TPDO doubled", f"{_STOPS}: two nodes may have one number",
+        "every TPDO doubled", f"{_STOPS}: two nodes may share a number",
         (fault(What.TPDO_DOUBLED),), Tripped, "two telegrams came for each of 10 SYNCs",
         flags=True,
     ),
     Case(
-        "one TPDO late", "flags its sample as missing; drops it when it comes, with a flag",
+        "one TPDO late", "flags the sample; drops and flags the late telegram",
         (fault(What.TPDO_LATE, lasts=ONCE),), None, "", flags=True,
     ),
     Case(
-        "every TPDO late", f"as one lost, then one late; after 10 in a row {_STOPS}",
+        "every TPDO late", f"flags the samples; after 10 in a row {_STOPS}",
         (fault(What.TPDO_LATE),), NodeSilent, "no TPDO for 10 SYNCs in a row", signs.blindness,
         flags=True,
     ),
@@ -81,12 +81,12 @@ CASES = (
         energised=False,
     ),
     Case(
-        "SDO silent in a campaign", f"{_STOPS}, as their TPDOs show",
+        "SDO silent in a campaign", _STOPS,
         (fault(What.SDO_SILENT, When(set_point=1, after=0.2)),), NodeSilent,
         "no answer when trying to write", signs.request,
     ),
     Case(
-        "SDO aborted in a campaign", f"{_STOPS}, as their TPDOs show",
+        "SDO aborted in a campaign", _STOPS,
         (fault(What.SDO_ABORTED, When(set_point=1, after=0.2), code=0x08000022),), DriveRefused,
         "abort 08000022", signs.request,
     ),
@@ -102,6 +102,7 @@ CASES = (
         Case(
             f"fault {code:04X} ({name})", _STOPS, (fault(What.FAULT, code=code),), DriveFault,
             f"{code:04X} (", signs.trouble,
+            kind=f"fault of any class ({', '.join(f'{c:04X} {n}' for c, n in CLASSES.items())})",
         )
         for code, name in CLASSES.items()
     ),
@@ -110,26 +111,26 @@ CASES = (
         signs.trouble,
     ),
     Case(
-        "drive's heartbeat lost", f"after its time-out {_STOPS}", (fault(What.HEARTBEAT_LOST),),
+        "drive's heartbeat lost", f"{_STOPS} after its timeout", (fault(What.HEARTBEAT_LOST),),
         NodeSilent, "no heartbeat for 0.5 s", signs.silence,
     ),
     Case(
-        "our heartbeat lost", "the drives stop by themselves; so seen, all are switched off",
+        "our heartbeat lost", "the drives stop on their own; the driver then switches all off",
         (everywhere(What.MASTER_HEARTBEAT_LOST),), DriveFault, "8130 (heartbeat of the master",
         signs.trouble,
     ),
     Case(
-        "bus-off of a drive", f"after 10 SYNCs without it {_STOPS}; the cut off one stops by itself"
-        " as it misses our heartbeat", (fault(What.BUS_OFF),), NodeSilent, "no TPDO for 10 SYNCs",
+        "bus-off of a drive", f"{_STOPS} after 10 SYNCs; the drive stops without the heartbeat",
+        (fault(What.BUS_OFF),), NodeSilent, "no TPDO for 10 SYNCs",
         signs.blindness, flags=True,
     ),
     Case(
-        "bus-off of our adapter", "can command nothing; the drives stop by themselves as they miss"
-        " our heartbeat", (everywhere(What.ADAPTER_BUS_OFF),), BusUnavailable, "bus-off",
+        "bus-off of our adapter", "no command possible; the drives stop without the heartbeat",
+        (everywhere(What.ADAPTER_BUS_OFF),), BusUnavailable, "bus-off",
     ),
     Case(
-        "cable cut", "commands all to stop into the void; the drives stop by themselves as they"
-        " miss our heartbeat", (everywhere(What.CABLE_CUT),), NodeSilent, "no TPDO for 10 SYNCs",
+        "cable cut", "no command arrives; the drives stop without the heartbeat",
+        (everywhere(What.CABLE_CUT),), NodeSilent, "no TPDO for 10 SYNCs",
         signs.blindness, flags=True,
     ),
     Case(
@@ -141,7 +142,7 @@ CASES = (
         "joint 2 (node 2): left OPERATION ENABLED", signs.trouble,
     ),
     Case(
-        "supply of a drive lost", f"after 10 SYNCs without it {_STOPS}; its brake is closed",
+        "supply of a drive lost", f"{_STOPS} after 10 SYNCs; the drive's brake closes",
         (fault(What.SUPPLY_LOST),), NodeSilent, "no TPDO for 10 SYNCs", signs.blindness,
         flags=True,
     ),
@@ -150,43 +151,43 @@ CASES = (
         "encoder", signs.jump,
     ),
     Case(
-        "encoder jumps by 2 mrad", "drops the recording when the measurement is over, then"
-        f" {_STOPS}", (fault(What.ENCODER_JUMP, size=274),), Tripped, "its position jumps by",
+        "encoder jumps by 2 mrad", f"{_STOPS} after the measurement; drops the recording",
+        (fault(What.ENCODER_JUMP, size=274),), Tripped, "its position jumps by",
     ),
     Case(
-        "current offset before power-on", "notes it with the session; a constant offset of an axis"
-        " is part of what is estimated", (fault(What.CURRENT_OFFSET, When(frame=1),
+        "current offset before power-on",
+        "notes it with the session; a constant offset is estimated",
+        (fault(What.CURRENT_OFFSET, When(frame=1),
         size=PER_MILLE),), None, "before power-on its current reads", noted=True,
     ),
     Case(
-        "current offset in a stroke", "finds that the half-sums of strokes differ and repeats the"
-        " recording; notes the offset with the session after power-off",
+        "current offset in a stroke", "repeats the recording; notes the offset after power-off",
         (fault(What.CURRENT_OFFSET, size=PER_MILLE),), None, "after power-off its current reads",
         finding="half-sums", noted=True,
     ),
     Case(
-        "current clipped", "finds readings that repeat themselves; the recording is repeated, then"
-        " kept with its finding", (fault(What.CURRENT_CLIPPED, size=PER_MILLE),), None,
+        "current clipped", "repeats the recording, then keeps it with its finding",
+        (fault(What.CURRENT_CLIPPED, size=PER_MILLE),), None,
         "its sensor is stuck, clipped", finding="current",
     ),
     Case(
-        "current stuck for 0.1 s", "finds readings that repeat themselves; the recording is"
-        " repeated", (fault(What.CURRENT_STUCK, lasts=Span(time=0.1)),), None,
+        "current stuck for 0.1 s", "repeats the recording",
+        (fault(What.CURRENT_STUCK, lasts=Span(time=0.1)),), None,
         "its sensor is stuck, clipped", finding="current",
     ),
     Case(
-        "position renewed every 20 ms", "refuses to measure after the first motion, with the period"
-        " to use", (fault(What.POSITION_SLOW, When(time=0), size=20),), DriveRefused,
+        "position renewed every 20 ms", "refuses to measure after the first motion",
+        (fault(What.POSITION_SLOW, When(time=0), size=20),), DriveRefused,
         "its position is renewed only every 5 SYNCs",
     ),
     Case(
-        "current renewed every 20 ms", "finds that its readings repeat; flags those that are old,"
-        " which no estimate uses", (fault(What.CURRENT_SLOW, When(time=0), size=20),), None,
+        "current renewed every 20 ms", "flags repeated readings, which no estimate uses",
+        (fault(What.CURRENT_SLOW, When(time=0), size=20),), None,
         "renewed only every 5 SYNCs", finding="renewal",
     ),
     Case(
-        "position stands still for good", "names the encoder when the stroke is not finished in"
-        " time", (fault(What.POSITION_SLOW, size=1e9),), MoveFailed,
+        "position stands still for good", "stops when the stroke exceeds its time",
+        (fault(What.POSITION_SLOW, size=1e9),), MoveFailed,
         "the encoder has shown no motion",
     ),
     Case(
@@ -194,18 +195,20 @@ CASES = (
         "8611 (following error too large)", signs.trouble,
     ),
     Case(
-        "motor without strength (following error)", f"{_STOPS}; the axis falls until its drive ends"
-        " the fault reaction", (fault(What.AXIS_WEAK, size=10),),
+        "motor without strength (following error)",
+        f"{_STOPS}; the axis falls during the fault reaction",
+        (fault(What.AXIS_WEAK, size=10),),
         DriveFault, "8611 (following error too large)", signs.trouble,
     ),
     Case(
-        "push from outside", "goes on: the axis is held, and its recording shows the push",
+        "push from outside", "goes on; the recording shows the push",
         (fault(What.PUSH, size=50.0, lasts=Span(time=0.05)),), None, "",
     ),
     *(
         Case(
-            f"another participant {what}", f"{_STOPS}; the first line names it", (), Tripped,
+            f"another participant {what}", _STOPS, (), Tripped,
             reads, signs.event, foreign=((identifier, bytes.fromhex(data)),),
+            kind="another participant commands (NMT, SYNC, RPDO) or configures (SDO) a drive",
         )
         for what, identifier, data, reads in FOREIGN
     ),

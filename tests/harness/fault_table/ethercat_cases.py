@@ -18,7 +18,7 @@ from sim_plant.faults.faulty_network import DRIVE_FAULTS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_STOPS = "stops all axes and switches them off"
+_STOPS = "stops"
 _AWAY = "takes no part in the exchange of process data for 10 cycles in a row"
 _OTHERWISE = frozenset({What.NODE_RESET, What.BUS_OFF, What.SUPPLY_LOST})
 """What a drive does not do alone, or shows otherwise here."""
@@ -47,8 +47,9 @@ def _outages(what: What) -> Iterator[Case]:
         faults = (everywhere(what, at, Span(time=length)),)
         yield Case(
             f"{name} of {1000 * length:.0f} ms at Ctrl-C",
-            "commands all to stop in every frame until they do, and switches them off", faults,
+            "repeats the command to stop in every frame", faults,
             KeyboardInterrupt, "", interrupted=True, outage=length,
+            kind=f"{name} of {{}} ms at Ctrl-C",
         )  # fmt: skip
     yield Case(
         f"{name} of {1000 * SHORT:.0f} ms in a stroke", "flags the samples and goes on",
@@ -63,32 +64,33 @@ def _outages(what: What) -> Iterator[Case]:
 
 ETHERCAT_CASES = (
     Case(
-        "one frame does not come back", "flags the sample and the next, and never guesses them",
+        "one frame does not come back", "flags the sample and the next",
         (everywhere(What.RECEIVE_OUTAGE, lasts=ONCE),), None, "", flags=True,
     ),
     Case(
-        "one frame comes late", "flags its sample as missing and the next; drops it when it comes",
+        "one frame comes late", "flags the sample and the next; drops the late frame",
         (everywhere(What.FRAME_LATE, lasts=ONCE),), None, "", flags=True,
     ),
     Case(
-        "5 % of all frames lost", "flags the samples; asks mailboxes again",
+        "5 % of all frames lost", "flags the samples; repeats mailbox requests",
         (everywhere(What.FRAMES_LOST, size=5),), None, "", flags=True,
     ),
     Case(
-        "cable cut in front of all drives", "commands all to stop into the void; watchdogs take the"
-        " drives out of OP, and they stop by themselves", (everywhere(What.CABLE_CUT),), NodeSilent,
+        "cable cut in front of all drives", "no command arrives; the drives' watchdogs stop them",
+        (everywhere(What.CABLE_CUT),), NodeSilent,
         _AWAY, signs.blindness, flags=True,
     ),
     *(
         Case(
-            f"cable cut in front of drive {axis}", f"{_STOPS} before the cut; those behind it stop"
-            " by their watchdogs", (fault(What.SEGMENT_CUT, MID_CYCLE, axis=axis),), NodeSilent,
+            f"cable cut in front of drive {axis}",
+            f"{_STOPS} those before the cut; watchdogs stop the others",
+            (fault(What.SEGMENT_CUT, MID_CYCLE, axis=axis),), NodeSilent,
             _AWAY, signs.blindness, flags=True,
         )
         for axis in (2, 6)
     ),
     Case(
-        "supply of a drive lost", f"{_STOPS}; the brake of that drive is closed",
+        "supply of a drive lost", f"{_STOPS}; the drive's brake closes",
         (fault(What.SUPPLY_LOST),), NodeSilent, _AWAY, signs.blindness, flags=True,
     ),
     Case(
@@ -105,17 +107,17 @@ ETHERCAT_CASES = (
         energised=False,
     ),
     Case(
-        "mailbox hangs in a campaign", f"{_STOPS}, as their inputs show",
+        "mailbox hangs in a campaign", _STOPS,
         (fault(What.SDO_SILENT, When(set_point=1, after=0.2)),), NodeSilent, "joint 2 (node 2)",
     ),
     Case(
-        "SDO aborted in a campaign", f"{_STOPS}, as their inputs show",
+        "SDO aborted in a campaign", _STOPS,
         (fault(What.SDO_ABORTED, When(set_point=1, after=0.2), code=0x08000022),), DriveRefused,
         "abort 08000022",
     ),
     *(
         Case(
-            f"another participant {what}", f"reads registers every 0.1 s, sets them and {_STOPS}",
+            f"another participant {what}", f"restores the register within 0.1 s and {_STOPS}",
             (), DriveRefused, "somebody else changed it", unnoticed=drives.heartbeat_period,
             changed=partial(_put, place, size, value),
         )
@@ -125,8 +127,8 @@ ETHERCAT_CASES = (
         )
     ),
     Case(
-        "another participant raises a drive's torque limit", f"reads a limit back before each move"
-        f" and {_STOPS}", (), Tripped, "6072:00", changed=lambda node: node.dictionary.set(
+        "another participant raises a drive's torque limit", f"{_STOPS} before a later move",
+        (), Tripped, "6072:00", changed=lambda node: node.dictionary.set(
             0x6072, 0, 6000), plan=MANY,
     ),
     *_outages(What.TRANSMIT_OUTAGE),

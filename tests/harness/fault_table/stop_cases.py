@@ -7,7 +7,8 @@ command to enable operation.
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.canopen.pdo_mapping import received
@@ -39,8 +40,8 @@ time-out [s]."""
 
 _RPDO = struct.Struct("<iH")
 _ENABLE = (received(drives.axes[2]).cob_id, Command.ENABLE_OPERATION.value[0])
-_STOPS_AGAIN = "commands all to stop at every SYNC until they do, and switches them off"
-_STOPS = "stops all axes and switches them off"
+_STOPS_AGAIN = "repeats the command to stop at every SYNC"
+_STOPS = "stops"
 
 
 def powering_up(frame: can.Message) -> bool:
@@ -59,44 +60,49 @@ def _outages(what: What) -> Iterator[Case]:
         yield _in_powering_up(what, length)
 
 
-def _name(what: What, length: float) -> str:
-    return f"{what.replace('-', ' ')} of {1000 * length:.0f} ms"
+def _names(what: What, length: float, moment: str) -> dict[str, Any]:
+    """Return name of the case, and of its kind with a place for the lengths."""
+    named = f"{what.replace('-', ' ')} of {{}} ms {moment}"
+    return {"name": named.format(f"{1000 * length:.0f}"), "kind": named}
 
 
 def _at_interruption(what: What, length: float) -> Case:
     return Case(
-        f"{_name(what, length)} at Ctrl-C", _STOPS_AGAIN,
-        (everywhere(what, SECOND_STROKE, Span(time=length)),), KeyboardInterrupt, "",
-        interrupted=True, outage=length,
+        does=_STOPS_AGAIN, faults=(everywhere(what, SECOND_STROKE, Span(time=length)),),
+        error=KeyboardInterrupt, reads="", interrupted=True, outage=length,
+        **_names(what, length, "at Ctrl-C"),
     )  # fmt: skip
 
 
 def _in_a_stroke(what: What, length: float) -> Case:
-    faults = (everywhere(what, SECOND_STROKE, Span(time=length)),)
-    name, syncs = f"{_name(what, length)} in a stroke", round(length / drives.sync_period)
+    case = partial(
+        Case, faults=(everywhere(what, SECOND_STROKE, Span(time=length)),), outage=length,
+        **_names(what, length, "in a stroke"),
+    )  # fmt: skip
+    syncs = round(length / drives.sync_period)
     if what is What.TRANSMIT_OUTAGE:
         if syncs < SEND_ATTEMPTS:
-            return Case(name, f"sends again, and goes on if that helps; else {_STOPS}", faults,
-                        BusUnavailable, "", outage=length, may_go_on=True)  # fmt: skip
-        return Case(name, _STOPS, faults, BusUnavailable, "cannot be sent", outage=length)
+            does = f"sends again and goes on, or {_STOPS}"
+            return case(does=does, error=BusUnavailable, reads="", may_go_on=True)
+        return case(does=_STOPS, error=BusUnavailable, reads="cannot be sent")
     if syncs < BLIND:
-        return Case(name, "flags the samples and goes on", faults, None, "", flags=True,
-                    outage=length)  # fmt: skip
-    return Case(
-        name, f"flags the samples; after {BLIND} in a row {_STOPS}", faults, NodeSilent,
-        "no TPDO for 10 SYNCs in a row", signs.blindness, flags=True, outage=length,
+        return case(does="flags the samples", error=None, reads="", flags=True)
+    return case(
+        does=f"flags the samples; after {BLIND} in a row {_STOPS}", error=NodeSilent,
+        reads="no TPDO for 10 SYNCs in a row", shown=signs.blindness, flags=True,
     )  # fmt: skip
 
 
 def _in_powering_up(what: What, length: float) -> Case:
-    faults = (everywhere(what, When(time=0), Span(time=length)),)
-    name = f"{_name(what, length)} in powering up"
+    case = partial(
+        Case, faults=(everywhere(what, When(time=0), Span(time=length)),), outage=length,
+        condition=powering_up, **_names(what, length, "in powering up"),
+    )  # fmt: skip
     if what is What.TRANSMIT_OUTAGE:
-        return Case(name, "gives up; energises no axis, or switches it off again", faults,
-                    BusUnavailable, "cannot be sent", condition=powering_up, outage=length,
-                    energised=None)  # fmt: skip
-    return Case(name, "waits until the drives are seen again, and goes on", faults, None, "",
-                condition=powering_up, outage=length)  # fmt: skip
+        return case(
+            does="switches off", error=BusUnavailable, reads="cannot be sent", energised=None
+        )
+    return case(does="waits for the drives and goes on", error=None, reads="")
 
 
 def _disobedient(what: What) -> tuple[Fault]:
@@ -107,18 +113,19 @@ STOP_CASES = (
     *_outages(What.TRANSMIT_OUTAGE),
     *_outages(What.RECEIVE_OUTAGE),
     Case(
-        "quick stop ignored, Ctrl-C at 2.4 rad/s", "disables voltage as the axis does not slow"
-        " down", _disobedient(What.QUICK_STOP_IGNORED), KeyboardInterrupt, "", signs.event,
+        "quick stop ignored, Ctrl-C at 2.4 rad/s", "disables voltage",
+        _disobedient(What.QUICK_STOP_IGNORED), KeyboardInterrupt, "", signs.event,
         plan=FAST, interrupted=True, way=WAY, off_within=OFF_WITHIN,
     ),
     Case(
-        "quick stop shown, axis goes on, Ctrl-C at 2.4 rad/s", "disables voltage as the axis does"
-        " not slow down", _disobedient(What.STOP_WITHOUT_EFFECT), KeyboardInterrupt, "",
+        "quick stop shown, axis goes on, Ctrl-C at 2.4 rad/s", "disables voltage",
+        _disobedient(What.STOP_WITHOUT_EFFECT), KeyboardInterrupt, "",
         signs.event, plan=FAST, interrupted=True, way=WAY, off_within=OFF_WITHIN,
     ),
     Case(
-        "disable voltage ignored, Ctrl-C at 2.4 rad/s", "stops all; the heartbeat ends, so that"
-        " the drive's watchdog switches it off", _disobedient(What.DISABLE_VOLTAGE_IGNORED),
+        "disable voltage ignored, Ctrl-C at 2.4 rad/s",
+        "ends the heartbeat; the drive then switches off",
+        _disobedient(What.DISABLE_VOLTAGE_IGNORED),
         KeyboardInterrupt, "joint 1 (node 1)", signs.event, plan=FAST, interrupted=True,
         off_within=WATCHDOG_WITHIN,
     ),
