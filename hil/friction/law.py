@@ -416,7 +416,8 @@ def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
 
 def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
     """Directions of friction along rows of samples; at once for axes of unknown friction."""
-    successive, found = are_successive(q, qd), []
+    presliding = any(each is not None and each.presliding for each in law.axes)
+    successive, found = presliding and are_successive(q, qd), []
     for each, positions, velocities in zip(law.axes, q.T, qd.T, strict=True):
         if successive and each is not None and each.presliding:
             found.append(bent(partial(friction_direction, positions), each.presliding))

@@ -114,10 +114,7 @@ def read_measured(path: Path) -> Measured:
             there = set(file)  # `in` would follow links
             names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in there]
             arrays = {name: _array(_dataset(path, file, name)) for name in names}
-            # an array of texts may name one text again and again
-            attributes = {
-                key: file.attrs[key] for key in file.attrs if not file.attrs.get_id(key).shape
-            }
+            attributes = _attributes(file)
         return _decode(path, arrays, attributes)
     except FileNotFoundError as error:
         raise FileError(f"{path}: cannot be read: no such file") from error
@@ -160,6 +157,19 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
     largest = max(math.prod(dataset.shape), math.prod(chunk))
     refuse_beyond(path, largest * dataset.dtype.itemsize, name)
     return dataset
+
+
+def _attributes(file: h5py.File) -> dict[str, object]:
+    """Read attributes but for arrays; one of texts may name one text again and again."""
+    found: dict[str, object] = {}
+    for index in range(h5py.h5a.get_num_attrs(file.id)):
+        attribute = h5py.h5a.open(file.id, index=index)
+        if not attribute.shape:
+            value = np.empty((), attribute.dtype)
+            attribute.read(value)
+            text = value[()]
+            found[attribute.name.decode()] = text.decode() if isinstance(text, bytes) else text
+    return found
 
 
 def _array(dataset: h5py.h5d.DatasetID) -> np.ndarray:
