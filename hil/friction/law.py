@@ -26,7 +26,7 @@ from hil.friction.warmth import Exposure, Warmth, states_at
 from hil.least_squares.uncertainty import TWICE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from hil.arrays import Array, Mask
     from hil.friction.warmth import History
@@ -164,7 +164,7 @@ class AxisLaw(FileModel):
     @property
     def directed(self) -> Mask:
         """Terms of the level, which change their sign with the direction, shape (n_terms,)."""
-        return np.isin(list(self.terms), DIRECTED)
+        return np.array([term in DIRECTED for term in self.terms], dtype=bool)
 
     @property
     def slope(self) -> float:
@@ -233,6 +233,11 @@ class FrictionLaw(FileModel):
     def unknown(self) -> tuple[int, ...]:
         """Axes, from 1, whose friction nothing showed."""
         return tuple(axis for axis, law in enumerate(self.axes, start=1) if law is None)
+
+    def restricted(self, axes: Collection[int]) -> FrictionLaw:
+        """Return the laws of some axes (from 0) alone; the friction of others counts as unknown."""
+        own = (law if axis in axes else None for axis, law in enumerate(self.axes))
+        return self.model_copy(update={"axes": tuple(own)})
 
     @property
     def _of_motors(self) -> list[TermValue]:
@@ -411,7 +416,8 @@ def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
 
 def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
     """Directions of friction along rows of samples; at once for axes of unknown friction."""
-    successive, found = are_successive(q, qd), []
+    presliding = any(each is not None and each.presliding for each in law.axes)
+    successive, found = presliding and are_successive(q, qd), []
     for each, positions, velocities in zip(law.axes, q.T, qd.T, strict=True):
         if successive and each is not None and each.presliding:
             found.append(bent(partial(friction_direction, positions), each.presliding))

@@ -46,11 +46,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import accumulate, product
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
+from scipy.linalg.lapack import dtbtrs
 
 from checked_files.yaml_file import FileModel
 from hil.friction.terms import DIRECTED
@@ -250,13 +251,15 @@ def warmth_at(
     return np.asarray(np.interp(time, ends, states), dtype=np.float64)
 
 
-def relaxed(start: float, goals: Array | Mask, left: Array) -> list[float]:
+def relaxed(start: float, goals: Array | Mask, left: Array) -> Array:
     """A state that goes from `start` to one goal after the other, shape (1 + n_goals,).
 
     Of its distance from each goal the share `left` remains, shape (n_goals,).
     """
-    steps = zip(left.tolist(), ((1.0 - left) * goals).tolist(), strict=True)
-    return list(accumulate(steps, lambda state, step: step[0] * state + step[1], initial=start))
+    # each state less its share of the last one: a triangular band, solved from the top
+    band = np.array([np.ones(len(left) + 1), np.append(-left, 0.0)])
+    states, _ = dtbtrs(band, np.append(start, (1.0 - left) * goals), uplo="L", diag="U")
+    return np.asarray(states[:, 0] if states.ndim > 1 else states)
 
 
 class WarmLaw(NamedTuple):

@@ -78,9 +78,12 @@ class Trapezoid:
         """q, qd and qdd at times `t` (any shape) since the start; at rest outside the move."""
         times = np.asarray(t, dtype=float)
         (begin, end), duration, peak = self.window, self.duration, self.peak
+
         # time spent so far in the first ramp, the cruise and the last ramp [s]
-        first, third = np.clip(times, 0, begin), np.clip(times - end, 0, duration - end)
-        second = np.clip(times - begin, 0, end - begin)
+        def spent(since: float, until: float) -> Array:
+            return np.minimum(np.maximum(times - since, 0.0), until - since)
+
+        first, second, third = spent(0.0, begin), spent(begin, end), spent(end, duration)
         way = (
             self.acceleration * first**2 / 2
             + peak * (second + third)

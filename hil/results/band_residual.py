@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from hil.results.recorded_torque import in_si
 from hil.results.residual import BAND, BandResidual
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Mask
     from hil.results.model import Model
@@ -38,7 +39,7 @@ FINE = 32.0
 class _Samples(NamedTuple):
     """Torque of a motion, filtered and as recorded, its prediction, as it is and smoothed.
 
-    Each of shape (n, n_joints), like the masks of samples that count and of axes at rest.
+    Each of shape (n, n_axes), like the masks of samples that count and of axes at rest.
     """
 
     filtered: Array
@@ -78,17 +79,17 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
         # an import is judged as a whole, whatever parts of it are strokes
         whole = isinstance(motion, FreeMotion)
         used = np.ones(recording.n_samples, dtype=bool) if whole else recording.under_way
-        for each in _motions(model, recording, used):
-            every = each.counts & np.isin(np.arange(n_joints), motion.moved)
-            every[:, unknown] = False
+        axes = [axis for axis in motion.moved if axis not in unknown]
+        for each in _motions(model, recording, used, axes) if axes else ():
+            every = each.counts
             moved, left = every & ~each.rests, each.filtered - each.predicted
             rows = (
                 (each.filtered, every), (left, every),
                 (each.filtered, moved), (each.filtered - each.smoothed, moved),
                 (each.recorded, every), (each.recorded - each.predicted, every),
             )  # fmt: skip
-            squares += [np.sum(np.where(mask, x, 0.0) ** 2, axis=0) for x, mask in rows]
-            counts += [mask.sum(axis=0) for _, mask in rows]
+            squares[:, axes] += [np.sum(np.where(mask, x, 0.0) ** 2, axis=0) for x, mask in rows]
+            counts[:, axes] += [mask.sum(axis=0) for _, mask in rows]
     if not counts.any():
         return None
     roots = np.sqrt(squares / np.maximum(counts, 1.0)).tolist()
@@ -100,11 +101,15 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     return BandResidual(band=BAND, **dict(zip(names, found, strict=True)))
 
 
-def _motions(model: Model, recording: Recording, used: Mask) -> Iterator[_Samples]:
-    """Motions of a recording without gaps, each with what the model predicts.
+def _motions(
+    model: Model, recording: Recording, used: Mask, axes: Sequence[int]
+) -> Iterator[_Samples]:
+    """Motions of some axes in a recording, without gaps, with what the model predicts.
 
     Of its samples those count that are `used`, shape (n_recorded,).
     """
+    if model.friction_law is not None:  # of other axes it is not asked for
+        model = replace(model, friction_law=model.friction_law.restricted(axes))
     whole = np.flatnonzero(np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(1))
     time = recording.time[whole]
     if len(whole) < 2:
@@ -117,19 +122,20 @@ def _motions(model: Model, recording: Recording, used: Mask) -> Iterator[_Sample
         even = np.arange(own[0], own[-1], period)
         q, tau = (
             np.column_stack([np.interp(even, own, column) for column in x[part].T])
-            for x in (recording.q, recording.tau)
+            for x in (recording.q, recording.tau[:, axes])
         )
         every = max(1, int(1.0 / (FINE * BAND * period)))
         filtered = low_passed(tau, period, BAND, every)[0]
         motions = [low_passed(q, period, k * BAND, every, derivatives=2) for k in (1.0, 2.0)]
-        narrow, wide = (_predicted(model, motion) for motion in motions)
+        narrow, wide = (_predicted(model, motion)[:, axes] for motion in motions)
         smoothed = low_passed(wide, every * period, BAND)[0]
         counts = np.zeros(filtered.shape, dtype=bool)
         edge = round(EDGE / (every * period))
-        counts[edge : len(counts) - edge] = moving([extent(q, period)])
+        counts[edge : len(counts) - edge] = moving([extent(q, period)])[axes]
         nearest = np.searchsorted(recording.time, even[::every], side="right") - 1
         counts &= used[nearest][:, np.newaxis]
-        rests = _resting(model, motions[0][1], every * period)
+        limit = model.robot.velocity_limit[axes]
+        rests = _resting(motions[0][1][:, axes], limit, every * period)
         yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests)
 
 
@@ -139,10 +145,9 @@ def _predicted(model: Model, motion: tuple[Array, ...]) -> Array:
         return np.asarray(model.predict(*motion))
 
 
-def _resting(model: Model, qd: Array, period: float) -> Mask:
+def _resting(qd: Array, limit: Array, period: float) -> Mask:
     """Samples of axes at rest, and those that the low-pass connects with these."""
     speed, reach = np.abs(qd), round(1.0 / (BAND * period))
-    limit = model.robot.velocity_limit
     slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
     still = ndimage.binary_opening(slow, np.ones((reach, 1), dtype=bool))
     return np.asarray(ndimage.binary_dilation(still, np.ones((2 * reach + 1, 1), dtype=bool)))

@@ -21,13 +21,14 @@ from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.least_squares.solving import orthonormal, projected_out
 from hil.least_squares.uncertainty import TWICE
-from hil.least_squares.window import APART
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
 
     from hil.arrays import Array
     from hil.estimation.free_motion.motion import Motion
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 
+DRAWN = 0.028
+"""Between samples of strokes that are drawn, beside extremes [s]: 700 in 20 s."""
 OF_SAMPLES = ("qd", "measured", "predicted", "standard_error", "parameter_error", "stated")
 """What a `PredictedTorque` has of each sample, whether friction was fitted or not."""
 
@@ -71,8 +74,9 @@ class PredictedTorque:
         The torque of the bodies with friction fitted in the recording, and its standard error
         [N m or N]; None where nothing was fitted.
     information : ndarray, or None
-        Of the base parameters in what was measured of each axis, a level and a slope of friction
-        fitted beside them, shape (n_joints, n_base, n_base), or (n_base, n_base) of one axis.
+        Of the base parameters in what was measured of each axis [per second], a level and a slope
+        of friction fitted beside them, shape (n_joints, n_base, n_base), or (n_base, n_base) of one
+        axis.
     own_friction : bool
         Whether `predicted` has the friction that the model states; it is `refitted` otherwise,
         where the model states none of this axis.
@@ -105,9 +109,9 @@ class PredictedTorque:
         return replace(self, axes=(axis,), information=shown, **own)
 
     def part(self, begin: float, end: float, most: int) -> PredictedTorque:
-        """Samples from `begin` to `end` [s], `most` at most, where nothing was fitted."""
+        """Samples from `begin` to `end` [s], about `most`, where nothing was fitted."""
         kept = np.flatnonzero((begin <= self.time) & (self.time <= end))
-        kept = kept[:: max(1, -(-len(kept) // most))]
+        kept = kept[with_extremes(self.measured[kept], round(len(kept) / most))]
         return replace(self, **{name: getattr(self, name)[kept] for name in ("time", *OF_SAMPLES)})
 
     @property
@@ -189,12 +193,25 @@ def along(model: Model, recording: Recording) -> Along:
     )  # fmt: skip
 
 
-def _thinned(recording: Recording) -> Along:
-    """A recording for a model from strokes: smoothed, in samples that this leaves different."""
+def _thinned(recording: Recording, axes: Sequence[int]) -> Along:
+    """A recording for a model from strokes: smoothed, in the samples that are drawn."""
     s = signals(recording)
-    kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
-    q, qd, qdd, tau = (s.smoothed(each)[kept] for each in (s.q, s.qd, s.qdd, s.tau))
-    return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray)
+    q, qd, qdd, tau = (s.smoothed(each)[s.valid] for each in (s.q, s.qd, s.qdd, s.tau))
+    kept = with_extremes(tau[:, axes], round(DRAWN / s.period))
+    return Along(s.time[s.valid][kept], q[kept], qd[kept], qdd[kept], tau[kept], *2 * (np.asarray,))
+
+
+def with_extremes(x: Array, every: int) -> NDArray[np.intp]:
+    """Choose one row of `every`, and those with the extremes of each column in 8 times as many."""
+    rows, every = np.arange(len(x)), max(every, 1)
+    if every == 1 or not len(x):
+        return rows
+    columns = x.reshape(len(x), -1)
+    blocks = np.pad(columns, ((0, -len(x) % (8 * every)), (0, 0)), mode="edge")
+    blocks = blocks.reshape(-1, 8 * every, columns.shape[1])
+    begins = rows[:: 8 * every, np.newaxis]
+    extreme = [(begins + of(blocks, axis=1)).ravel() for of in (np.argmin, np.argmax)]
+    return np.unique(np.concatenate([rows[::every], *extreme]))
 
 
 def _of_soft_gears(model: Model, motion: Motion) -> Array | None:
@@ -228,20 +245,25 @@ def predict_recording(model: Model, recording: Recording, name: str = "") -> Pre
     return predict_whole(model, recording, name)
 
 
-def predict_whole(model: Model, recording: Recording, name: str = "") -> PredictedTorque:
-    """Predict as `predict_recording`, by a model of any method, all axes of the whole recording.
+def predict_whole(
+    model: Model, recording: Recording, name: str = "", axes: Sequence[int] | None = None
+) -> PredictedTorque:
+    """Predict as `predict_recording`, by a model of any method, the whole recording.
 
     Of a model from strokes that is with the friction that it states, none where it states none; and
-    near reversals, where friction is no function of velocity, no more than a law says there.
+    near reversals, where friction is no function of velocity, no more than a law says there. Its
+    samples are those that are drawn, with the extremes of the torques of `axes` (by default all);
+    friction, errors and information are of these axes, and 0 of others.
     """
-    motion = along(model, recording) if model.friction else _thinned(recording)
+    axes = range(model.robot.n_joints) if axes is None or model.friction else axes
+    motion = along(model, recording) if model.friction else _thinned(recording, axes)
     A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
     rigid = A @ model.values
     torque = rigid + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
     if model.friction_law is not None:
-        torque += _friction(model, motion, rigid)
+        torque += _friction(model, motion, rigid, axes)
     predicted = motion.passed(torque if motion.gears is None else torque + motion.gears)
-    error = motion.used(_parameter_error(model, motion, A))
+    error = motion.used(_parameter_error(model, motion, A, axes))
     return PredictedTorque(
         measurement=name,
         axes=tuple(range(model.robot.n_joints)),
@@ -252,19 +274,22 @@ def predict_whole(model: Model, recording: Recording, name: str = "") -> Predict
         standard_error=np.hypot(error, np.nan_to_num(model.residual)),
         parameter_error=error,
         stated=predicted,
-        information=_information(model, motion.used(A), motion.used(motion.qd)),
+        information=_information(model, motion, axes, A),
     )
 
 
-def _information(model: Model, A: Array, qd: Array) -> Array:
-    """See `PredictedTorque`; samples count as independent, with the scatter that the fit left."""
-    noise = np.where(model.residual > 0, model.residual, 1.0)
-    found = []
-    for axis, v in enumerate(qd.T):
+def _information(model: Model, motion: Along, axes: Sequence[int], A: Array) -> Array:
+    """See `PredictedTorque`; the scatter that the fit left counts as that of one second."""
+    A, qd = motion.used(A), motion.used(motion.qd)
+    apart = np.ptp(motion.time) / len(motion.time)
+    noise = np.where(model.residual > 0, model.residual, 1.0) / np.sqrt(apart)
+    found = np.zeros((len(noise), A.shape[2], A.shape[2]))
+    for axis in axes:
+        v = qd[:, axis]
         friction, _ = orthonormal(np.column_stack([np.ones(len(v)), np.sign(v), v]))
         left = projected_out(friction, A[:, axis]) / noise[axis]
-        found.append(left.T @ left)
-    return np.array(found)
+        found[axis] = left.T @ left
+    return found
 
 
 def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
@@ -278,7 +303,9 @@ def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
         "inertia": inverse_dynamics(robot, p, q, still, qdd) - gravity,
         "velocity": inverse_dynamics(robot, p, q, qd, still) - gravity,
         "rotors": motor_torque(robot, q, qd, qdd),
-        "friction": still if model.friction_law is None else _friction(model, motion, rigid),
+        "friction": still
+        if model.friction_law is None
+        else _friction(model, motion, rigid, range(robot.n_joints)),
     }
     if motion.gears is not None:
         parts["gears"] = motion.gears
@@ -287,17 +314,20 @@ def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
     return {"time": motion.time, **parts, "measured": motion.measured, "left": left}
 
 
-def _friction(model: Model, motion: Along, rigid: Array) -> Array:
+def _friction(model: Model, motion: Along, rigid: Array, axes: Sequence[int]) -> Array:
     assert model.friction_law is not None  # noqa: S101 - asked for before
-    law, directions = model.friction_law, motion.directions
+    law, directions = model.friction_law.restricted(axes), motion.directions
     return friction_torque(model.robot, law, motion.q, motion.qd, rigid, directions)
 
 
-def _parameter_error(model: Model, motion: Along, A: Array) -> Array:
+def _parameter_error(model: Model, motion: Along, A: Array, axes: Sequence[int]) -> Array:
     """Standard error by base parameters and friction, shape (m, n_joints)."""
     robot, law, load = model.robot, model.friction_law, A @ model.values
-    variance: Array = np.einsum("njk,kl,njl->nj", A, model.covariance, A, optimize=True)
+    variance = np.zeros_like(load)
+    for axis in axes:
+        variance[:, axis] = np.einsum("nk,nk->n", A[:, axis] @ model.covariance, A[:, axis])
     if law is not None:
+        law = law.restricted(axes)
         variance += friction_variance(robot, law, motion.q, motion.qd, load)
     for axis, own in enumerate(law.axes if law is not None and motion.directions else ()):
         if own is None or not own.beside:

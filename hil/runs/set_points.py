@@ -64,9 +64,11 @@ def _of_strokes(motion: Strokes, recording: Recording) -> Array:
         ),
     ]
     for joint, numbers, profile in moved:
-        for first, number in _beginnings(numbers):
-            t = recording.time[first:] - recording.time[first]
-            found[first:, joint] = profile(number).q(t)
+        strokes = [*_beginnings(numbers)]
+        ends = [first for first, _ in strokes[1:]] + [recording.n_samples]
+        for (first, number), end in zip(strokes, ends, strict=True):
+            t = recording.time[first:end] - recording.time[first]
+            found[first:end, joint] = profile(number).q(t)
     return found
 
 

@@ -44,7 +44,7 @@ def stretches(
     found = {}
     for motion, recording in recorded:
         with suppress(NotEnoughData, Mismatch):
-            whole = predict_whole(model, in_si(model, motion, recording), motion.id)
+            whole = predict_whole(model, in_si(model, motion, recording), motion.id, motion.moved)
             whole = replace(whole, time=whole.time - recording.time[0])
             for axis in motion.moved:
                 found[motion.id, axis] = _drawn(model, whole.of_axis(axis))

@@ -1,0 +1,33 @@
+"""Of a recording that is drawn as a curve few samples are predicted, and its extremes are seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.results.recorded_torque import with_extremes
+
+
+@pytest.mark.parametrize("n", [1, 7, 55, 56, 57, 4001])
+def test_the_extremes_of_each_stretch_are_drawn(n: int) -> None:
+    torque = np.random.default_rng(n).normal(size=(n, 2))
+    kept = with_extremes(torque, 7)
+    assert (np.diff(kept) > 0).all()
+    for begin in range(0, n, 56):
+        of = torque[begin : begin + 56]
+        drawn = torque[kept[(begin <= kept) & (kept < begin + 56)]]
+        assert np.array_equal(drawn.min(axis=0), of.min(axis=0))
+        assert np.array_equal(drawn.max(axis=0), of.max(axis=0))
+
+
+def test_a_spike_of_one_sample_is_drawn_and_few_others() -> None:
+    torque = np.zeros(5000)
+    torque[[1237, 3001]] = 40.0, -25.0
+    kept = with_extremes(torque, 10)
+    assert {1237, 3001} <= set(kept.tolist())
+    assert len(kept) <= 500 + 2
+
+
+def test_no_more_samples_than_there_are_and_none_of_none() -> None:
+    assert with_extremes(np.zeros((4, 1)), 0).tolist() == [0, 1, 2, 3]
+    assert with_extremes(np.empty((0, 6)), 7).tolist() == []
