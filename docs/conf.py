@@ -30,13 +30,14 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
+    "formulas",
     "keys_of_files",
     "table_of_causes",
 ]
 html_theme = "furo"
+html_math_renderer = "svg"
 html_title = project
 html_show_copyright = False
 myst_enable_extensions = ["deflist", "dollarmath"]

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 DOCS = Path(__file__).parents[2] / "docs"
 BUSES = {"CAN": REQUIREMENTS, "EtherCAT": OVER_ETHERCAT}
 USES = {
-    Use.ASK: "compared or shown, where it can be read",
+    Use.ASK: "compared",
     Use.READ: "read",
     Use.READ | Use.SEND: "read, in a TPDO",
     Use.WRITE | Use.RECEIVE: "written, in an RPDO",
     Use.WRITE | Use.VARY: "written",
     Use.SET: "set",
-    Use.SET | Use.VARY: "set, again with each motion",
+    Use.SET | Use.VARY: "set each motion",
 }
 
 
@@ -39,7 +39,7 @@ def needed() -> str:
     def follows(row: Requirement) -> tuple[str, str, str]:
         sentence = row.without if row.lack is Lack.SILENT else f"{row.lack.value}: {row.without}"
         named = [name for name, rows in BUSES.items() if row.entry in rows]
-        return USES[row.use], sentence, ", ".join(named)
+        return USES[row.use], sentence, "both" if len(named) > 1 else named[0]
 
     rows = {**OVER_ETHERCAT, **REQUIREMENTS}
     ordered = [*REQUIREMENTS, *(entry for entry in OVER_ETHERCAT if entry not in REQUIREMENTS)]
