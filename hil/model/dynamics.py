@@ -254,11 +254,8 @@ def _chunks(
 
 def _states(model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]) -> Iterator[Array]:
     """Yield states as `recursion.columns` takes them, shape (5, n_samples, n_joints)."""
-    angle = model.theta + model.revolute * q
-    state = np.empty((5, *angle.shape))
-    np.cos(angle, out=state[0])
-    np.sin(angle, out=state[1])
-    state[2] = model.shift + (1.0 - model.revolute) * q
+    state = np.empty((5, *q.shape))
+    recursion.positions(q, model.theta, model.shift, model.revolute, state)
     for qd, qdd in rates:
         state[3], state[4] = qd, qdd
         yield state

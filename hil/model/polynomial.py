@@ -61,15 +61,20 @@ class Polynomial:
         return cls({(name,): 1.0})
 
     def __add__(self, other: Polynomial | float) -> Polynomial:
+        if not (self and other):  # as most elements of a pose are zero
+            return self if self else _lift(other)
         terms = dict(self.terms)
         for monomial, c in _lift(other).terms.items():
             terms[monomial] = terms.get(monomial, 0.0) + c
         return Polynomial(terms)
 
     def __mul__(self, other: Polynomial | float) -> Polynomial:
+        if not (self and other):
+            return _NOTHING
         terms: dict[Monomial, float] = {}
+        others = _lift(other).terms.items()
         for left, a in self.terms.items():
-            for right, b in _lift(other).terms.items():
+            for right, b in others:
                 monomial = tuple(sorted(left + right)) if left and right else left + right
                 terms[monomial] = terms.get(monomial, 0.0) + a * b
         return Polynomial(terms)
@@ -102,6 +107,9 @@ class Polynomial:
         return Polynomial(
             {m: near[m] if abs(c - near[m]) < 1e-12 else c for m, c in self.terms.items()}
         )
+
+
+_NOTHING = Polynomial({})
 
 
 def _lift(value: Polynomial | float) -> Polynomial:

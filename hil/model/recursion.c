@@ -49,6 +49,64 @@ PART Vector turned(double ca, double sa, const Joint *now, const Vector *v) {
     return (Vector){now->c * v->x + now->s * h, now->c * h - now->s * v->x, ca * v->z - sa * v->y};
 }
 
+/* Cosine and sine of the joints' angles, and the shifts, into state (3, n, joints).
+
+    Angles are theta + revolute q, shifts r + (1 - revolute) q. Returns 1 where an angle is beyond
+    2^20 rad or no number: others are right within some two units in the last place.
+
+    What is left of an angle by the nearest multiple of a quarter turn, which is taken off in three
+    parts so that nothing is lost, goes into Taylor's series; the multiple says which of the two is
+    which, and their signs. */
+#define SERIES(sum, z, ...)                                                                 \
+    do {                                                                                    \
+        const double terms[] = {__VA_ARGS__};                                              \
+        for (int k = sizeof terms / sizeof *terms - 1; k >= 0; k--) sum = terms[k] + z * sum;  \
+    } while (0)
+
+PART V rounded(V x) { return (x + all(0x1.8p52)) - all(0x1.8p52); }
+
+PART V chosen(I mask, V a, V b) { return (V)(((I)a & mask) | ((I)b & ~mask)); }
+
+FOR_ANY_PROCESSOR
+int positions(const double *q, const double *theta, const double *r, const double *revolute,
+              int64_t n, int64_t joints, double *state) {
+    I beyond = {0};
+    int64_t joint = 0, every = n * joints;
+    for (int64_t first = 0; first < every; first += LANES) {
+        int64_t count = every - first < LANES ? every - first : LANES;
+        int64_t size = count * sizeof(double);
+        V x = all(0), c = all(0), s = all(0), shift = all(0);
+        for (int i = 0; i < count; i++, joint = joint + 1 < joints ? joint + 1 : 0) {
+            x[i] = theta[joint] + revolute[joint] * q[first + i];
+            shift[i] = r[joint] + (1.0 - revolute[joint]) * q[first + i];
+        }
+        beyond |= ~((x <= 0x1p20) & (x >= -0x1p20));
+        V quarters = rounded(x * 0x1.45f306dc9c883p-1);
+        x -= quarters * 0x1.921fb544p+0;
+        x -= quarters * 0x1.0b4611a6p-34;
+        x -= quarters * 0x1.3198a2e037073p-69;
+        V z = x * x, half = 0.5 * z, one = 1.0 - half;
+        SERIES(s, z, -0.16666666666666666, 0.008333333333333333, -0.0001984126984126984,
+               2.7557319223985893e-06, -2.505210838544172e-08, 1.6059043836821613e-10,
+               -7.647163731819816e-13);
+        SERIES(c, z, 0.041666666666666664, -0.001388888888888889, 2.48015873015873e-05,
+               -2.755731922398589e-07, 2.08767569878681e-09, -1.1470745597729725e-11,
+               4.779477332387385e-14, -1.5619206968586225e-16);
+        s = x + x * z * s;
+        c = one + (((1.0 - one) - half) + z * z * c);
+        V part = 0.25 * quarters - rounded(0.25 * quarters);  /* of a turn: 0, +-0.25, +-0.5 */
+        I odd = (part == 0.25) | (part == -0.25);
+        V a = chosen(odd, s, c), b = chosen(odd, c, s);
+        a = chosen((part > 0.0) | (part == -0.5), -a, a);
+        b = chosen((part < 0.0) | (part == 0.5), -b, b);
+        memcpy(state + first, &a, size);
+        memcpy(state + every + first, &b, size);
+        memcpy(state + 2 * every + first, &shift, size);
+    }
+    for (int i = 1; i < LANES; i++) beyond[0] |= beyond[i];
+    return beyond[0] != 0;
+}
+
 PART Joint gathered(const double *state, int64_t n, int64_t joints, int64_t first, int64_t count,
                     int64_t joint) {
     Joint now;

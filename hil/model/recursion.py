@@ -10,6 +10,8 @@ from __future__ import annotations
 from ctypes import c_int64
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from hil.machine_code import library, pointer
 
 if TYPE_CHECKING:
@@ -62,6 +64,15 @@ def torques(
     """
     arrays = state, chain, gravity, kinds, links, values
     _call(_LIBRARY.torques, arrays, (*state.shape[1:], kinds.size), out)
+
+
+def positions(q: Array, theta: Array, shift: Array, revolute: Array, state: Array) -> None:
+    """Fill the first three parts of a state from positions (n_samples, n_joints)."""
+    arrays = np.ascontiguousarray(q), theta, shift, revolute
+    if _LIBRARY.positions(*map(pointer, arrays), *map(c_int64, q.shape), pointer(state)):
+        angle = theta + revolute * q
+        far = ~(np.abs(angle) <= 2.0**20)  # too large for the machine code's quarter turns, or NaN
+        state[0][far], state[1][far] = np.cos(angle[far]), np.sin(angle[far])
 
 
 def _call(

@@ -8,6 +8,7 @@ overrides what is special about it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import accumulate
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
@@ -192,6 +193,7 @@ class Strokes(FileModel):
         return tuple(q)
 
 
+@lru_cache(maxsize=64)
 def _stroke(
     low: float, high: float, velocity: float, acceleration: float, stroke: int
 ) -> Trapezoid:

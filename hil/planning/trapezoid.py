@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Trapezoid:
     """One move from rest to rest.
 
@@ -43,7 +44,7 @@ class Trapezoid:
         """Length of the way, never negative [rad]."""
         return abs(self.end - self.start)
 
-    @property
+    @cached_property
     def peak(self) -> float:
         """Highest speed that is reached [rad/s]."""
         return min(self.velocity, math.sqrt(self.distance * self.acceleration))
@@ -58,14 +59,14 @@ class Trapezoid:
         """Way of one ramp [rad]."""
         return self.peak**2 / (2 * self.acceleration)
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """Time from rest to rest [s]."""
         if not self.peak:
             return 0.0
         return self.distance / self.peak + self.ramp_time
 
-    @property
+    @cached_property
     def window(self) -> tuple[float, float]:
         """Begin and end of constant velocity [s]; both alike for a triangle."""
         return self.ramp_time, max(self.ramp_time, self.duration - self.ramp_time)

@@ -12,7 +12,7 @@ import io
 import json
 import math
 from dataclasses import MISSING, asdict, dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -149,7 +149,7 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
     """
     key, links = name.encode(), file.id.links
     here = links.exists(key) and links.get_info(key).type == h5py.h5l.TYPE_HARD
-    dataset = h5py.h5o.open(file.id, key) if here else None
+    dataset: Any = h5py.h5o.open(file.id, key) if here else None
     made = dataset.get_create_plist() if isinstance(dataset, h5py.h5d.DatasetID) else None
     if not made or made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
         raise ValueError(f"{name} is missing, no array, or in another file, which is not read")
