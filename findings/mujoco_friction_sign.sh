@@ -19,10 +19,9 @@
 # -velocity / 9 ms under the default solreffriction. Halving that time constant
 # halves the share.
 #
-# Documentation: the XML reference calls frictionloss "friction loss due to dry
-# friction"; the chapter on computation derives soft constraints for contacts
-# and limits. That dry friction changes its direction under inverse dynamics
-# is not mentioned.
+# Documentation: the XML reference describes frictionloss as dry friction, and
+# the chapter on computation says that such constraints are soft. That inverse
+# dynamics can turn the direction of dry friction round is not mentioned.
 #
 # Exit 0: as described. Exit 1: the behaviour has changed.
 set -euo pipefail

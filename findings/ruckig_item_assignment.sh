@@ -5,8 +5,8 @@
 # to 0.1 rad/s in place: parameters.max_velocity[0] = 0.1.
 #
 # Expected: the limit holds. `max_velocity` is a list that can be read, printed
-# and assigned; assigning to its items raises nothing. The C++ member of the
-# same name, that the tutorial shows beside it, is written by index.
+# and assigned; assigning to its items raises nothing. In C++ the member of the
+# same name is written by index.
 #
 # Seen: each access returns a new list, so the assignment is lost. The
 # trajectory reaches 1.0 rad/s, ten times the intended limit, validation passes
