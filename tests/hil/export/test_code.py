@@ -1,4 +1,4 @@
-"""Exported C and Python give the same numbers as the model, for robots of all kinds."""
+"""Exported C, Python and structured text give the model's numbers, for robots of all kinds."""
 
 from __future__ import annotations
 
