@@ -1,12 +1,13 @@
 """A model as C99, as one Python module, or as structured text of IEC 61131-3.
 
-C: one header of static inline functions, an example, and a CMake file. No memory is allocated,
-nothing is included but <math.h>, and no state is kept. Numbers are double, or float where
-``NAME_SINGLE`` is defined before the header is included. Python: a module that needs numpy alone;
-its functions take any number of samples. Structured text: one function block for each function,
-without pointers, methods or loops, so that compilers of the second edition of the standard take it;
-one block more remembers the direction of friction; and in a file of its own, for CODESYS alone, a
-block that CODESYS SoftMotion takes as the dynamic model of an axis group.
+C: one header of static inline functions, an example, and a CMake file. No memory is allocated, no
+state is kept, and nothing is included but <math.h>, of which sin, cos and atan alone are called.
+Numbers are double, or float where ``NAME_SINGLE`` is defined before the header is included. Python:
+a module that needs numpy alone; its functions take any number of samples. Structured text: one
+function block for each function, without pointers, methods or loops, so that compilers of the
+second edition of the standard take it; one block more remembers the direction of friction; and in a
+file of its own, for CODESYS alone, a block that CODESYS SoftMotion takes as the dynamic model of an
+axis group.
 """
 
 from __future__ import annotations
@@ -20,19 +21,57 @@ from hil.export.functions import MEMORY, PARTS, functions, with_memory
 from hil.export.source_code import Syntax, assignments, description, identifier, remarks
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from hil.export.functions import Function
     from hil.results.model import Model
 
-_FUNCTIONS = {"abs": "fabs"}
-_MACROS = {"sign": "HIL_SIGN", "direction": "HIL_DIRECTION"}
-C = Syntax(
-    number=lambda value: f"HIL_R({value!r})",
-    function=lambda name, of: (
-        f"{_MACROS[name]}({of})"
-        if name in _MACROS
-        else f"HIL_F({_FUNCTIONS.get(name, name)})({of})"
-    ),
-)
+_C_BODIES = {
+    "abs": "    return (x < HIL_R(0.0)) ? -x : x;",
+    "sign": """\
+    const {name}_real backward = (x < HIL_R(0.0)) ? HIL_R(-1.0) : HIL_R(0.0);
+    return (x > HIL_R(0.0)) ? HIL_R(1.0) : backward;""",
+    "direction": """\
+    const {name}_real backward = (x <= HIL_R(-1.0)) ? HIL_R(-1.0) : HIL_R(0.0);
+    return (x >= HIL_R(1.0)) ? HIL_R(1.0) : backward;""",
+    "cbrt": """\
+    {name}_real a = (x < HIL_R(0.0)) ? -x : x, scale = HIL_R(1.0), y;
+    int k;
+
+    for (k = 0; k < 400; k++) {{
+        if ((a >= HIL_R(0.125)) || (a <= HIL_R(0.0))) {{
+            break;
+        }}
+        a *= HIL_R(8.0);
+        scale *= HIL_R(0.5);
+    }}
+    for (k = 0; k < 400; k++) {{
+        if (a <= HIL_R(1.0)) {{
+            break;
+        }}
+        a *= HIL_R(0.125);
+        scale *= HIL_R(2.0);
+    }}
+    y = (HIL_R(3.0) + HIL_R(4.0) * a) / HIL_R(7.0);
+    for (k = 0; k < 3; k++) {{
+        const {name}_real cube = y * y * y;
+        y *= (cube + HIL_R(2.0) * a) / (HIL_R(2.0) * cube + a);
+    }}
+    return (x < HIL_R(0.0)) ? -y * scale : ((a > HIL_R(0.0)) ? y * scale : x);""",
+}
+"""Functions that need no call of the library of mathematics; the root is found by Halley's rule."""
+
+
+def _c(name: str) -> Syntax:
+    """Arithmetic of C; `name` of the robot, before functions of ours."""
+    return Syntax(
+        number=lambda value: f"HIL_R({value!r})",
+        function=lambda function, of: (
+            f"{name}_{function}({of})" if function in _C_BODIES else f"HIL_F({function})({of})"
+        ),
+    )
+
+
 _TYPES = """\
 #ifdef {upper}_SINGLE
 typedef float {name}_real;
@@ -42,8 +81,6 @@ typedef double {name}_real;
 #define HIL_F(function) function
 #endif
 #define HIL_R(number) (({name}_real)(number))
-#define HIL_SIGN(x) (({name}_real)(((x) > 0) - ((x) < 0)))
-#define HIL_DIRECTION(x) (({name}_real)(((x) >= 1) - ((x) <= -1)))
 """
 _EXAMPLE = """\
 #include <stdio.h>
@@ -90,11 +127,12 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
         _c_comment(description(model, origin, found)),
         f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
         _TYPES.format(name=name, upper=upper),
+        *(_c_helper(name, each) for each in _C_BODIES if each in _operations(found)),
         f"#define {upper}_JOINTS {model.robot.n_joints}",
         "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
         f"#define {upper}_MOTOR_INERTIA {{{inertias}}}\n",
         *(_c_function(name, upper, each) for each in found),
-        "#undef HIL_F\n#undef HIL_R\n#undef HIL_SIGN\n#undef HIL_DIRECTION\n\n#endif\n",
+        "#undef HIL_F\n#undef HIL_R\n\n#endif\n",
     ])  # fmt: skip
     files = {
         f"{name}_dynamics.h": header,
@@ -105,10 +143,20 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
     return Exported(files, remarks(model, found))
 
 
+def _operations(functions: Iterable[Function]) -> set[str]:
+    """Operations that functions need."""
+    return {each.operation for function in functions for each in needed(function.results)}
+
+
+def _c_helper(name: str, helper: str) -> str:
+    body = _C_BODIES[helper].format(name=name)
+    return f"static inline {name}_real {name}_{helper}({name}_real x)\n{{\n{body}\n}}\n"
+
+
 def _c_function(name: str, upper: str, function: Function) -> str:
     size = f"{upper}_JOINTS" + (f" * {upper}_JOINTS" if function.name == "mass_matrix" else "")
     inputs = [f"const {name}_real {each}[{upper}_JOINTS]" for each in function.arguments]
-    named, values = assignments(function.results, C)
+    named, values = assignments(function.results, _c(name))
     results = [f"r{k}" for k in range(len(values))]
     lines = [
         *(f"(void){each};" for each in _unused(function)),
@@ -276,7 +324,7 @@ def write_st(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as function blocks of structured text."""
     name, found = identifier(model.robot.name), (*functions(model), with_memory(model))
     joints = model.robot.n_joints
-    used = {each.operation for function in found for each in needed(function.results)}
+    used = _operations(found)
     array = "TYPE {}_{} : ARRAY[0..{}] OF LREAL; END_TYPE\n"
     text = "\n".join([
         _st_comment(description(model, origin, found)),
