@@ -182,6 +182,10 @@ def main() -> None:
         table.add_row("Pinocchio's rnea from Python", "", f"{pinocchio_from_python(robot):.3f}")
         table.add_row("Pinocchio's rnea in C++", "", f"{in_cpp:.3f}" if in_cpp else "no Eigen")
         Console().print(table)
+        if in_cpp:
+            ratio = kept[f"{robot.name}-torque"].value / in_cpp
+            table.add_row("exported torque over rnea in C++", "", f"{ratio:.2f}")
+            kept[f"{robot.name}-torque-of-rnea"] = Figure(ratio, digits=2)
         whole = of_whole_links(robot)
         for name, total in (("own", counted["rigid_bodies"]), ("whole-links", whole)):
             arithmetic = total.multiplications + total.additions

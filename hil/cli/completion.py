@@ -12,7 +12,9 @@ METHODS = (
     "improved", "published", "joint", "back and forth", "free motion", "least squares",
     "weighted least squares", "instrumental variables",
 )  # fmt: skip
-FORMATS = ("c", "python", "json", "friction", "ros2", "urdf", "mjcf", "csv", "parquet", "mcap")
+FORMATS = (
+    "c", "python", "st", "json", "friction", "ros2", "urdf", "mjcf", "csv", "parquet", "mcap",
+)  # fmt: skip
 """Names that a test compares with those that are taken."""
 _ROBOTS = Path(__file__).parents[1] / "robots"
 _DRIVES = ".drives"

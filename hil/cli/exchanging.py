@@ -137,7 +137,11 @@ def export(
         ),
     ],
     to: Annotated[
-        str, typer.Option(help="Format; an unknown one lists all.", autocompletion=formats)
+        str,
+        typer.Option(
+            help="Format, such as c, python, st, urdf, csv; an unknown one lists all.",
+            autocompletion=formats,
+        ),
     ],
     output: Annotated[Path, output_option(folder_to_write, "Folder to write into.")],
     urdf: Annotated[

@@ -10,7 +10,7 @@ from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
 from hil.errors import NotEnoughData, UnknownName
 from hil.export.data_files import write_friction, write_json, write_ros2
-from hil.export.languages import write_c, write_python
+from hil.export.languages import write_c, write_python, write_st
 from hil.export.mjcf_file import write_mjcf
 from hil.export.recordings.job import Job
 from hil.export.recordings.mcap_file import write_mcap
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 FORMATS: dict[str, Writer] = {
     "c": write_c,
     "python": write_python,
+    "st": write_st,
     "json": write_json,
     "friction": write_friction,
     "ros2": write_ros2,

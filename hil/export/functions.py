@@ -5,6 +5,7 @@ They are those of `hil.results.model.Model`, one sample at a time, and give the 
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -12,7 +13,8 @@ import numpy as np
 
 from hil.export.expressions import Expression, Graph
 from hil.export.rigid_bodies import joints
-from hil.friction.direction import STILL
+from hil.friction.direction import STEP, STILL
+from hil.friction.law import SLOWEST
 from hil.friction.terms import BEND, DIRECTED
 from hil.friction.warmth import REFERENCE
 from hil.model.added_parameters import added_inertias
@@ -59,7 +61,15 @@ ARGUMENTS = {
     "load": "torques of the rigid bodies",
     "warmth": "warmth of the gears",
     "tau": "torques of the drives",
+    "before": "positions of the call before",
+    "turned": "directions of friction",
+    "later": "directions of friction over a longer distance",
+    "sooner": "directions of friction over a shorter distance",
 }
+MEMORY = ("before", "turned", "later", "sooner")
+"""Arguments of `with_memory` that are kept from call to call; 0 before the first motion."""
+PARTS = ("gravity", "rigid_bodies", "friction", "torque")
+"""Results of `with_memory`, one a joint each; the new directions follow them."""
 WEIGHTLESS = (0.0, 0.0, 0.0)
 
 
@@ -97,6 +107,17 @@ def rigid(model: Model) -> Function:
     """Torques of the rigid bodies."""
     purpose = "Torques of the rigid bodies: M(q) qdd + c(q, qd) + g(q)."
     return _made(model, "rigid_bodies", purpose, "q", "qd", "qdd")
+
+
+def with_memory(model: Model) -> Function:
+    """Return all `PARTS` in one function that remembers the direction of friction.
+
+    Presliding is included: called at successive samples of a motion, the function gives what
+    `Model.predict` gives for the motion as a whole. Results: `PARTS`, then the `MEMORY` of the next
+    call without the positions.
+    """
+    purpose = "Torques of the drives along a motion; friction reverses over its presliding distance"
+    return _made(model, "dynamics", f"{purpose}.", "q", "qd", "qdd", *MEMORY)
 
 
 def _made(model: Model, name: str, purpose: str, *arguments: str) -> Function:
@@ -149,16 +170,28 @@ class _Equations:
         return [columns[max(i, j)][min(i, j)] for i in range(n) for j in range(n)]
 
     def friction(
-        self, q: Vector, qd: Vector, load: Vector, warmth: Vector | None = None
+        self,
+        q: Vector,
+        qd: Vector,
+        load: Vector,
+        warmth: Vector | None = None,
+        directions: Sequence[Vector] | None = None,
     ) -> list[Scalar]:
-        """Friction and ripple; `load`: torques of the rigid bodies."""
+        """Friction and ripple; `load`: torques of the rigid bodies; `directions`: of `_turned`."""
         law = known_friction(self._model)
         found: list[Scalar] = []
         for axis, own in enumerate(law.axes):
             if own is None:
                 found.append(0.0)
                 continue
-            level, other = self._axis(own, axis, q[axis], qd[axis], load[axis])
+            at = axis, q[axis], qd[axis], load[axis]
+            if directions is None or not own.presliding:
+                direction = self._graph.function(
+                    "direction", qd[axis] * (1.0 / (STILL * own.speed))
+                )
+                level, other = self._axis(own, *at, direction, direction)
+            else:
+                level, other = self._presliding(own, *at, *(each[axis] for each in directions))
             if warmth is not None and own.warmth is not None:
                 # no further than was seen
                 seen = self._clipped(warmth[axis], *own.warmth.seen)
@@ -210,17 +243,85 @@ class _Equations:
             found[at] += value * (q[at] if name is None else self._graph.function(name, q[at]))
         return found
 
+    def dynamics(self, q: Vector, qd: Vector, qdd: Vector, *memory: Vector) -> list[Scalar]:
+        """All `PARTS`, then the directions after the step from the positions before."""
+        load = [self._graph.lifted(each) for each in self.rigid_bodies(q, qd, qdd)]
+        directions = self._turned(q, *memory)
+        rub = [self._graph.number(0.0)] * len(q)
+        if len(self._model.axes_without_friction) < len(q):
+            found = self.friction(q, qd, load, directions=directions)
+            rub = [self._graph.lifted(each) for each in found]
+        reflected = self._robot.reflected_inertia.tolist()
+        torque = [a + H * dv + b for a, H, dv, b in zip(load, reflected, qdd, rub, strict=True)]
+        kept = [each for direction in directions for each in direction]
+        return [*self.gravity(q), *load, *rub, *torque, *kept]
+
+    def _turned(self, q: Vector, before: Vector, *directions: Vector) -> list[Vector]:
+        """Directions after a step, over the presliding distances, longer and shorter ones."""
+        graph, law = self._graph, self._model.friction_law
+        axes = law.axes if law is not None else (None,) * len(q)
+        found: list[Vector] = []
+        for factor, old in zip((1.0, STEP, 1.0 / STEP), directions, strict=True):
+            found.append([])
+            for own, now, then, z in zip(axes, q, before, old, strict=True):
+                if own is None or not own.presliding:
+                    found[-1].append(graph.number(0.0))
+                    continue
+                step = now - then
+                sign = graph.function("sign", step)
+                way = graph.function("abs", step) * (-1.0 / (factor * own.presliding))
+                found[-1].append(sign - (sign - z) * graph.function("exp", way))
+        return found
+
+    def _presliding(
+        self,
+        law: AxisLaw,
+        axis: int,
+        q: Expression,
+        qd: Expression,
+        load: Expression,
+        turned: Expression,
+        later: Expression,
+        sooner: Expression,
+    ) -> tuple[Expression, Expression]:
+        """Return level and rest as `_axis`, with a direction that follows the motion.
+
+        The level is bounded by that of sliding, as in `hil.friction.law.friction_torque`.
+        """
+        graph, one = self._graph, self._graph.number(1.0)
+        sign = graph.function("sign", turned)
+        level, other = self._axis(law, axis, q, qd, load, turned, sign)
+        level = level + (later - sooner) * (law.bend.value / (2.0 * math.log(STEP)))
+        speed = graph.function("abs", qd)
+        slowest = law.speeds[0] if law.speeds else SLOWEST * law.speed
+        a, b = (
+            graph.function("abs", self._axis(law, axis, q, sliding, load, one, one)[0])
+            for sliding in (speed, self._larger(speed, graph.number(slowest)))
+        )
+        most = self._larger(a, b)
+        above, below = (graph.function("abs", each) for each in (level + most, level - most))
+        return (above - below) * 0.5, other
+
+    def _larger(self, a: Expression, b: Expression) -> Expression:
+        return (a + b + self._graph.function("abs", a - b)) * 0.5
+
     def _axis(
-        self, law: AxisLaw, axis: int, q: Expression, qd: Expression, load: Expression
+        self,
+        law: AxisLaw,
+        axis: int,
+        q: Expression,
+        qd: Expression,
+        load: Expression,
+        direction: Expression,
+        sign: Expression,
     ) -> tuple[Expression, Expression]:
         """Level of an axis's friction, which changes its sign with the direction, and the rest."""
         graph = self._graph
-        direction = graph.function("direction", qd * (1.0 / (STILL * law.speed)))
         u, level, other = qd * (1.0 / law.speed), graph.number(0.0), graph.number(0.0)
         if law.speeds is not None:
             speed = graph.function("abs", qd)
             known = self._clipped(speed, *law.speeds)
-            u = direction * known * (1.0 / law.speed)
+            u = sign * known * (1.0 / law.speed)
             level = direction * (speed - known) * law.slope
         shapes = {
             "offset": lambda: graph.number(1.0),

@@ -1,34 +1,77 @@
-"""A model as C99 or as one Python module.
+"""A model as C99, as one Python module, or as structured text of IEC 61131-3.
 
-C: one header of static inline functions, an example, and a CMake file. No memory is allocated,
-nothing is included but <math.h>, and no state is kept. Numbers are double, or float where
-``NAME_SINGLE`` is defined before the header is included. Python: a module that needs numpy alone;
-its functions take any number of samples.
+C: one header of static inline functions, an example, and a CMake file. No memory is allocated, no
+state is kept, and nothing is included but <math.h>, of which sin, cos and atan alone are called.
+Numbers are double, or float where ``NAME_SINGLE`` is defined before the header is included. Python:
+a module that needs numpy alone; its functions take any number of samples. Structured text: one
+function block for each function, without pointers, methods or loops, so that compilers of the
+second edition of the standard take it; one block more remembers the direction of friction; and in a
+file of its own, for CODESYS alone, a block that CODESYS SoftMotion takes as the dynamic model of an
+axis group.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from hil.export.exported import Exported, cautions
 from hil.export.expressions import count, needed
-from hil.export.functions import functions
+from hil.export.functions import MEMORY, PARTS, functions, with_memory
 from hil.export.source_code import Syntax, assignments, description, identifier, remarks
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from hil.export.functions import Function
     from hil.results.model import Model
 
-_FUNCTIONS = {"abs": "fabs"}
-_MACROS = {"sign": "HIL_SIGN", "direction": "HIL_DIRECTION"}
-C = Syntax(
-    number=lambda value: f"HIL_R({value!r})",
-    function=lambda name, of: (
-        f"{_MACROS[name]}({of})"
-        if name in _MACROS
-        else f"HIL_F({_FUNCTIONS.get(name, name)})({of})"
-    ),
-)
+_C_BODIES = {
+    "abs": "    return (x < HIL_R(0.0)) ? -x : x;",
+    "sign": """\
+    const {name}_real backward = (x < HIL_R(0.0)) ? HIL_R(-1.0) : HIL_R(0.0);
+    return (x > HIL_R(0.0)) ? HIL_R(1.0) : backward;""",
+    "direction": """\
+    const {name}_real backward = (x <= HIL_R(-1.0)) ? HIL_R(-1.0) : HIL_R(0.0);
+    return (x >= HIL_R(1.0)) ? HIL_R(1.0) : backward;""",
+    "cbrt": """\
+    {name}_real a = (x < HIL_R(0.0)) ? -x : x, scale = HIL_R(1.0), y;
+    int k;
+
+    for (k = 0; k < 400; k++) {{
+        if ((a >= HIL_R(0.125)) || (a <= HIL_R(0.0))) {{
+            break;
+        }}
+        a *= HIL_R(8.0);
+        scale *= HIL_R(0.5);
+    }}
+    for (k = 0; k < 400; k++) {{
+        if (a <= HIL_R(1.0)) {{
+            break;
+        }}
+        a *= HIL_R(0.125);
+        scale *= HIL_R(2.0);
+    }}
+    y = (HIL_R(3.0) + HIL_R(4.0) * a) / HIL_R(7.0);
+    for (k = 0; k < 3; k++) {{
+        const {name}_real cube = y * y * y;
+        y *= (cube + HIL_R(2.0) * a) / (HIL_R(2.0) * cube + a);
+    }}
+    return (x < HIL_R(0.0)) ? -y * scale : ((a > HIL_R(0.0)) ? y * scale : x);""",
+}
+"""Functions that need no call of the library of mathematics; the root is found by Halley's rule."""
+
+
+def _c(name: str) -> Syntax:
+    """Arithmetic of C; `name` of the robot, before functions of ours."""
+    return Syntax(
+        number=lambda value: f"HIL_R({value!r})",
+        function=lambda function, of: (
+            f"{name}_{function}({of})" if function in _C_BODIES else f"HIL_F({function})({of})"
+        ),
+    )
+
+
 _TYPES = """\
 #ifdef {upper}_SINGLE
 typedef float {name}_real;
@@ -38,8 +81,6 @@ typedef double {name}_real;
 #define HIL_F(function) function
 #endif
 #define HIL_R(number) (({name}_real)(number))
-#define HIL_SIGN(x) (({name}_real)(((x) > 0) - ((x) < 0)))
-#define HIL_DIRECTION(x) (({name}_real)(((x) >= 1) - ((x) <= -1)))
 """
 _EXAMPLE = """\
 #include <stdio.h>
@@ -86,11 +127,12 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
         _c_comment(description(model, origin, found)),
         f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
         _TYPES.format(name=name, upper=upper),
+        *(_c_helper(name, each) for each in _C_BODIES if each in _operations(found)),
         f"#define {upper}_JOINTS {model.robot.n_joints}",
         "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
         f"#define {upper}_MOTOR_INERTIA {{{inertias}}}\n",
         *(_c_function(name, upper, each) for each in found),
-        "#undef HIL_F\n#undef HIL_R\n#undef HIL_SIGN\n#undef HIL_DIRECTION\n\n#endif\n",
+        "#undef HIL_F\n#undef HIL_R\n\n#endif\n",
     ])  # fmt: skip
     files = {
         f"{name}_dynamics.h": header,
@@ -101,10 +143,20 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
     return Exported(files, remarks(model, found))
 
 
+def _operations(functions: Iterable[Function]) -> set[str]:
+    """Operations that functions need."""
+    return {each.operation for function in functions for each in needed(function.results)}
+
+
+def _c_helper(name: str, helper: str) -> str:
+    body = _C_BODIES[helper].format(name=name)
+    return f"static inline {name}_real {name}_{helper}({name}_real x)\n{{\n{body}\n}}\n"
+
+
 def _c_function(name: str, upper: str, function: Function) -> str:
     size = f"{upper}_JOINTS" + (f" * {upper}_JOINTS" if function.name == "mass_matrix" else "")
     inputs = [f"const {name}_real {each}[{upper}_JOINTS]" for each in function.arguments]
-    named, values = assignments(function.results, C)
+    named, values = assignments(function.results, _c(name))
     results = [f"r{k}" for k in range(len(values))]
     lines = [
         *(f"(void){each};" for each in _unused(function)),
@@ -191,3 +243,160 @@ def _python_function(function: Function) -> str:
     ]
     body = "\n".join(f"    {line}" for line in lines)
     return f"\ndef {function.name}({', '.join(function.arguments)}):\n{body}\n"
+
+
+_ST_NAMES = {"cbrt": "root", "direction": "direction", "sign": "sign"}
+"""Functions that the standard does not have, by the names that the text gives them."""
+_ST_BODIES = {
+    "root": "SEL(x < LREAL#0.0, EXPT(ABS(x), LREAL#1.0 / LREAL#3.0),"
+    " -EXPT(ABS(x), LREAL#1.0 / LREAL#3.0))",
+    "direction": "SEL(x >= LREAL#1.0, LREAL#0.0, LREAL#1.0)"
+    " - SEL(x <= -LREAL#1.0, LREAL#0.0, LREAL#1.0)",
+    "sign": "SEL(x > LREAL#0.0, LREAL#0.0, LREAL#1.0) - SEL(x < LREAL#0.0, LREAL#0.0, LREAL#1.0)",
+}
+
+
+def _literal(value: float) -> str:
+    """Return a number as a typed literal, with the decimal point that the standard asks for."""
+    digits, _, exponent = repr(abs(value)).partition("e")
+    whole = digits if "." in digits else f"{digits}.0"
+    typed = f"LREAL#{whole}E{int(exponent)}" if exponent else f"LREAL#{whole}"
+    return f"(-{typed})" if value < 0 else typed
+
+
+def _structured_text(name: str) -> Syntax:
+    """Arithmetic of structured text; `name` of the robot, before functions of ours."""
+    return Syntax(
+        number=_literal,
+        function=lambda function, of: (
+            f"{name}_{_ST_NAMES[function]}({of})"
+            if function in _ST_NAMES
+            else f"{function.upper()}({of})"
+        ),
+    )
+
+
+_WRAPPER = """\
+FUNCTION_BLOCK {name}_softmotion IMPLEMENTS SMDYN.ISMDynamics
+VAR_INPUT
+    (* SI units in one unit of each axis: rad in a degree; set 0.001 for a slide in mm. *)
+    unit : ARRAY[0..{last}] OF LREAL := [{units}];
+END_VAR
+VAR
+    arm : {name}_torque;
+    q : {name}_joints;
+    qd : {name}_joints;
+    qdd : {name}_joints;
+END_VAR
+
+METHOD AxesStateToTorque : SMC_ERROR
+VAR_IN_OUT CONSTANT
+    position : AXISPOS_REF;
+    velocity : AXISPOS_REF;
+    acceleration : AXISPOS_REF;
+    params : SMDYN.DynamicsParams;
+END_VAR
+VAR_IN_OUT
+    torque : AXISPOS_REF;
+END_VAR
+{lines}
+END_METHOD
+END_FUNCTION_BLOCK
+"""
+AXES_OF_SOFTMOTION = 6
+"""Members of AXISPOS_REF."""
+_SOFTMOTION = (
+    "Dynamic model of an axis group, for SMC_GroupSetDynamics of CODESYS SoftMotion from 4.13 on.",
+    "From the public documentation of CODESYS: interface ISMDynamics of library SM3_Dynamics"
+    " (namespace SMDYN, 4.13 to 4.18) with its method AxesStateToTorque and the structure"
+    " DynamicsParams; AXISPOS_REF of SM3_Transformation (a0 to a5); torques in N m or N at the"
+    " gearbox output (SMC_ChangeDynamicLimits).",
+    "NOT VERIFIED: names, types and order of the method's arguments, which the pages found did not"
+    " show. Let CODESYS declare the method (context menu of the block: Implement interfaces), and"
+    " take over the lines below with the names that it declares.",
+    "Gravity and load are those of the run that was identified: params is not read.",
+    "SoftMotion asks for states in any order, so friction reverses at once here. Along a motion,"
+    " call {name}_dynamics in each cycle.",
+)
+
+
+def write_st(model: Model, origin: tuple[str, ...]) -> Exported:
+    """Return the model as function blocks of structured text."""
+    name, found = identifier(model.robot.name), (*functions(model), with_memory(model))
+    joints = model.robot.n_joints
+    used = _operations(found)
+    array = "TYPE {}_{} : ARRAY[0..{}] OF LREAL; END_TYPE\n"
+    text = "\n".join([
+        _st_comment(description(model, origin, found)),
+        array.format(name, "joints", joints - 1) + array.format(name, "matrix", joints**2 - 1),
+        *(
+            f"FUNCTION {name}_{helper} : LREAL\nVAR_INPUT\n    x : LREAL;\nEND_VAR\n"
+            f"    {name}_{helper} := {_ST_BODIES[helper]};\nEND_FUNCTION\n"
+            for operation, helper in _ST_NAMES.items()
+            if operation in used
+        ),
+        *(_st_block(name, each, joints) for each in found),
+    ])  # fmt: skip
+    files, said = {f"{name}_dynamics.st": text}, remarks(model, found)
+    if joints > AXES_OF_SOFTMOTION:
+        lack = f"no block for SoftMotion, whose groups have {AXES_OF_SOFTMOTION} axes at most"
+        return Exported(files, (*said, lack))
+    return Exported(files | {f"{name}_softmotion.st": _softmotion(model, name)}, said)
+
+
+def _softmotion(model: Model, name: str) -> str:
+    axes = range(model.robot.n_joints)
+    states = {"q": "position", "qd": "velocity", "qdd": "acceleration"}
+    lines = [
+        *(f"    {a}[{k}] := {b}.a{k} * unit[{k}];" for a, b in states.items() for k in axes),
+        "    arm(q := q, qd := qd, qdd := qdd);",
+        *(f"    torque.a{k} := arm.out[{k}];" for k in axes),
+        "    AxesStateToTorque := SMC_ERROR.SMC_NO_ERROR;",
+    ]
+    units = (_literal(math.pi / 180 if each else 1.0) for each in model.robot.revolute.tolist())
+    head = (*cautions(model), *(line.format(name=name) for line in _SOFTMOTION))
+    return _st_comment(head) + _WRAPPER.format(
+        name=name, last=len(axes) - 1, units=", ".join(units), lines="\n".join(lines)
+    )
+
+
+def _st_block(name: str, function: Function, joints: int) -> str:
+    """Return one function block; arguments of `MEMORY` are kept in it from call to call."""
+    syntax, kept = _structured_text(name), [each for each in MEMORY if each in function.arguments]
+    named, values = assignments(function.results, syntax)
+    results = [*PARTS, *kept[1:]] if kept else ["out"]
+    size = len(values) // len(results)
+    kind = f"{name}_joints" if size == joints else f"{name}_matrix"
+    places = [f"{each}[{k}]" for each in results for k in range(size)]
+    lines = [f"{each} := {value};" for each, value in named.items()]
+    lines += [f"{each} := {value};" for each, value in zip(places, values, strict=True)]
+    names = list(named)
+    rows = (names[k : k + 12] for k in range(0, len(names), 12))
+    declared = [f"{', '.join(row)} : LREAL;" for row in rows]
+    if kept:
+        begin = ["IF first THEN", "    before := q;", "    first := FALSE;", "END_IF;"]
+        lines = [*begin, *lines, "before := q;"]
+        declared = [*(f"{each} : {kind};" for each in kept), "first : BOOL := TRUE;", *declared]
+    inputs = [f"{each} : {name}_joints;" for each in function.arguments if each not in kept]
+    outputs = [f"{each} : {kind};" for each in results[: len(PARTS)]]
+    return (
+        f"{_st_comment((f'{function.purpose} {count(function.results)}.',))}"
+        f"FUNCTION_BLOCK {name}_{function.name}\n"
+        f"{_st_variables('VAR_INPUT', inputs)}{_st_variables('VAR_OUTPUT', outputs)}"
+        f"{_st_variables('VAR', declared) if declared else ''}"
+        f"{_indented(lines)}\nEND_FUNCTION_BLOCK\n"
+    )
+
+
+def _st_variables(section: str, declared: list[str]) -> str:
+    return f"{section}\n{_indented(declared)}\nEND_VAR\n"
+
+
+def _indented(lines: list[str]) -> str:
+    return "\n".join(f"    {line}" for line in lines)
+
+
+def _st_comment(lines: tuple[str, ...]) -> str:
+    """Lines as a comment, whatever stands in them."""
+    harmless = (line.replace("*)", "* )").replace("(*", "( *") for line in lines)
+    return "(* " + "\n   ".join(harmless) + " *)\n"

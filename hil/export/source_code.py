@@ -122,7 +122,8 @@ def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
     else:
         if lack := lacking(model):
             said.append(f"FRICTION UNKNOWN: {lack}")
-        said += presliding_left_out(model)
+        but = " of all but dynamics" if "dynamics" in there else ""
+        said += presliding_left_out(model, but)
     if "current" not in there:
         said.append(
             "No current: gear ratio or torque constant of an axis is unknown; state them in the"

@@ -1,7 +1,10 @@
-"""Exported C and Python give the same numbers as the model, for robots of all kinds."""
+"""Exported C, Python and structured text give the model's numbers, for robots of all kinds."""
 
 from __future__ import annotations
 
+import ctypes
+import re
+import shutil
 import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +38,10 @@ ROBOTS = {
     "base on a wall": str(ROOT / "tests/robots/ur10e-on-a-wall.yaml"),
     "URDF": str(ROOT / "examples/pan_tilt/head.urdf"),
 }
+CPPCHECK = shutil.which("cppcheck")
+ADVICE = ("2.5", "12.1", "12.3", "20.5", "20.10")
+"""Advisory rules of MISRA C:2012 that the header does not follow: unused macros of what its user
+calls, brackets that repeat the precedence of * and +, declarations in one line, #undef and ##."""
 EXACT = {"warmth_rate": 1e-7}
 """How closely what is compared with a difference quotient agrees."""
 
@@ -144,6 +151,60 @@ def test_the_example_compiles_and_runs(tmp_path: Path) -> None:
     done = subprocess.run([tmp_path / "example"], capture_output=True, text=True, check=True)  # noqa: S603
     at_rest = model.gravity(np.zeros(6))
     assert f"joint 2: gravity {at_rest[1]:g}" in done.stdout
+
+
+@pytest.mark.parametrize("kind", ROBOTS)
+def test_the_header_includes_and_calls_nothing_but_sines_cosines_and_arc_tangents(
+    kind: str,
+) -> None:
+    model = stated_model(Robot.load(ROBOTS[kind]), warm=True)
+    name = identifier(model.robot.name)
+    text = write_c(model, ()).files[f"{name}_dynamics.h"]
+    code = re.sub(r"(?s)/\*.*?\*/", "", text)
+    assert re.findall(r"#include (.*)", code) == ["<math.h>"]
+    assert {"sin", "cos", "atan"} >= set(re.findall(r"HIL_F\((?!function)(\w+)\)", code))
+    called = set(re.findall(r"\b(\w+)\(", code)) - {"HIL_F", "HIL_R", "for"}
+    assert all(each.startswith(f"{name}_") for each in called)
+    assert f"{name}_cbrt(" in code
+
+
+@needs_compiler
+def test_the_cube_root_of_the_header_is_exact_for_every_size(tmp_path: Path) -> None:
+    model = stated_model(Robot.load("manutec-r15"))
+    compiled(model, tmp_path)
+    source = (
+        '#include "manutec_r15_dynamics.h"\nvoid root(const double *x, double *out);\n'
+        "void root(const double *x, double *out) { *out = manutec_r15_cbrt(*x); }\n"
+    )
+    (tmp_path / "root.c").write_text(source)
+    assert COMPILER is not None
+    command = [COMPILER, *STRICT, "-shared", "-fPIC", "root.c", "-o", "root.so", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)  # noqa: S603
+    root = ctypes.CDLL(str(tmp_path / "root.so")).root
+    sizes = np.concatenate([np.geomspace(1e-300, 1e300, 2001), np.linspace(0.0, 2.0, 2001)])
+    x = np.concatenate([sizes, -sizes])[:, np.newaxis]
+    np.testing.assert_allclose(called(root, (x,), x.shape, np.float64), np.cbrt(x), rtol=1e-14)
+    beyond = called(root, (np.array([[np.inf], [np.nan]]),), (2, 1), np.float64)
+    assert not np.isfinite(beyond).any()  # and it ends
+
+
+@pytest.mark.skipif(CPPCHECK is None, reason="there is no cppcheck")
+@pytest.mark.parametrize("kind", ROBOTS)
+@pytest.mark.parametrize("precision", ["-U", "-D"])
+def test_cppcheck_finds_nothing_in_the_header_but_advice_of_misra(
+    kind: str, precision: str, tmp_path: Path
+) -> None:
+    model = stated_model(Robot.load(ROBOTS[kind]), warm=True)
+    for file, text in write_c(model, ("origin",)).files.items():
+        (tmp_path / file).write_text(text)
+    name = identifier(model.robot.name)
+    command = [
+        str(CPPCHECK), "--std=c99", "--enable=warning,style,performance,portability", "--quiet",
+        f"{precision}{name.upper()}_SINGLE", "--addon=misra", "--template={file} {id}", "example.c",
+    ]  # fmt: skip
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
+    found = {line.split()[1] for line in done.stderr.splitlines() if line.startswith(name)}
+    assert found <= {f"misra-c2012-{rule}" for rule in ADVICE}
 
 
 @pytest.mark.parametrize("kind", ROBOTS)
