@@ -1,9 +1,8 @@
-"""Capabilities of a bus beyond python-can's interface, each declared once and looked up here.
+"""Capabilities of a bus beyond the interface of python-can.
 
-A bus has an ability by having a member of its name (`Capabilities`). A bus that stands in front of
-another one has those abilities alone which it states in `capabilities`: what passes through it
-unnoticed may be passed on, what it must see or time by itself may not. Nothing else asks a bus what
-it is.
+A bus has a capability if it has a member of that name (`Capabilities`). A bus in front of another
+one has only the capabilities in its `capabilities`: passed on are those that need no inspection or
+timing of frames. No other module examines the type of a bus.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ if TYPE_CHECKING:
 
 
 class BlockSource(Protocol):
-    """Bus with block reception: all frames in answer to a SYNC at once."""
+    """Bus with block reception: the answers to a SYNC at once."""
 
     def recv_block(self) -> bytes | None:
-        """Return all frames that wait, as ``struct can_frame``; None where they wait singly."""
+        """Return all waiting frames as ``struct can_frame``; None if they must be read singly."""
 
     def put_back(self, block: bytes) -> None:
-        """Have the frames of the block received last wait singly."""
+        """Return the frames of the last block to the queue of single frames."""
 
     def send_repeatedly(self, msg: can.Message, times: int) -> list[bytes]:
         """Send a SYNC repeatedly, each after the answers to the previous SYNC.
@@ -36,13 +35,13 @@ class BlockSource(Protocol):
         ----------
         msg : can.Message
         times : int
-            How often at most, at least 1.
+            Largest number of SYNCs, at least 1.
 
         Returns
         -------
         list of bytes
-            Blocks that answered all SYNCs but the last; what answers the last is to be received as
-            usual. Whatever is more than the same frames with new process data ends the repetition.
+            Blocks of answers to the SYNCs before the last; answers to the last are received as
+            usual. Any frame except the usual ones with new process data ends the repetition.
         """
 
 
@@ -53,15 +52,15 @@ class Capabilities:
     Attributes
     ----------
     lock_step : bool
-        Time may advance by SYNC alone: all answers are queued before `send` returns.
+        True if time may advance by SYNC alone: answers are queued before `send` returns.
     kernel_sync : bool
-        `send_periodic` is the kernel's, which hands back what it sent with its time stamp.
+        True if the kernel runs `send_periodic` and returns sent frames with time stamps.
     clock : callable
-        The time that it goes by [s].
+        Clock of the bus [s].
     until_next_sent : callable, optional
-        Of a recorded session: how long until the next frame was sent [s].
+        Time until the next sent frame of a recorded session [s].
     blocks : BlockSource, optional
-        Where frames are received by the block.
+        Block reception, if available.
     """
 
     lock_step: bool = False
@@ -72,12 +71,12 @@ class Capabilities:
 
     @property
     def recorded(self) -> bool:
-        """No drives are behind this bus that could be left switched on."""
+        """True for a replay, which has no drives that could stay powered."""
         return self.until_next_sent is not None
 
 
-def capabilities_of(bus: can.BusABC) -> Capabilities:
-    """Return what a bus can do."""
+def find_capabilities(bus: can.BusABC) -> Capabilities:
+    """Return the capabilities of a bus."""
     stated: Capabilities | None = getattr(bus, "capabilities", None)
     return stated or Capabilities(
         lock_step=getattr(bus, "lock_step", False),

@@ -1,8 +1,7 @@
-"""How much of the bus a cycle takes.
+"""Bus load of a cycle.
 
-A cycle is SYNC and every TPDO that answers it, each with the worst stuffing. What
-a drive answers with is seen when it is set up: where its PDOs are not as we would have them, the
-load is that of the TPDOs that it has.
+A cycle is SYNC and every TPDO in answer, with worst-case bit stuffing. The TPDOs of a drive are
+known after set-up: where its PDOs are fixed, the load is that of the fixed ones.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
 
 MAX_LOAD = 0.7
-"""Share of the bus beyond which identifiers of low priority starve."""
+"""Largest bus load; above, identifiers of low priority starve."""
 
 
 def frame_bits(n_bytes: int) -> int:
-    """Length of a data frame with the worst stuffing [bits]."""
+    """Return the length of a data frame with worst-case bit stuffing [bits]."""
     return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
 
 
@@ -33,18 +32,18 @@ def cycle_time(
     streamed: bool = False,
     feed_forward: bool = False,
 ) -> float:
-    """How long SYNC and all that belongs to it occupy the bus [s].
+    """Return the time of SYNC and the frames of a cycle on the bus [s].
 
     Parameters
     ----------
     drives : DrivesFile
         Axes and bit rate.
     sent : sequence, optional
-        The TPDOs of each axis; by default those that we would have.
+        TPDOs of each axis; by default the preferred ones.
     streamed : bool
-        Whether each axis gets a set-point in every cycle too.
+        True if each axis also gets a set-point in every cycle.
     feed_forward : bool
-        Whether each axis gets offsets of velocity and torque too.
+        True if each axis also gets offsets of velocity and torque.
     """
     pdos = [transmitted(axis) for axis in drives.axes] if sent is None else sent
     sizes = [pdo.size for own in pdos for pdo in own]
@@ -56,7 +55,7 @@ def cycle_time(
 
 
 def time_on_bus(sizes: Iterable[int], bitrate: int) -> float:
-    """How long SYNC and frames of so many bytes each occupy the bus at worst [s]."""
+    """Return the time of SYNC and frames of these sizes [bytes] on the bus, at worst [s]."""
     return (frame_bits(0) + sum(map(frame_bits, sizes))) / bitrate
 
 
@@ -68,14 +67,14 @@ def cycle_on_bus(
     streamed: bool,
     feed_forward: bool,
 ) -> tuple[float, str, float]:
-    """Return how long a cycle occupies the bus [s], its frames in words, the share it may take.
+    """Return the time of a cycle on the bus [s], its frames in words, and the largest bus load.
 
     Parameters
     ----------
     drives : DrivesFile or None
-        None where none is known: one full TPDO an axis is assumed, of 8 bytes.
+        None if unknown: one TPDO of 8 bytes for each axis is assumed.
     n_axes, bitrate : int
-        Number of axes, and of bits a second.
+        Number of axes, and bit rate [bit/s].
     streamed, feed_forward : bool
         See `cycle_time`.
     """

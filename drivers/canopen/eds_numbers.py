@@ -1,7 +1,7 @@
-"""Numbers and types as data sheets write them.
+"""Numbers and types in data sheets.
 
 Decimal, octal and hex; hex also with a trailing h; `$NODEID + 0x180` in any order and spacing;
-signed values in hex, whose sign the width of the type decides (0xFFFF is -1 in 16 bits).
+signed values in hex, with the sign by the width of the type (0xFFFF is -1 in 16 bits).
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ _TYPES = {
     "BOOLEAN": 1, "INTEGER8": 2, "INTEGER16": 3, "INTEGER32": 4, "UNSIGNED8": 5, "UNSIGNED16": 6,
     "UNSIGNED32": 7, "REAL32": 8, "VISIBLE_STRING": 9, "OCTET_STRING": 10, "DOMAIN": 15,
 }  # fmt: skip
-"""Index of the types of CiA 301, which files state, by the names that some tools write."""
+"""Index of the data types of CiA 301, by the names written by some tools instead of the index."""
 _NODE = re.compile(r"\+?\$NODEID\+?", re.I)
 
 
 class NoNumber(ValueError):
-    """A text that is no number, or does not fit where it stands."""
+    """A text is no number, or does not fit the type."""
 
 
 def number(text: str, node: int | None = None) -> int | None:
-    """Return a number; None for an empty text, and for $NODEID while that is not known.
+    """Parse a number; return None for an empty text, and for $NODEID of an unknown node.
 
     Raises
     ------
     NoNumber
-        The text is none.
+        The text is no number.
     """
     text = re.sub(r"[\s_]", "", text)
     if not text:
@@ -59,7 +59,7 @@ def _plain(text: str, whole: str) -> int:
 
 
 def stated(text: str, key: str, node: int | None = None) -> int | None:
-    """Return the number of a key (see `number`), whose name an error begins with."""
+    """Parse the number of a key (see `number`); errors begin with the name of the key."""
     try:
         return number(text, node)
     except NoNumber as error:
@@ -67,7 +67,7 @@ def stated(text: str, key: str, node: int | None = None) -> int | None:
 
 
 def real(text: str, key: str) -> float | None:
-    """Return a real number; None for an empty text."""
+    """Parse a real number; return None for an empty text."""
     try:
         return float(text) if text.strip() else None
     except ValueError as error:
@@ -75,10 +75,10 @@ def real(text: str, key: str) -> float | None:
 
 
 def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
-    """Return our name of a data type; None for texts and domains.
+    """Return the type code for a data type; None for texts and domains.
 
-    Types of the device's own (40h and up) are described by their member 1, as CANfestival's editor
-    writes it.
+    Types of the device (40h and up) are described by their member 1, as written by CANfestival's
+    editor.
     """
     named = _TYPES.get(text.strip().upper())
     if named is not None:
@@ -91,12 +91,12 @@ def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
 
 
 def within(kind: str, value: int | None, key: str) -> int | None:
-    """Return a value as its type has it, with the sign of hex numbers.
+    """Return a value of a type, with the sign of hex numbers.
 
     Raises
     ------
     NoNumber
-        It does not fit the type.
+        The value does not fit the type.
     """
     bits = int(kind[1:])
     if value is None:

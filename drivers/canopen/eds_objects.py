@@ -1,8 +1,8 @@
-"""Objects that a data sheet abbreviates or forgets.
+"""Abbreviated and missing objects of a data sheet.
 
-CiA 306 lets a long array be written as one section (CompactSubObj) with its members' names and
-values in two more. And tools drop sections of objects that they still list under [OptionalObjects];
-those are supplied as the standard has them, where it does.
+CiA 306 allows a long array as one section (CompactSubObj) with names and values of its members in
+two more. Tools also drop sections of objects still listed under [OptionalObjects]; these are
+supplied from the standard if defined there.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NOTHING = Section("", 0)
 def expand_compact(
     parents: Mapping[int, Section], sections: Mapping[str, Section]
 ) -> dict[Key, Section]:
-    """Return the members of objects that are written in short."""
+    """Return the members of objects in the compact notation."""
     return dict(
         member
         for index, section in parents.items()
@@ -63,7 +63,7 @@ def supply_listed(
     entries: dict[Key, Declared],
     notes: list[str],
 ) -> None:
-    """Add objects that are listed and not described, as the standard has them; note it."""
+    """Add objects that are listed without a description from the standard, and note them."""
     supplied = []
     for index in sorted(set(_listed(sections)) - set(described)):
         members = [entry for key, entry in _STANDARD.items() if key[0] == index]

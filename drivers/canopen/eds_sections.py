@@ -1,8 +1,7 @@
-"""The text of an EDS as sections of keys and values; nothing about objects yet.
+"""Sections, keys and values of an EDS, without their meaning.
 
-Sections and keys are compared without regard to case. A section that stands twice is merged: what
-is said twice alike does no harm, and where type or access differ the section is marked, since
-either may be wrong.
+Sections and keys are case-insensitive. Doubled sections are merged; where type or access differ,
+the section is marked, since either may be wrong.
 """
 
 from __future__ import annotations
@@ -21,18 +20,18 @@ _SPELLINGS = {"devicecommissioning": "devicecomissioning"}
 
 @dataclass
 class Section:
-    """One section.
+    """Section of an EDS.
 
     Attributes
     ----------
     name : str
-        As it is written.
+        Name as written.
     line : int
-        Of its header, from 1.
+        Line of the header, from 1.
     values : dict of str to str
-        By key in lower case.
+        Values by key in lower case.
     contradictions : list of str
-        What is said twice and differently.
+        Keys with two different values.
     """
 
     name: str
@@ -41,11 +40,11 @@ class Section:
     contradictions: list[str] = field(default_factory=list)
 
     def get(self, key: str) -> str:
-        """Return a value, empty where there is none."""
+        """Return a value, empty if absent."""
         return self.values.get(key, "")
 
     def put(self, key: str, value: str) -> None:
-        """Take a value; an earlier one that differs counts as contradicted."""
+        """Store a value; record a contradiction with an earlier one."""
         known = self.values.get(key.lower())
         if known and value and key.lower() in _DECISIVE and known.lower() != value.lower():
             self.contradictions.append(f"stands twice: {key}={known} and {key}={value}")
@@ -54,14 +53,14 @@ class Section:
 
 
 def sections_of(raw: bytes, source: str) -> tuple[dict[str, Section], list[str]]:
-    """Split a file into sections, by name in lower case, and return what was mended.
+    """Split a file into sections, by name in lower case; return also notes on repairs.
 
     Raises
     ------
     FileError
         The file is empty, binary or XML.
     """
-    text, notes = _decoded(raw, source)
+    text, notes = _decode(raw, source)
     sections: dict[str, Section] = {}
     section = None
     doubled = set()
@@ -76,18 +75,15 @@ def sections_of(raw: bytes, source: str) -> tuple[dict[str, Section], list[str]]
             section = sections.setdefault(name, Section(header[1], line))
         elif section is not None and "=" in content and content[0] not in ";#":
             key, _, value = content.partition("=")
-            section.put(key.strip(), _plain(value))
+            # without a trailing comment and without quotes
+            plain = re.split(r"\s;|^;", value, maxsplit=1)[0].strip().strip('"')
+            section.put(key.strip(), plain)
     if doubled:
         notes.append(f"stands twice and was merged: [{'], ['.join(sorted(doubled))}]")
     return sections, notes
 
 
-def _plain(value: str) -> str:
-    """Return a value without a comment behind it and without quotes around it."""
-    return re.split(r"\s;|^;", value, maxsplit=1)[0].strip().strip('"')
-
-
-def _decoded(raw: bytes, source: str) -> tuple[str, list[str]]:
+def _decode(raw: bytes, source: str) -> tuple[str, list[str]]:
     if not raw.strip():
         raise FileError(f"{source}: is empty; give the EDS or DCF of the drive's maker")
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

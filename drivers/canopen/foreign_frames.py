@@ -1,10 +1,10 @@
-"""Frames of other participants that command our drives: whoever sends them, the axes are stopped.
+"""Detection of foreign frames that command our drives; they stop the axes.
 
-Our own frames do not come back to us. So an NMT command (000h), a SYNC (080h), an RPDO (200h to
-500h plus node) or an SDO request (600h plus node) that is received is somebody else's: a second
-master, a configuration tool, a second producer of SYNC. What only reads or starts nodes is noted.
-A drive that such a frame keeps from watching us is set to watch us again at once, for its axis is
-under power until it has stopped; once only, or two programs that do so would never come to an end.
+Our own frames do not return to us. Hence a received NMT command (000h), SYNC (080h), RPDO (200h to
+500h plus node) or SDO request (600h plus node) comes from another participant: a second master, a
+configuration tool, a second producer of SYNC. Reading or starting nodes is only noted. A drive
+whose supervision of our life sign is switched off by such a frame is set up again at once, since
+its axis is under power until it has stopped; once only, or two such programs would never end.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ _NMT = {
 }
 _RESETS = frozenset({129, 130})
 _WRITES = frozenset({1, 6})
-"""Command specifiers of SDO requests that begin to write: download, block download."""
+"""Command specifiers of SDO requests that start a download or block download."""
 _READS = frozenset({2, 5})
 _REMEDY = "nobody else may command these drives: end that master or tool first"
 
 
 class ForeignFrames:
-    """Hears what others send to our drives.
+    """Receiver of other participants' frames to our drives.
 
     Parameters
     ----------
     network : PumpedNetwork
-        Where they are heard.
+        Network of the frames.
     labels : mapping of int to str
-        Node number to how messages name the drive.
+        Node number to the drive's name in messages.
     command : callable
-        Takes an error for each frame that commands a drive.
+        Receives an error for each frame that commands a drive.
     watch_again : callable
-        Sets a node to watch us again.
+        Restores the supervision of our life sign in a node.
     """
 
     def __init__(
@@ -63,43 +63,43 @@ class ForeignFrames:
         self.remarks: list[str] = []
         self._rpdos: dict[int, int] = {}
         for identifier in (NMT, SYNC, *(SDO_REQUEST + node for node in labels)):
-            network.subscribe(identifier, self._on_frame)
+            network.subscribe(identifier, self._take_frame)
 
     def wire(self, rpdos: Mapping[int, int], tpdos: Sequence[int]) -> None:
-        """Expect no other RPDOs, by identifier the node, than ours; what `tpdos` use is theirs."""
+        """Watch the RPDOs of our drives: ours (identifier to node) and predefined, less `tpdos`."""
         for identifier in self._rpdos:
-            self._network.unsubscribe(identifier, self._on_frame)
+            self._network.unsubscribe(identifier, self._take_frame)
         usual = {base + node: node for node in self._labels for base in RPDOS}
         self._rpdos = {key: node for key, node in {**usual, **rpdos}.items() if key not in tpdos}
         for identifier in self._rpdos:
-            self._network.subscribe(identifier, self._on_frame)
+            self._network.subscribe(identifier, self._take_frame)
 
-    def _on_frame(self, can_id: int, data: bytearray, timestamp: float) -> None:
+    def _take_frame(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp
         if can_id == SYNC:
-            self._take("another producer sends SYNC (080h), so drives answer at other instants")
+            self._report("another producer sends SYNC (080h), so drives answer at other instants")
         elif can_id == NMT and len(data) > 1 and data[1] in {0, *self._labels}:
             whom = self._labels.get(data[1], "all nodes")
             what = _NMT.get(data[0], f"by {data[0]:02X}h")
-            self._take(f"another master commands {whom} {what} (NMT)", harmless=data[0] == 1)
+            self._report(f"another master commands {whom} {what} (NMT)", harmless=data[0] == 1)
             if data[0] in _RESETS:
                 self._guard(self._labels if data[1] == 0 else (data[1],))
         elif can_id in self._rpdos:
             label = self._labels[self._rpdos[can_id]]
-            self._take(f"another master commands {label} by RPDO {can_id:03X}h, {data.hex(' ')}")
+            self._report(f"another master commands {label} by RPDO {can_id:03X}h, {data.hex(' ')}")
         elif can_id > SDO_REQUEST and len(data) > 3:
-            self._take_request(can_id - SDO_REQUEST, data)
+            self._judge_request(can_id - SDO_REQUEST, data)
 
-    def _take_request(self, node: int, data: bytearray) -> None:
+    def _judge_request(self, node: int, data: bytearray) -> None:
         command, label, who = data[0] >> 5, self._labels[node], "another master or tool"
         if command in _READS:
-            self._take(f"{who} reads objects of {label}", harmless=True)
+            self._report(f"{who} reads objects of {label}", harmless=True)
         elif command in _WRITES:
             index = data[1] | data[2] << 8
             place = f"{index:04X}:{data[3]:02X}"
             expedited = command == 1 and data[0] & 2
             value = f" = {int.from_bytes(data[4:8], 'little'):X}h" if expedited else ""
-            self._take(f"{who} writes {place} of {label}{value} (SDO)")
+            self._report(f"{who} writes {place} of {label}{value} (SDO)")
             if index in WATCHDOGS:
                 self._guard((node,))
 
@@ -108,7 +108,7 @@ class ForeignFrames:
             self._watching.discard(node)
             self._watch_again(node)
 
-    def _take(self, what: str, *, harmless: bool = False) -> None:
+    def _report(self, what: str, *, harmless: bool = False) -> None:
         message = f"{what}; {_REMEDY}"
         if not harmless:
             self._command(Tripped(message))

@@ -1,12 +1,11 @@
-"""Heartbeats both ways (CiA 301): ours, which the drives watch, and theirs, which we watch.
+"""Heartbeats in both directions (CiA 301): supervision of the master and of the drives.
 
-The drives stop by themselves when our heartbeat stays away (1016, 6007): that saves the robot when
-this process dies. A drive that cannot watch it is asked for its state at intervals instead, by a
-remote frame under the identifier of its own heartbeat (life guarding): requests go out with our
-heartbeat and stop with it, so that both kinds of drives stop alike. In the other direction a node
-that falls silent, restarts or leaves the state OPERATIONAL is trouble; only at the start may it
-take a while to get there. Time is that of SYNC's pacing, so in lock-step it stands still between
-two SYNCs.
+The drives stop their axes when our heartbeat ends (1016, 6007), as when this process dies. A drive
+that cannot supervise a heartbeat is asked for its state at intervals instead, by a remote frame
+with the identifier of its heartbeat (life guarding): requests accompany our heartbeat and end with
+it, so that both kinds of drives stop alike. In the other direction, a node that falls silent,
+restarts or leaves the state OPERATIONAL is a failure; only after NMT start is a delay allowed. Time
+is that of SYNC's pacing, so in lock-step it does not advance between two SYNCs.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveError
 
 START_TIME = 2.0
-"""How long a node may take from NMT start to OPERATIONAL [s]; CiA 301 states no bound."""
+"""Longest time of a node from NMT start to OPERATIONAL [s]; CiA 301 states no bound."""
 
 OPERATIONAL = 0x05
 PRE_OPERATIONAL = 0x7F
@@ -37,29 +36,29 @@ _STATES = {
 
 
 class Heartbeats:
-    """Our heartbeat and those of the drives (`drivers.fieldbus.LifeSign`).
+    """Heartbeats of the master and of the drives (`drivers.fieldbus.LifeSign`).
 
     Parameters
     ----------
     network : PumpedNetwork
-        Where they are sent and heard.
+        Network of the heartbeats.
     master : int
         Our node number.
     labels : mapping of int to str
-        Node number to how messages name the drive.
+        Node number to the drive's name in messages.
     period, timeout : float
-        How often they are sent and how long they may stay away [s].
+        Period, and longest time without a heartbeat [s].
     now : callable
-        Time [s].
+        Clock [s].
 
     Attributes
     ----------
     ceased : bool
-        Ours is sent no more.
+        True if our heartbeat has ended.
     starting : set of int
-        Nodes that have been commanded to start and have not shown OPERATIONAL yet.
+        Nodes commanded to start that have not shown OPERATIONAL yet.
     requests : list of can.Message
-        Sent with each heartbeat: they ask for the state of drives that watch these requests.
+        Guarding requests, sent with each heartbeat.
     """
 
     name = "our heartbeat"
@@ -90,17 +89,17 @@ class Heartbeats:
         self.starting: set[int] = set()
         self._start_ends = -math.inf
         for node in labels:
-            network.subscribe(0x700 + node, self._on_heartbeat)
-        network.subscribe(0x700 + master, self._on_ours)
+            network.subscribe(0x700 + node, self._take_heartbeat)
+        network.subscribe(0x700 + master, self._take_foreign)
 
     def watch(self, *, starting: bool = False) -> None:
-        """Begin to expect the drives' heartbeats, and to send ours where it has ceased.
+        """Start to supervise the drives' heartbeats, and resume ours if ceased.
 
         Parameters
         ----------
         starting : bool
-            The drives have just been commanded to start, so each may say for `START_TIME` that it
-            is pre-operational; else all are OPERATIONAL.
+            True after NMT start: drives may be pre-operational for `START_TIME`. Otherwise all are
+            OPERATIONAL.
         """
         self.trouble, self.ceased = None, False
         self.starting = set(self._labels) if starting else set()
@@ -108,12 +107,12 @@ class Heartbeats:
         self._start_ends = self._now() + START_TIME
 
     def beat(self) -> None:
-        """Send our heartbeat if it is due."""
+        """Send our heartbeat if due."""
         if self._now() >= self._next_beat and not self.ceased:
             self.hurry()
 
     def hurry(self) -> None:
-        """Send our heartbeat, due or not, unless it has ceased."""
+        """Send our heartbeat now, unless ceased."""
         if self.ceased:
             return
         self._next_beat = self._now() + self._period
@@ -122,11 +121,11 @@ class Heartbeats:
             self._network.send_frame(request)
 
     def cease(self) -> None:
-        """Send neither heartbeat nor requests any more: drives that watch them stop."""
+        """Stop heartbeat and requests: drives that supervise them stop their axes."""
         self.ceased = True
 
     def service(self) -> None:
-        """Send our heartbeat if it is due, and look who is overdue."""
+        """Send our heartbeat if due, and check the drives for overdue ones."""
         self.beat()
         now = self._now()
         last = min(self._heard.values(), default=math.inf)
@@ -139,12 +138,12 @@ class Heartbeats:
             )
 
     def fail(self, trouble: DriveError) -> None:
-        """Take note that somebody else commands a drive that is watched."""
+        """Record that another participant commands a supervised drive."""
         if self._heard and self.trouble is None:
             self.trouble = trouble
 
-    def _on_ours(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Somebody else sends what the drives watch: they would not miss us."""
+    def _take_foreign(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Report another sender of our heartbeat: the drives would not notice our end."""
         del data, timestamp
         self.fail(
             NodeSilent(
@@ -154,7 +153,7 @@ class Heartbeats:
             )
         )
 
-    def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
+    def _take_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp
         node = can_id - 0x700
         if node not in self._heard or not data:
@@ -174,7 +173,7 @@ class Heartbeats:
 
 
 def guarding_request(node: int) -> can.Message:
-    """Return the remote frame that asks a node for its state (life guarding)."""
+    """Return the remote frame of a guarding request to a node."""
     return can.Message(
         arbitration_id=0x700 + node, is_remote_frame=True, is_extended_id=False, dlc=1
     )

@@ -1,10 +1,10 @@
-"""What can be seen of the drives by listening alone: states, positions, currents, emergencies.
+"""Passive monitor of the drives: states, positions, currents, emergencies.
 
-`BusPicture` takes frames and sends none, so it works beside a running master, on a bus object of
-its own. TPDOs are understood as our driver maps them or as the drives file has them
-(`pdo_mapping.transmitted`); one of another length is counted as foreign, not guessed at. Digital
-inputs, which show safe torque off, are in none of them: they are taken from the answers to
-whoever asks, and `questions` are frames to ask.
+`BusPicture` receives frames and sends none, so it works beside a running master, on a bus object of
+its own. TPDOs are decoded as mapped by our driver or as stated in the drives file
+(`pdo_mapping.transmitted`); those of another length are counted as foreign. Digital inputs, which
+show safe torque off, are in no TPDO: they are taken from answers to SDO requests of anybody, and
+`questions` returns such requests.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
 _SDO_ANSWER, _SDO_REQUEST = 0x580, 0x600
 _EXPEDITED = 0x43
 RATE_OVER = 50
-"""SYNCs over which their rate is taken."""
+"""Number of SYNCs for the rate."""
 STOPPED = 2.0
-"""Without a SYNC for so long there is no rate any more [s]."""
+"""Time without SYNC after which the rate is 0 [s]."""
 
 
 class BusPicture(Picture):
-    """What was seen of all axes of a drives file.
+    """Picture of the axes of a drives file, from received frames.
 
     Parameters
     ----------
     drives : DrivesFile
-        The axes in joint order.
+        Axes in joint order.
     bus : can.BusABC, optional
-        To be listened to.
+        Bus to listen to.
     asked : sequence of can.Message
-        Sent on it before it is.
+        Requests sent before listening.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class BusPicture(Picture):
             self._of_node.setdefault(axis.node, []).append(axis)
 
     def listen(self, duration: float) -> None:
-        """Take what comes on the bus, for so long [s]."""
+        """Receive frames for a duration [s]."""
         assert self._bus is not None  # noqa: S101 - by the caller
         for question in self._asked:
             self._bus.send(question)
@@ -80,14 +80,14 @@ class BusPicture(Picture):
                 self.take(frame, time.monotonic())
 
     def sync_rate(self, now: float) -> float:
-        """Rate of the last SYNCs [1/s], 0 if there are none any more at `now` [s]."""
+        """Return the rate of the last SYNCs [1/s], 0 if SYNC has ended at `now` [s]."""
         if now - self._last_sync > STOPPED:
             return 0.0
         span = self._syncs[-1] - self._syncs[0] if len(self._syncs) > 1 else 0.0
         return (len(self._syncs) - 1) / span if span > 0 else 0.0
 
     def take(self, frame: can.Message, now: float) -> None:
-        """Take a frame, heard at `now` [s] of any steady clock."""
+        """Evaluate a frame received at `now` [s] of any steady clock."""
         if frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id:
             return
         number, data = frame.arbitration_id, bytes(frame.data)
@@ -97,15 +97,20 @@ class BusPicture(Picture):
         elif number in self._tpdos:
             self._take_tpdo(number, data, now)
         elif number & 0x780 == _SDO_ANSWER and number & 0x7F in self._of_node:
+            # an expedited upload of 60FD in four bytes, whoever asked for it
             for axis in self._of_node[number & 0x7F]:
-                _take_inputs(axis, data)
+                request = _upload(axis.drive)
+                if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == request[1:]:
+                    axis.show(objects.DIGITAL_INPUTS, int.from_bytes(data[4:], "little"))
         elif number & 0x780 in {0x080, 0x700} and number & 0x7F in self._of_node and data:
             for axis in self._of_node[number & 0x7F]:
                 axis.heard = now
                 if number & 0x700:
                     axis.nmt = NMT_STATES.get(data[0] & 0x7F, f"{data[0]:02X}h")
                 else:
-                    _take_emergency(axis, data)
+                    emergency = decode_emergency(data)
+                    axis.emergencies += bool(emergency.code & 0xFF00)
+                    axis.emergency = emergency if emergency.code & 0xFF00 else None
 
     def _take_tpdo(self, number: int, data: bytes, now: float) -> None:
         slot, entries, size = self._tpdos[number]
@@ -120,7 +125,7 @@ class BusPicture(Picture):
 
 
 def questions(drives: DrivesFile) -> tuple[can.Message, ...]:
-    """Return the requests that ask each drive for its digital inputs (60FD)."""
+    """Return requests for the digital inputs (60FD) of each drive."""
     return tuple(
         can.Message(
             arbitration_id=_SDO_REQUEST + axis.node,
@@ -132,21 +137,6 @@ def questions(drives: DrivesFile) -> tuple[can.Message, ...]:
 
 
 def _upload(axis: AxisDrive) -> bytes:
-    """Return the request for the digital inputs (60FD) of an axis, less its unused bytes."""
+    """Return the SDO request for the digital inputs (60FD) of an axis, without unused bytes."""
     entry = objects.DIGITAL_INPUTS
     return struct.pack("<BHB", 0x40, axis.within.place(entry.index), entry.subindex)
-
-
-def _take_inputs(axis: AxisPicture, data: bytes) -> None:
-    """Take the answer to an upload of 60FD in four bytes, whoever asked for it."""
-    if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == _upload(axis.drive)[1:]:
-        axis.show(objects.DIGITAL_INPUTS, int.from_bytes(data[4:], "little"))
-
-
-def _take_emergency(axis: AxisPicture, data: bytes) -> None:
-    emergency = decode_emergency(data)
-    if emergency.code & 0xFF00:
-        axis.emergency = emergency
-        axis.emergencies += 1
-    else:
-        axis.emergency = None

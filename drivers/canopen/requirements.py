@@ -1,8 +1,8 @@
-"""What a run needs of the objects of communication (CiA 301), and all that it needs over CANopen.
+"""Requirements on communication objects (CiA 301), and the complete table for CANopen.
 
-Time-outs of heartbeats follow from the drives file: a drive may send its own less often as long as
-two fit into `heartbeat_timeout`, and may wait for ours a little longer than that, but neither
-without end nor for less than two beats.
+Time-outs of heartbeats follow from the drives file: a drive may send its heartbeat less often if
+two fit into `heartbeat_timeout`, and may wait for ours somewhat longer, but neither for ever nor
+for less than two beats.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
 
 LONGER_WATCH = 1.5
-"""Times `heartbeat_timeout` that a drive may wait for our heartbeat at most."""
+"""Longest accepted time of a drive's heartbeat supervision, as a multiple of
+`heartbeat_timeout`."""
 
 NODE_SHIFT, TIME_MASK = 16, 0xFFFF
-"""A consumer heartbeat (1016): node and time [ms], which is 0 where the entry is not in use."""
+"""Consumer heartbeat (1016): node and time [ms]; time 0 marks an unused entry."""
 
 
 ON_ARRIVAL = (
@@ -31,17 +32,17 @@ ON_ARRIVAL = (
 )
 GUARDING = (cia301.GUARD_TIME, cia301.LIFE_TIME_FACTOR)
 WATCHDOGS = frozenset(entry.index for entry in (cia301.CONSUMER_HEARTBEAT, *GUARDING))
-"""Index of what watches us: consumer heartbeat and life guarding."""
+"""Index of the objects that supervise us: consumer heartbeat and life guarding."""
 _GUARDED = "it watches our guarding requests (100C, 100D) instead and answers them"
 _HEARTBEATS = "heartbeats alone (1016, 1017) watch"
 
 
 def watching_time(drives: DrivesFile) -> tuple[float, float]:
-    """Return how long a drive must wait for a sign of life from us, at least and at most [ms]."""
+    """Return the bounds of a drive's supervision time of our life sign [ms]."""
     return 2000 * drives.heartbeat_period, LONGER_WATCH * 1000 * drives.heartbeat_timeout
 
 
-def _watches(written: int, kept: int, drives: DrivesFile) -> bool:
+def _accept_watch(written: int, kept: int, drives: DrivesFile) -> bool:
     least, most = watching_time(drives)
     ours = kept >> NODE_SHIFT == written >> NODE_SHIFT
     return ours and least <= kept & TIME_MASK <= most
@@ -53,12 +54,12 @@ BEATS = Kept(
     "any time above 0 up to half of `heartbeat_timeout`",
     lambda _, kept, drives: 0 < kept <= 500 * drives.heartbeat_timeout,
 )
-WATCHES = Kept(f"our node, and a time {_TIMES}", _watches)
+WATCHES = Kept(f"our node, and a time {_TIMES}", _accept_watch)
 LIFE_TIME = Kept(f"their product in time, {_TIMES}", EXACT.accepts)
-"""Of two factors each is read back as it is; their product is what counts."""
+"""Each factor is read back exactly; the bounds apply to the product."""
 
 REQUIREMENTS = with_rows((
-    # Who watches whom
+    # supervision
     Requirement(
         cia301.CONSUMER_HEARTBEAT, Use.SET, "the axis goes on when our process dies",
         Lack.REFUSED_UNLESS_STATED, kept=WATCHES, instead=GUARDING, served=_GUARDED,
@@ -96,4 +97,4 @@ REQUIREMENTS = with_rows((
     ),
     silent(cia301.EMERGENCY_COB_ID, Use.READ, "emergencies are expected under 80h plus node"),
 ))  # fmt: skip
-"""The rows by object, in the order in which a drive is asked for them."""
+"""Requirements by object, in the order of reading."""

@@ -1,4 +1,4 @@
-"""CANopen's own in the object dictionaries of drives (`drivers.dictionary.bus_rules.BusRules`)."""
+"""CANopen rules for the object dictionaries of drives (`drivers.dictionary.bus_rules.BusRules`)."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 def _remarks(dictionary: Dictionary) -> Iterator[Finding]:
-    """Yield that a live drive expects a counter in SYNC; whether it can be changed is seen."""
+    """Yield a finding for a drive that expects a counter in SYNC; a live drive only."""
     declared = dictionary.entry(cia301.SYNC_COUNTER)
     if declared is not None and declared.writable is None and declared.value:
         so = "it expects a counter in SYNC, and ours has none: start-up sets it to 0"
         yield Finding(str(cia301.SYNC_COUNTER), f"is {declared.value}", so, fatal=False)
 
 
-def _unwatched(dictionary: Dictionary) -> str | None:
-    """State that a drive can neither watch our heartbeat nor be guarded."""
+def _find_unwatched(dictionary: Dictionary) -> str | None:
+    """Return why a drive can neither supervise our heartbeat nor be guarded, None if it can."""
     watch = cia301.CONSUMER_HEARTBEAT
     known = dictionary.entry(watch) is not None or watch.key in dictionary.unanswered
     return None if known or all(map(dictionary.entry, GUARDING)) else "the drive has no 1016"
@@ -46,11 +46,11 @@ RULES = BusRules(
         )
     ),
     mappings=(0x1600, 0x1A00, 0x1A01),
-    # It may make the drive produce SYNC, which it must not do with our period.
+    # it may make the drive produce SYNC, which must not happen with our period
     late=frozenset({cia301.SYNC_COB_ID.index}),
     watchdogs=WATCHDOGS,
     restore_process_data=restore_process_data,
     review_process_data=review_mapping,
     remarks=_remarks,
-    unwatched=_unwatched,
+    unwatched=_find_unwatched,
 )

@@ -1,4 +1,4 @@
-"""Configuring how a drive takes SYNC and sends emergencies, and what of its PDOs is to be noted."""
+"""Set-up of SYNC and emergencies in a drive, and notes on its PDOs."""
 
 from __future__ import annotations
 
@@ -26,48 +26,37 @@ if TYPE_CHECKING:
 
 PDO_BYTES = 8
 SYNC_PRODUCER, SYNC_RESERVED = 1 << 30, 1 << 31
-"""Bits of 1005; the latter means nothing, and once meant that the drive consumes SYNC."""
+"""Bits of 1005; the latter is obsolete and once marked a consumer of SYNC."""
 
 
 def set_up_sync(server: RemoteDictionary, period: float) -> None:
-    """Have the drive listen to our SYNC, without a counter, and know its period."""
-    _listen_to_sync(server)
-    _stop_counting(server)
+    """Configure the drive for our SYNC: as consumer, without a counter, with the period."""
+    present = server.find(cia301.SYNC_COB_ID)
+    if present is not None:
+        wanted = present & SYNC_RESERVED | SYNC
+        # a producer must stop before it gets a period; until then its identifier is locked
+        if present & SYNC_PRODUCER and present & ~SYNC_PRODUCER != wanted:
+            present &= ~SYNC_PRODUCER
+            server.set(cia301.SYNC_COB_ID, present)
+        if present != wanted:
+            server.set(cia301.SYNC_COB_ID, wanted)
+    counter = server.find(cia301.SYNC_COUNTER)
+    if counter:
+        try:
+            if server.find(cia301.CYCLE_PERIOD):  # the counter can be changed only without one
+                server.put(cia301.CYCLE_PERIOD, 0)
+            server.set(cia301.SYNC_COUNTER, 0)
+        except DriveRefused as error:
+            raise DriveRefused(
+                f"{error}; it expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), and "
+                "ours has none: set it to 0 with the maker's commissioning tool"
+            ) from error
     without = REQUIREMENTS[cia301.CYCLE_PERIOD].without
     server.set_if_present(cia301.CYCLE_PERIOD, round(1e6 * period), without)
 
 
-def _listen_to_sync(server: RemoteDictionary) -> None:
-    """Have the drive listen to our SYNC and produce none, before it has a period to do so."""
-    present = server.find(cia301.SYNC_COB_ID)
-    if present is None:
-        return
-    wanted = present & SYNC_RESERVED | SYNC
-    if present & SYNC_PRODUCER and present & ~SYNC_PRODUCER != wanted:
-        present &= ~SYNC_PRODUCER  # its identifier is locked as long as it produces SYNC
-        server.set(cia301.SYNC_COB_ID, present)
-    if present != wanted:
-        server.set(cia301.SYNC_COB_ID, wanted)
-
-
-def _stop_counting(server: RemoteDictionary) -> None:
-    """Have the drive expect SYNC without a counter, which it changes only without a period."""
-    counter = server.find(cia301.SYNC_COUNTER)
-    if not counter:
-        return
-    try:
-        if server.find(cia301.CYCLE_PERIOD):
-            server.put(cia301.CYCLE_PERIOD, 0)
-        server.set(cia301.SYNC_COUNTER, 0)
-    except DriveRefused as error:
-        raise DriveRefused(
-            f"{error}; it expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), and "
-            "ours has none: set it to 0 with the maker's commissioning tool"
-        ) from error
-
-
 def note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
-    """Note where set-points act when they arrive, because no RPDO takes them at SYNC."""
+    """Note set-points that act on arrival, for lack of an RPDO that acts at SYNC."""
     kind, target = cia301.SET_POINT_TRANSMISSION, inputs.target
     if inputs.synchronous or target is None:
         return
@@ -82,7 +71,7 @@ def note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
 def note_others(
     server: RemoteDictionary, others: Sequence[OtherTpdo], bitrate: int, period: float
 ) -> None:
-    """Note which TPDOs go on that nobody reads."""
+    """Note unused TPDOs that cannot be switched off."""
     for other in others:
         kind = other.transmission
         if kind is not None and 0 < kind <= LAST_SYNCHRONOUS:
@@ -98,7 +87,7 @@ def note_others(
 
 
 def find_emergency(server: RemoteDictionary) -> int | None:
-    """Return under which identifier emergencies come, None where the drive sends none."""
+    """Return the identifier of emergencies, None if the drive sends none."""
     present = server.find(cia301.EMERGENCY_COB_ID)
     if present is None:
         return 0x80 + server.node

@@ -1,9 +1,9 @@
-"""How often the drives can be asked.
+"""Highest rate of SYNC.
 
-The rate of SYNC is bounded by the load of the bus (`bus_load`) and, on the wall clock, by how long
-the slowest answer takes and how far SYNC is off its period, which a bus with a stopwatch finds out.
-An adapter hands frames on when it likes, so SYNC acts at another instant than it was sent. Nobody
-but the drives sees that; as they answer each alike, their answers vary by no less.
+The rate is bounded by the bus load (`bus_load`) and, on the wall clock, by the slowest answer and
+the jitter of SYNC, measured on a bus with a stopwatch. An adapter may delay frames, so SYNC acts
+later than it was sent. Only the drives see that delay; since their response times are constant, the
+variation of their answers bounds the jitter.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import can
 import numpy as np
 
-from drivers.can_bus.capabilities import Capabilities, capabilities_of
+from drivers.can_bus.capabilities import Capabilities, find_capabilities
 from drivers.canopen.bus_load import MAX_LOAD, cycle_time
 from drivers.canopen.objects import SYNC
 from drivers.canopen.pdo_mapping import answers
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
 
 ANSWERED = 0.99
-"""Share of the SYNCs that must be answered in the time that a rate is computed from."""
+"""Share of SYNCs answered within the time that determines the rate."""
 
 
 def achievable_rate(
@@ -43,7 +43,7 @@ def achievable_rate(
     drives : DrivesFile
         Axes and bit rate.
     answer : float
-        How long the slowest answer to a SYNC takes [s].
+        Response time of the slowest answer to a SYNC [s].
     sent : sequence, optional
         See `cycle_time`.
     """
@@ -51,25 +51,25 @@ def achievable_rate(
 
 
 class StopwatchBus(can.BusABC):
-    """A bus that notes how long the answers to each SYNC take, whoever sends it.
+    """Bus that measures the response time of the answers to each SYNC.
 
-    Where the kernel does, SYNC is heard like any frame, and time stamps are compared.
+    If the kernel sends SYNC, it is received like any frame, and time stamps are compared.
 
     Parameters
     ----------
     inner : can.BusABC
-        The bus that it stands for; shutting this one down leaves that one open.
+        Bus to measure; it stays open when this one is shut down.
     drives : DrivesFile
-        Whose TPDOs are answers.
+        Drives whose TPDOs are answers.
     clock : callable
-        [s].
+        Clock [s].
 
     Attributes
     ----------
     sent : list of float
-        When each SYNC was sent [s].
+        Instants of the SYNCs [s].
     answers : list of float
-        From each SYNC to the last TPDO that followed it [s], 0 where none did.
+        Time from each SYNC to the last TPDO in answer [s], 0 if none came.
     """
 
     def __init__(
@@ -89,13 +89,13 @@ class StopwatchBus(can.BusABC):
 
     @property
     def slowest(self) -> float:
-        """Time in which `ANSWERED` of the SYNCs were answered [s]."""
+        """Response time of `ANSWERED` of the SYNCs [s]."""
         return float(np.quantile(self.answers, ANSWERED))
 
     def jitter(self, period: float) -> float:
-        """Return how far SYNCs were off their period where they act, by `ANSWERED` of them [s].
+        """Return the deviation of SYNCs from their period at the drives, for `ANSWERED` [s].
 
-        That is how far they were off when they were sent, and by how much answers to them vary.
+        The deviation at sending and the variation of the response time are added.
         """
         sent, answers = np.array(self.sent), np.array(self.answers)
         gaps = np.diff(sent)[(answers[:-1] > 0) & (answers[1:] > 0)]
@@ -107,8 +107,8 @@ class StopwatchBus(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """All of the inner bus's but blocks, whose frames would not be noted."""
-        return replace(capabilities_of(self._inner), blocks=None)
+        """Capabilities of the inner bus except blocks, whose frames could not be timed."""
+        return replace(find_capabilities(self._inner), blocks=None)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame."""
@@ -119,12 +119,12 @@ class StopwatchBus(can.BusABC):
     def send_periodic(
         self, msgs: can.Message | Sequence[can.Message], period: float, *args: Any, **kwargs: Any
     ) -> CyclicSendTaskABC:
-        """Let the inner bus send frames periodically; SYNC is the kernel's from now on."""
+        """Let the inner bus send frames periodically; SYNC is then sent by the kernel."""
         self._by_kernel = self.capabilities.kernel_sync
         return self._inner.send_periodic(msgs, period, *args, **kwargs)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive a frame; an answer to SYNC is noted."""
+        """Receive a frame, and note an answer to SYNC."""
         frame = self._inner.recv(timeout)
         if frame is None:
             return None

@@ -1,10 +1,10 @@
-"""Who watches whom: a drive must stop by itself when this process dies, and we must notice its end.
+"""Set-up of mutual supervision: the drive stops when this process dies, and we notice its end.
 
-The drive watches our heartbeat (1016) and sends its own (1017). One that cannot do both may watch
-our guarding requests instead: when none comes for its life time (guard time 100C times life time
-factor 100D) it reacts as to a lost heartbeat (6007). Its own heartbeat has to be off then, since a
-node does either. A drive that can watch neither is refused unless the drives file states what else
-stops the axis.
+The drive supervises our heartbeat (1016) and sends its own (1017). A drive that cannot do both may
+supervise our guarding requests instead: without one for the life time (guard time 100C times life
+time factor 100D) it reacts as to a lost heartbeat (6007). Its own heartbeat has to be off then,
+since a node does either. A drive without either supervision is refused unless the drives file
+states other means to stop the axis.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.fieldbus import Entry
     from drivers.remote_dictionary import RemoteDictionary
 
 WATCHED_MAX = 127
@@ -36,13 +35,13 @@ _GOES_ON = REQUIREMENTS[cia301.CONSUMER_HEARTBEAT].without
 
 
 def set_up_watch(server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile) -> bool:
-    """Have the drive watch us; return whether it does so by guarding requests.
+    """Set up a drive's supervision of our life sign; return True if by guarding requests.
 
     Raises
     ------
     DriveRefused
-        It cannot, and nothing else is stated to stop the axis; or it keeps a time that is none, too
-        short, or much longer.
+        The drive has no supervision, and the drives file states no other means to stop the axis; or
+        it keeps an unusable time.
     """
     watches = server.find(cia301.CONSUMER_HEARTBEAT) is not None
     beats = server.find(cia301.PRODUCER_HEARTBEAT) is not None
@@ -52,7 +51,7 @@ def set_up_watch(server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile) 
         return True
     server.set(cia301.PRODUCER_HEARTBEAT, round(1000 * drives.heartbeat_period))
     if watches or axis.allow_no_heartbeat is None:
-        _watch_us(server, drives.master_node, round(1000 * drives.heartbeat_timeout))
+        _supervise_heartbeat(server, drives.master_node, round(1000 * drives.heartbeat_timeout))
     else:
         excused = f"{_GOES_ON}; allowed because: {axis.allow_no_heartbeat}"
         server.do_without((cia301.CONSUMER_HEARTBEAT,), excused)
@@ -86,8 +85,17 @@ def _set_up_life_guarding(server: RemoteDictionary, drives: DrivesFile) -> None:
     )
 
 
-def _watch_us(server: RemoteDictionary, node: int, time: int) -> None:
-    entry = _watching(server, node)
+def _supervise_heartbeat(server: RemoteDictionary, node: int, time: int) -> None:
+    """Write our node and the time [ms] to the entry of 1016 with our node, else to the first."""
+    entry = cia301.CONSUMER_HEARTBEAT
+    for number in range(1, WATCHED_MAX + 1):  # a node may be in one entry only
+        other = replace(cia301.CONSUMER_HEARTBEAT, subindex=number)
+        present = server.find(other)
+        if present is None:
+            break
+        if present >> NODE_SHIFT & 0xFF == node and present & TIME_MASK:
+            entry = other
+            break
     try:
         server.set(entry, node << NODE_SHIFT | time)
     except DriveRefused as error:
@@ -97,18 +105,3 @@ def _watch_us(server: RemoteDictionary, node: int, time: int) -> None:
             else f"free an entry of 1016 with the maker's commissioning tool, for node {node}"
         )
         raise DriveRefused(f"{error}; {_GOES_ON}: {remedy}") from error
-
-
-def _watching(server: RemoteDictionary, node: int) -> Entry:
-    """Return the entry of 1016 by which a drive watches us already; by default the first.
-
-    A node may stand in one entry only.
-    """
-    for number in range(1, WATCHED_MAX + 1):
-        entry = replace(cia301.CONSUMER_HEARTBEAT, subindex=number)
-        present = server.find(entry)
-        if present is None:
-            break
-        if present >> NODE_SHIFT & 0xFF == node and present & TIME_MASK:
-            return entry
-    return cia301.CONSUMER_HEARTBEAT

@@ -1,4 +1,4 @@
-"""How long something may take, by the bus's time and by ours."""
+"""Deadlines by the clock of the bus and by real time."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ if TYPE_CHECKING:
 
 
 class Deadline:
-    """Passed when the first of two clocks says so: a bus whose plant is gone has a slow one.
+    """Deadline on two clocks, whichever is first: the bus of a dead plant has a slow clock.
 
     Parameters
     ----------
     duration : float
-        By `clock` [s].
+        Time by `clock` [s].
     clock : callable, optional
-        Time [s]; by default real time.
+        Clock [s]; by default real time.
     real : float
-        In real time [s].
+        Time in real time [s].
     """
 
     def __init__(
@@ -36,5 +36,5 @@ class Deadline:
 
     @property
     def passed(self) -> bool:
-        """Whether it is over."""
+        """True after the deadline."""
         return self._clock() >= self._ends or monotonic() >= self._real_ends

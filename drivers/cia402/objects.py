@@ -1,10 +1,10 @@
-"""The objects of CiA 402, the profile of drives, that the driver reads or writes, by name."""
+"""Objects of the drive profile (CiA 402) used by the driver, by name."""
 
 from __future__ import annotations
 
 from drivers.fieldbus import Entry
 
-# Of CiA 301; every fieldbus that carries the profile has them at these places
+# of CiA 301; every fieldbus of the profile has them
 DEVICE_TYPE = Entry(0x1000, 0, "u32", "device type")
 ERROR_HISTORY = Entry(0x1003, 1, "u32", "latest error")
 VENDOR = Entry(0x1018, 1, "u32", "vendor")
@@ -71,7 +71,7 @@ MAX_DECELERATION = Entry(0x60C6, 0, "u32", "max deceleration")
 DIGITAL_INPUTS = Entry(0x60FD, 0, "u32", "digital inputs")
 SUPPORTED_MODES = Entry(0x6502, 0, "u32", "supported drive modes")
 
-# Only looked at
+# for information only
 SHUTDOWN_OPTION = Entry(0x605B, 0, "i16", "shutdown option code")
 DISABLE_OPTION = Entry(0x605C, 0, "i16", "disable operation option code")
 FAULT_REACTION = Entry(0x605E, 0, "i16", "fault reaction option code")
@@ -81,8 +81,8 @@ POLARITY = Entry(0x607E, 0, "u8", "polarity")
 FOLLOWING_ERROR = Entry(0x60F4, 0, "i32", "following error actual value")
 
 INTERPOLATION = (INTERPOLATION_PERIOD, INTERPOLATION_POWER)
-"""Written where a path is streamed."""
+"""Objects written for streaming."""
 OFFSETS = (VELOCITY_OFFSET, TORQUE_OFFSET)
-"""Sent beside set-points where velocity and torque are fed forward."""
+"""Objects sent with set-points for feed-forward."""
 HOMING = (HOMING_METHOD, HOME_OFFSET, HOMING_SPEED, HOMING_CREEP, HOMING_ACCELERATION)
-"""Written where a drive homes."""
+"""Objects written for homing."""

@@ -1,12 +1,12 @@
-"""A trapezoid of velocity from any motion to rest: what a drive in profile position would make.
+"""Trapezoidal velocity profile from any motion to rest, as in a drive's profile position mode.
 
-An axis at q0 with velocity v0 shall come to rest at a target D ahead of it (in the direction s in
-which it must finally go). It changes its speed to the peak, the profile velocity or less,
+An axis at q0 with velocity v0 is to come to rest at a target at distance D (in the direction s of
+its final motion). It changes its speed to the peak, at most the profile velocity,
 
     peak^2 = a D + v0^2 / 2,
 
-cruises, and brakes, all with the acceleration a. Where v0 leads away from the target, or beyond it,
-s is that of the way left once the axis has braked, so that it turns round by itself.
+cruises, and brakes, all with the acceleration a. If v0 leads away from the target, or beyond it, s
+is the direction of the target from the place where the axis has braked, so that it turns round.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 
 
 class Trapezoid:
-    """One move of one axis.
+    """Trapezoidal profile of one axis.
 
     Parameters
     ----------
     start, speed : float
-        Where it is, and how fast it goes.
+        Initial position and velocity.
     target : float
-        Where it shall come to rest.
+        Final position.
     velocity, acceleration : float
-        Of the profile, positive.
+        Profile velocity and acceleration, positive.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Trapezoid:
         self._rates = sign * np.array([rising, 0.0, -acceleration])
 
     def motion(self, t: Array) -> tuple[Array, Array]:
-        """Positions and velocities at times since the start, each of the shape of `t`."""
+        """Return positions and velocities at times since the start, each of the shape of `t`."""
         q, v = np.full(t.shape, self._start), np.full(t.shape, self._speed)
         begin = 0.0
         for end, rate in zip(self._ends, self._rates, strict=True):

@@ -1,7 +1,7 @@
-"""Process data of drives whose positions wrap around (`drivers.axis.Wrap`), as places of the axes.
+"""Process data of drives with wrap-around positions (`drivers.axis.Wrap`), as places of the axes.
 
-Positions that come are unwrapped and targets that go are wrapped, here and nowhere else: whoever
-moves and watches the axes sees no ends of a range.
+Received positions are unwrapped and sent targets are wrapped, only here: other modules see no ends
+of a range.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from drivers.cycle_data import ProcessData
 
 
-def unwrapped(process_data: ProcessData, axes: Sequence[Axis]) -> ProcessData:
-    """Return process data in places of the axes: the same where no positions wrap around."""
+def unwrap_positions(process_data: ProcessData, axes: Sequence[Axis]) -> ProcessData:
+    """Return process data in places of the axes; unchanged where no positions wrap around."""
     if not any(axis.wrap for axis in axes):
         return process_data
     return cast("ProcessData", _Unwrapped(process_data, axes))
 
 
 class _Unwrapped:
-    """All but positions and targets is passed on as it is; they are unwrapped one by one."""
+    """Process data with positions and targets converted, and other members passed on."""
 
     looks_ahead = False
 
@@ -38,18 +38,18 @@ class _Unwrapped:
 
     @property
     def positions(self) -> tuple[int, ...]:
-        """Places of all axes [increments]."""
+        """Places of the axes [increments]."""
         pairs = zip(self._wraps, self._inner.positions, strict=True)
-        return tuple(wrap.unwrapped(position) if wrap else position for wrap, position in pairs)
+        return tuple(wrap.unwrap(position) if wrap else position for wrap, position in pairs)
 
     def command(self, axis: int, target: int, controlword: int) -> None:
         """Send a place [increments] and controlword to one axis."""
-        self._inner.command(axis, self._wrapped(axis, target), controlword)
+        self._inner.command(axis, self._wrap(axis, target), controlword)
 
     def lead(self, axis: int, target: int) -> None:
-        """Send a set-point of a stream to one axis that follows it [increments]."""
-        self._inner.lead(axis, self._wrapped(axis, target))
+        """Send a streamed set-point to one axis [increments]."""
+        self._inner.lead(axis, self._wrap(axis, target))
 
-    def _wrapped(self, axis: int, target: int) -> int:
+    def _wrap(self, axis: int, target: int) -> int:
         wrap = self._wraps[axis]
-        return wrap.wrapped(target) if wrap else target
+        return wrap.wrap(target) if wrap else target

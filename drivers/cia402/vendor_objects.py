@@ -1,7 +1,7 @@
-"""Objects of makers' own that say what the standard has no object for, by vendor (1018:01).
+"""Manufacturer objects for quantities without a standard object, by vendor (1018:01).
 
-Only what a maker's dictionary names and its manual gives a unit to stands here; nothing is
-concluded from an object of another vendor at the same place.
+Included are only objects named in a maker's dictionary with a unit in the manual; the same index of
+another vendor has no meaning.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class VendorObject:
-    """A maker's object and what one count of it is in SI units."""
+    """Manufacturer object, and the size of one count in SI units."""
 
     entry: Entry
     per_count: float
 
     def value(self, counts: int) -> float:
-        """Return so many counts in SI units."""
+        """Convert counts to SI units."""
         return counts * self.per_count
 
 
 @dataclass(frozen=True, slots=True)
 class Maker:
-    """What a maker's drives say beyond the standard.
+    """Manufacturer objects of one maker's drives.
 
     Attributes
     ----------
     rated_current : VendorObject
-        Of the motor [A].
+        Rated current of the motor [A].
     torque_constant : VendorObject
-        Of the motor [N m/A].
+        Torque constant of the motor [N m/A].
     brake_delay : VendorObject
-        Time that the holding brake takes to close [s].
+        Closing time of the holding brake [s].
     """
 
     rated_current: VendorObject
@@ -47,7 +47,7 @@ class Maker:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """All of them."""
+        """Entries of all quantities."""
         quantities = (self.rated_current, self.torque_constant, self.brake_delay)
         return tuple(quantity.entry for quantity in quantities)
 
@@ -59,15 +59,15 @@ MAKERS = {
         brake_delay=VendorObject(Entry(0x3158, 2, "u16", "holding brake fall time"), 1e-3),
     )
 }
-"""By vendor."""
+"""Makers by vendor identifier."""
 
 VELOCITY_FEED_FORWARDS = {
     0x4D2: Entry(0x2010, 0, "u16", "velocity feed-forward of the position loop"),  # the plant's
 }
-"""By vendor: how much of a demand's velocity the drive feeds forward by itself, 0 for nothing."""
+"""Velocity feed-forward gain of a drive, by vendor; 0 for none."""
 
 
 def own_feed_forward(axis: AxisDrive) -> tuple[Entry, ...]:
-    """Return the object of a drive's own feed-forward, which ours would double; none if unknown."""
+    """Return the object of a drive's own feed-forward, if known; ours would add to it."""
     own = VELOCITY_FEED_FORWARDS.get(axis.identity.vendor)
     return () if own is None else (own,)

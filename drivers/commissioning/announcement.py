@@ -146,7 +146,7 @@ class _Rehearsal:
             self.layer = layer(access)
             return self.layer
 
-        self.shown = server.seen_through(behind)
+        self.shown = server.copy_through(behind)
         self.shown.first_write = self._keep
 
     @property

@@ -176,7 +176,7 @@ def _range(
     own: dict[str, str],
     notes: list[str],
 ) -> dict[str, float]:
-    scale, limits = AxisScale.of(axis), axis.limits
+    scale, limits = AxisScale.derive(axis), axis.limits
     entries = _RANGE
     ours = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
     low, high = ours

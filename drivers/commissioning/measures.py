@@ -72,7 +72,7 @@ class Measure(NamedTuple):
 
 def measures(axis: AxisDrive) -> Mapping[Quantity, Measure]:
     """Return how the drive of an axis counts each quantity."""
-    scale = AxisScale.of(axis)
+    scale = AxisScale.derive(axis)
     length, force = axis.unit, axis.effort_unit
     increment, rpm = abs(scale.position), 2 * math.pi / 60 / axis.gear_ratio
     of_current = axis.current.basis is Basis.RATED_CURRENT

@@ -55,7 +55,7 @@ def mixed_up(
 
 def fits(server: RemoteDictionary, axis: AxisDrive) -> bool:
     """Whether a drive confirms something that an entry states, and contradicts nothing."""
-    looked_at = server.seen_through(lambda client: client)
+    looked_at = server.copy_through(lambda client: client)
     try:
         check_identity(looked_at, axis)
         found = {comparison.grade for comparison in comparisons(looked_at, axis)}

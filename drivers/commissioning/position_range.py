@@ -64,7 +64,7 @@ def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap |
     if ends is None:
         return None
     low, high = ends
-    scale, limits, slack = AxisScale.of(axis), axis.limits, axis.position_window
+    scale, limits, slack = AxisScale.derive(axis), axis.limits, axis.position_window
     sides = (limits.q_min - slack, limits.q_max + slack)
     first, last = sorted(scale.position_to_counts(side) for side in sides)
     if low <= first <= last <= high:

@@ -132,7 +132,7 @@ def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entr
     Fixed ones that lie inside ours stay. Those that lie outside do not hinder, but then it is the
     driver alone that keeps the range. Off, they keep the axis from nothing, as in a drive without.
     """
-    scale, limits = AxisScale.of(axis), axis.limits
+    scale, limits = AxisScale.derive(axis), axis.limits
     entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
     ends = [values[entry] for entry in entries]
     if [server.find(entry) for entry in entries] == ends:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from checked_files.yaml_file import FileError
 from drivers.commissioning.held_values import MAPPINGS
 from drivers.in_node import ALONE, InNode, find_axes, maps
-from drivers.remote_dictionary import in_words
+from drivers.remote_dictionary import axis_suffix
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -157,7 +157,7 @@ class Dictionary:
         return replace(
             self,
             entries=entries,
-            source=f"{self.source}{in_words(within.axis)}",
+            source=f"{self.source}{axis_suffix(within.axis)}",
             damaged=_relative(self.damaged, within),
             unanswered=_relative(self.unanswered, within),
         )

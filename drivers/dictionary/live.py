@@ -15,7 +15,7 @@ from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.held_values import mapping_slot
 from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
-from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer, in_words
+from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer, axis_suffix
 
 if TYPE_CHECKING:
     from drivers.dictionary.bus_rules import BusRules
@@ -60,7 +60,7 @@ def read_dictionary(access: Access, node: int, rules: BusRules, axis: int = 1) -
     model = reading.text(DEVICE_NAME)
     identity = [reading.value(entry) for entry in objects.IDENTITY]
     return Dictionary(
-        f"node {node}{in_words(axis)}",
+        f"node {node}{axis_suffix(axis)}",
         live=True,
         entries=with_proof(reading.entries),
         unanswered=reading.unanswered,

@@ -22,7 +22,7 @@ from drivers.ethercat.coe import SdoClient, emergency_of
 from drivers.ethercat.eeprom import Area, Layout, read_layout
 from drivers.ethercat.mailbox import Mailbox
 from drivers.ethercat.process_layout import Mapped
-from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, in_words
+from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, axis_suffix
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -313,7 +313,7 @@ def reached(
     for at in places:
         if at.within.axis > 1:
             raise DriveRefused(
-                f"{at.name} (node {at.node}{in_words(at.within.axis)}): axes of one drive are"
+                f"{at.name} (node {at.node}{axis_suffix(at.within.axis)}): axes of one drive are"
                 " served on CAN alone; use its CAN interface, or drives of one axis each"
             )
     pairs = zip(drives, places, strict=True)

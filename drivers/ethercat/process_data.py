@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Command as Order
-from drivers.cycle_data import ProcessData, unpacking
+from drivers.cycle_data import ProcessData, make_unpacker
 from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
 from drivers.ethercat.al_states import AlState
@@ -170,7 +170,7 @@ class EthercatProcessData(ProcessData):
             for place, size in GUARDS
         ]
         self._size = struct.calcsize(layout)
-        self._unpack = unpacking(layout, order)
+        self._unpack = make_unpacker(layout, order)
         self._end = _VALUES * n
         self._states = self._end + len(self._in_op)
         self._fresh.clear()
@@ -269,12 +269,12 @@ class EthercatProcessData(ProcessData):
         while (due := clock.due()) > 0:  # whoever sleeps too long passes this deadline over
             time.sleep(due)
         self.untimed = clock.uncertain  # inputs are those of the frame before
-        clock.sending()
+        clock.note_sending()
         line.send(self._frames[self.feeding])
-        instant = self._sent_at = clock.sent()
+        instant = self._sent_at = clock.note_sent()
         answer = line.receive(clock.window())
         before, self._passed_at = self._passed_at, instant
-        self._pass_to(clock.latched(instant, before))
+        self._pass_to(clock.latch_instant(instant, before))
         if answer is None or len(answer) < self._size:
             self._take_nothing()
             return self.time
@@ -330,7 +330,7 @@ class EthercatProcessData(ProcessData):
         assert isinstance(clock, ReferenceClock) and clocks  # noqa: S101, PT018 - by `wire`
         reference, counter, differences, _ = values[-_TIMES:]
         if counter == len(clocks.clocked):
-            self.time = clock.latched(clock.follow(reference, instant), instant)
+            self.time = clock.latch_instant(clock.follow(reference, instant), instant)
         last, self._shown = self._shown, self.time
         if self.time <= last:
             return dict.fromkeys(range(len(self._axes)), _DOUBLED)
@@ -357,9 +357,9 @@ class EthercatProcessData(ProcessData):
             return
         if (due := self._clock.due()) > 0:
             time.sleep(due)
-        self._clock.sending()
+        self._clock.note_sending()
         self._line.send(self._ticking)
-        self._clock.sent()
+        self._clock.note_sent()
         self._line.receive(self._clock.window())
 
     # For our sign of life

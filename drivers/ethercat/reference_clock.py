@@ -79,13 +79,13 @@ class ReferenceClock(WallClock):
         grid = self._zero + round(1e9 * (self._start + self.shift))
         return grid + cycle * math.ceil(shown / self._period), cycle
 
-    def sent(self) -> float:
+    def note_sent(self) -> float:
         """Return the instant of a frame (see `WallClock`); inputs are timed by SYNC0 instead."""
-        instant = super().sent()
+        instant = super().note_sent()
         self.uncertain &= not self.follows
         return instant
 
-    def latched(self, instant: float, before: float) -> float:
+    def latch_instant(self, instant: float, before: float) -> float:
         """Return the last SYNC0 before an instant, without clocks when a frame passed before."""
         if not self.follows:
             return before

@@ -12,9 +12,9 @@ import socket
 import struct
 from typing import Protocol
 
-from drivers.awake import LONG, look_out
 from drivers.drive_bus import BusUnavailable
 from drivers.ethercat.frames import ETHERTYPE
+from drivers.sync_clock import LOCK_STEP_WAIT, poll_actively
 
 BUFFER = 2048
 """Longest frame that is taken [bytes]."""
@@ -95,10 +95,10 @@ class RawWire:
     def receive(self, timeout: float) -> bytes | None:
         """Return the next frame, None if none comes in time [s]."""
         try:
-            if timeout < LONG:  # the socket's own time-out counts in ticks of the kernel
+            if timeout < LOCK_STEP_WAIT:  # the socket's own time-out counts in ticks of the kernel
                 if not select.select([self._socket], [], [], timeout)[0]:
                     return None
-            elif (frame := look_out(self._came)) is not None:
+            elif (frame := poll_actively(self._came)) is not None:
                 return frame
             elif timeout != self._blocks:
                 self._block(timeout)

@@ -220,8 +220,8 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
         return
     for server, axis, *ends in zip(unpowered.servers, axes, before, after, strict=True):
         wrap = wrap_of(range_of(server.find), axis, server.label)
-        places = [wrap.unwrapped(end) if wrap else end for end in ends]
-        sagged = abs(places[1] - places[0]) * abs(AxisScale.of(axis).position)
+        places = [wrap.unwrap(end) if wrap else end for end in ends]
+        sagged = abs(places[1] - places[0]) * abs(AxisScale.derive(axis).position)
         unit = axis.unit
         yield graded(
             sagged <= axis.position_window,

@@ -62,7 +62,7 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
         )
     if low >= high:
         return Verdict(Grade.OK, server.label, check, "off in the drive", f"{stated} is written")
-    scale = AxisScale.of(axis)
+    scale = AxisScale.derive(axis)
     q_low, q_high = sorted(scale.position_from_counts(float(end)) for end in (low, high))
     slack = SLACK * (limits.q_max - limits.q_min)
     q_low_held, q_high_held = max(q_low, limits.q_min), min(q_high, limits.q_max)

@@ -128,7 +128,7 @@ def judge_rest(
         f"at most {drive.position_window:g} {unit}",
         "check the brake's release, the load, and the tuning of the drive's loops",
     )
-    limit, quantum = drive.limits.torque, AxisScale.of(drive).torque_step
+    limit, quantum = drive.limits.torque, AxisScale.derive(drive).torque_step
     yield graded(
         quantum <= QUANTUM_MAX * limit,
         Grade.WARNING,
@@ -152,7 +152,7 @@ def judge_rest(
 
 def judge_strokes(seen: Moved) -> Iterator[Verdict]:
     """Judge velocity, sign of the current and following error of both strokes."""
-    scale = AxisScale.of(seen.drive)
+    scale = AxisScale.derive(seen.drive)
     yield _renewal(seen, "position", abs(scale.position), "q")
     yield _renewal(seen, "current", scale.torque_step, "tau")
     yield _velocity(seen)

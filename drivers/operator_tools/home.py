@@ -125,7 +125,7 @@ def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
 
 
 def _configure(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
-    scale = AxisScale.of(axis)
+    scale = AxisScale.derive(axis)
     server.set(objects.HOMING_METHOD, homing.method)
     server.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
     for entry, value in (

@@ -75,7 +75,7 @@ def jog(
             f"{SLOW:.0%} of its limit; jog more slowly"
         )
     position = server.get(objects.POSITION)
-    place = named.wrap.unwrapped(position) if named.wrap else position
+    place = named.wrap.unwrap(position) if named.wrap else position
     start = named.scale.position_from_counts(float(place))
     move = small_move(held, start + way, velocity)
     check_move(move, named)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.drive_bus import DriveError, DriveRefused, NodeSilent, joined
+from drivers.drive_bus import DriveError, DriveRefused, NodeSilent, join_errors
 from drivers.found_settings.restoring import NotTakenBack, refuse_energised, restore_drive
 from drivers.found_settings.settings_file import difference, read_identity
 from drivers.session.connection import places_of
@@ -87,7 +87,7 @@ def _refuse(pairs: Sequence[tuple[RemoteDictionary, FoundDrive]]) -> None:
         except (DriveRefused, NodeSilent) as error:
             problems.append(error)
     if problems:
-        raise joined(problems, "nothing was written")
+        raise join_errors(problems, "nothing was written")
 
 
 def _refuse_other(server: RemoteDictionary, drive: FoundDrive) -> None:

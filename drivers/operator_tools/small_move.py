@@ -89,7 +89,7 @@ def small_move(axis: AxisDrive, target: float, velocity: float) -> Move:
     target, velocity : float
         [rad], [rad/s].
     """
-    scale, limits = AxisScale.of(axis), axis.limits
+    scale, limits = AxisScale.derive(axis), axis.limits
     velocity = min(max(velocity, scale.velocity), limits.velocity)
     acceleration = min(max(velocity / RAMP, scale.acceleration), limits.acceleration)
     return Move(target, velocity, acceleration)
@@ -154,7 +154,7 @@ class _Watch:
         self._label = label
         self._span = max(1, round(SPEED_TIME / period))
         self._unit = f"{drive.unit}/s"
-        self._step = 2 * abs(AxisScale.of(drive).position)
+        self._step = 2 * abs(AxisScale.derive(drive).position)
         self._commanded = move.velocity
         self._seen = [(0.0, start)]
         duration = abs(move.target - start) / move.velocity + move.velocity / move.acceleration
@@ -184,7 +184,7 @@ class _FollowingError:
     def __init__(self, server: RemoteDictionary, drive: AxisDrive) -> None:
         self.largest = math.nan
         self._server = server
-        self._per_count = abs(AxisScale.of(drive).position)
+        self._per_count = abs(AxisScale.derive(drive).position)
         self._next = -math.inf
 
     def poll(self, time: float) -> None:

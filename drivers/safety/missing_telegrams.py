@@ -1,8 +1,8 @@
-"""Axes whose process data stay away or come twice: one sample is a gap, ten are no control.
+"""Detection of missing and doubled process data: one is a gap, ten are a loss of control.
 
-In lock-step nothing arrives unless something is sent. So after a gap our heartbeat goes out early
-(`collect_late`): a TPDO that was merely late comes with it, is flagged as late and dropped, and is
-not taken for the answer to the next SYNC.
+In lock-step nothing arrives unless something is sent. Hence our heartbeat is sent early after a gap
+(`collect_late`): a late TPDO arrives with it, is flagged as late and dropped, and is not mistaken
+for the answer to the next SYNC.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveError
 
 BLIND = 10
-"""SYNCs in a row without an axis's TPDO after which all axes are stopped."""
+"""Consecutive SYNCs without an axis's TPDO until all axes are stopped."""
 BUSY = 0.25
-"""Time for which they may stay away at least where this computer is late itself, so perhaps what
-hands them over [s]."""
+"""Minimum time without TPDOs while this computer itself is late, since their delivery may be late
+too [s]."""
 
 
 class MissingTelegrams:
-    """Counts the SYNCs that an axis left unanswered.
+    """Counter of unanswered SYNCs, for each axis.
 
     Parameters
     ----------
     axes : sequence of Axis
         In joint order.
     collect_late : callable
-        Takes telegrams off the bus that are merely late; called after a gap.
+        Receives late telegrams; called after a gap.
     period : float
         Time between two SYNCs [s].
     silence, wiring : str
-        What stays away for so many SYNCs, in words, and what to check of the bus then.
+        Parts of the message: what is missing, and what to check of the bus.
     doubling : str
         See `drivers.session.connection.Connection`.
 
     Attributes
     ----------
     open : bool
-        The last sample had a gap.
+        True if the last sample had a gap.
     """
 
     def __init__(
@@ -66,20 +66,20 @@ class MissingTelegrams:
 
     @property
     def blind(self) -> bool:
-        """Nobody has seen some axis for more than one SYNC."""
+        """True if an axis has been unobserved for more than one SYNC."""
         return self.open and max(self._counts) > 1
 
     def look(
         self, flags: Sequence[int], misfits: Mapping[int, str], *, busy: bool = False
     ) -> DriveError | None:
-        """Take the flags of a sample; return which axis we are blind for, if any.
+        """Check the flags of a sample; return an error if an axis is unobserved for too long.
 
         Parameters
         ----------
         misfits : mapping of int to str
-            By axis, what came in place of its telegram.
+            Description of the telegram that arrived instead of the expected one, by axis.
         busy : bool
-            This computer was late just now.
+            True if this computer was late just now.
         """
         most = self._busy if busy else BLIND
         for axis in self._axes:

@@ -18,7 +18,7 @@ from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import commission
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.commissioning.mix_up import mixed_up
-from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent, joined
+from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent, join_errors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -111,7 +111,7 @@ def check_and_configure(
     configured = _all(configure, pairs)
     conflicts = connection.conflicts()
     if conflicts:
-        raise joined(conflicts)
+        raise join_errors(conflicts)
     keeper.configured(servers)
     return tuple(configured)
 
@@ -152,5 +152,5 @@ def _all(
         except (DriveRefused, NodeSilent, DriveFault) as error:
             problems.append(error)
     if problems:
-        raise problems[0] if len(problems) == 1 else joined(problems)
+        raise problems[0] if len(problems) == 1 else join_errors(problems)
     return results

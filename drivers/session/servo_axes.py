@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveError, DriveFault, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
-from drivers.interrupts import interrupts_held
+from drivers.interrupts import hold_interrupts
 from drivers.session.check_and_configure import check_and_configure
 from drivers.session.leaving import Outcome, leave
 from drivers.session.session import Session, SessionState
@@ -119,9 +119,9 @@ class ServoAxes:
         return tuple(self._session.connection.remarks()) if self._session else ()
 
     @property
-    def along(self) -> float:
+    def path_index(self) -> float:
         """Where on the path that is streamed the last sample was (see `StreamingBus`)."""
-        return self._session.along if self._session else 0.0
+        return self._session.path_index if self._session else 0.0
 
     @property
     def skipped_syncs(self) -> int:
@@ -246,7 +246,7 @@ class ServoAxes:
             raise pressed
 
     def _leave(self, error: BaseException | None) -> None:
-        with interrupts_held():
+        with hold_interrupts():
             if not self._inside:
                 return
             try:

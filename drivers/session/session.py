@@ -18,12 +18,16 @@ from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
-from drivers.cia402.set_point_limits import check_move, refuse_outside
+from drivers.cia402.set_point_limits import (
+    check_feed_forward,
+    check_move,
+    check_path,
+    refuse_outside,
+)
 from drivers.cia402.states import State
-from drivers.cia402.stream_limits import check_feed_forward, check_path
-from drivers.cia402.unwrapping import unwrapped
+from drivers.cia402.unwrapping import unwrap_positions
 from drivers.drive_bus import LATE_FOR, DriveError, DriveRefused, MoveFailed, Tripped
-from drivers.safety.current_offset import offsets
+from drivers.safety.current_offset import measure_offsets
 from drivers.safety.missing_telegrams import MissingTelegrams
 from drivers.safety.trips import Trips
 from drivers.session.stopping import Stopping
@@ -74,7 +78,7 @@ class Session:
     anywhere : bool
         Power on also where an axis stands outside its limits.
     feed_forward : bool
-        The drives were set up to take offsets of velocity and torque.
+        The drives were set up to take measure_offsets of velocity and torque.
 
     Attributes
     ----------
@@ -102,7 +106,7 @@ class Session:
         self._anywhere = anywhere
         self._feed_forward = feed_forward
         self._planned = any(axis.planned for axis in axes)
-        connection.process_data = unwrapped(connection.process_data, axes)
+        connection.process_data = unwrap_positions(connection.process_data, axes)
         self._process_data = data = connection.process_data
         self._life_sign, self._power = connection.life_sign, connection.power
         self._supervision = connection.supervision
@@ -208,9 +212,9 @@ class Session:
         here = self._samples.sample(self._process_data.now(), self._process_data, reached=True).q
         points = np.asarray(path, dtype=float)
         check_path(points, self.axes, here, self._period)
-        offsets = self._offsets(points, velocity, torque, holding)
+        measure_offsets = self._offsets(points, velocity, torque, holding)
         try:
-            self._cyclic_position.begin(points, offsets)
+            self._cyclic_position.begin(points, measure_offsets)
         except DriveError as error:
             self.stopping.fail(error)
 
@@ -262,7 +266,7 @@ class Session:
         last = self._samples.sample(time, data, not self._moving)
         if cycles is None:
             return (last,)
-        return [*self._samples.several(cycles, limits, reached), last]
+        return [*self._samples.convert_several(cycles, limits, reached), last]
 
     def _judge(self, time: float, elapsed: float) -> None:
         """Look at what the SYNC at `time` brought, so long after the one before [s]."""
@@ -340,12 +344,14 @@ class Session:
 
     def note_offsets(self, when: str) -> None:
         """Note current sensors that do not read zero, with all power stages off."""
-        self._note(offsets(self._process_data, self.axes, self.connection.beating_cycle, when))
+        self._note(
+            measure_offsets(self._process_data, self.axes, self.connection.beating_cycle, when)
+        )
 
     @property
-    def along(self) -> float:
+    def path_index(self) -> float:
         """Number of the set-points that act from the last SYNC on, from 0."""
-        return self._cyclic_position.along
+        return self._cyclic_position.path_index
 
     @property
     def _moving(self) -> bool:
@@ -376,7 +382,7 @@ class Session:
         self._samples.note_limits(words)
         if self._life_sign.trouble:
             self.stopping.fail(self._life_sign.trouble)
-        lost = self._supervision.lost(words)
+        lost = self._supervision.find_lost(words)
         if lost is not None:
             self.stopping.stop()
             self.stopping.await_rest()  # before the drive may be asked for the reason
@@ -400,8 +406,8 @@ class Session:
         late = elapsed - self._period
         if late > LEFT_OUT * self._period:
             self._late = self._process_data.time, elapsed
-            self._cyclic_position.left_out(late)
-        self._cyclic_position.late(late)
+            self._cyclic_position.note_left_out(late)
+        self._cyclic_position.note_late(late)
 
     def _unattended(self, elapsed: float) -> Tripped:
         return Tripped(

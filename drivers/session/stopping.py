@@ -15,7 +15,7 @@ from drivers.cia402 import objects
 from drivers.cia402.shutdown import Shutdown
 from drivers.commissioning.effective_limits import SLOWEST_STOP
 from drivers.drive_bus import DriveFault, Tripped
-from drivers.interrupts import interrupts_held
+from drivers.interrupts import hold_interrupts
 from drivers.safety.trips import fastest
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Stopping(Shutdown):
         DriveFault
             A drive does not show it; the trip stays.
         """
-        with interrupts_held():
+        with hold_interrupts():
             self.stop()
             self.switch_off()
             note(self.conclude())

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Objects = dict[tuple[int, int], Any]
 
 OFF = 1 << 31
-SCALES = [AxisScale.of(axis) for axis in drives_file().axes]
+SCALES = [AxisScale.derive(axis) for axis in drives_file().axes]
 IDENTIFIER_AND_FRAME = (1 << 30) - 1
 STATUS, POSITION, CURRENT, MODE = 0x60410010, 0x60640020, 0x60780010, 0x60610008
 

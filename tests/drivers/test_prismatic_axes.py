@@ -15,7 +15,7 @@ from local_bench import NODES, drives_file
 from drivers.axis import AxisScale
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
-from drivers.cia402.stream_limits import check_path
+from drivers.cia402.set_point_limits import check_path
 from drivers.commissioning.readback import readback
 from drivers.drive_bus import DriveError, LimitExceeded, Move
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Act = Callable[[Any, CanopenDriveBus], None]
 
 DRIVES = drives_file(joint="prismatic")
-PER_METRE = 1 / abs(AxisScale.of(DRIVES.axes[0]).position)
+PER_METRE = 1 / abs(AxisScale.derive(DRIVES.axes[0]).position)
 OF_ROTATION = re.compile(r"\brad\b|N m\b")
 
 

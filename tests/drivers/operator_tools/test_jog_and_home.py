@@ -32,7 +32,7 @@ def position(bus: AlteredBus, axis: AxisDrive) -> float:
     """Where an axis stands, asked by SDO [rad]."""
     unpowered = CanopenBus(bus).unpowered(drives_of(axis.node))
     unpowered.wait(0.02)
-    return AxisScale.of(axis).position_from_counts(
+    return AxisScale.derive(axis).position_from_counts(
         float(unpowered.servers[0].get(objects.POSITION))
     )
 
