@@ -18,7 +18,7 @@ from checked_files.yaml_file import FileError
 from drivers.canopen.eds_numbers import NoNumber, declared_type, number, real, stated, within
 from drivers.canopen.eds_objects import expand_compact, supply_listed
 from drivers.canopen.eds_sections import Section, sections_of
-from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, mark_mapped
 
 _OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?", re.I)
 _ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}
@@ -167,7 +167,7 @@ class _Reading:
         return Dictionary(
             self.source,
             live=False,
-            entries=with_proof(self.entries),
+            entries=mark_mapped(self.entries),
             damaged=self.damaged,
             node=self.node,
             bitrate=None if rate is None else rate if rate >= 10_000 else 1000 * rate,

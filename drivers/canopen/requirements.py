@@ -12,9 +12,18 @@ from typing import TYPE_CHECKING
 from drivers.canopen import objects as cia301
 from drivers.canopen.objects import SYNC
 from drivers.canopen.pdo_mapping import AT_SYNC, ON_SYNC
-from drivers.commissioning.kept_values import EXACT, ROUNDED, Kept
-from drivers.commissioning.requirement import Lack, Requirement, Use, noted, refused, silent
-from drivers.commissioning.requirements import with_rows
+from drivers.commissioning.requirement import (
+    EXACT,
+    ROUNDED,
+    Kept,
+    Lack,
+    Requirement,
+    Use,
+    noted,
+    refused,
+    silent,
+)
+from drivers.commissioning.requirements import add_rows
 
 if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
@@ -58,7 +67,7 @@ WATCHES = Kept(f"our node, and a time {_TIMES}", _accept_watch)
 LIFE_TIME = Kept(f"their product in time, {_TIMES}", EXACT.accepts)
 """Each factor is read back exactly; the bounds apply to the product."""
 
-REQUIREMENTS = with_rows((
+REQUIREMENTS = add_rows((
     # supervision
     Requirement(
         cia301.CONSUMER_HEARTBEAT, Use.SET, "the axis goes on when our process dies",

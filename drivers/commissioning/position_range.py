@@ -1,13 +1,13 @@
-"""Positions that wrap around at the ends of a range (607B), as drives of rotary axes count them.
+"""Positions that wrap around at the ends of a range (607B), as in drives of rotary axes.
 
-Where the range is wider than the way of an axis, each position is one place of it, wherever the
-drive wraps around. That is known at once, and nothing that was missed can make it wrong. On both
-sides of the axis's limits there must be room for an axis that leaves them until that is seen.
+If the range is wider than the travel of the axis, a position belongs to one place, wherever the
+drive wraps around, and no missed telegram can make it wrong. On both sides of the axis's limits
+there must be room for an axis that leaves them, until that is detected.
 
-A target of profile position lies in the same turn, or on the shortest way, by option and maker; the
-way that was checked may be neither. So where positions wrap around within the limits the driver
-leads the axis by cyclic position, in which the nearest place counts. Limits of such a range are no
-two numbers of the drive's (607D): the driver alone keeps it.
+A target of profile position is in the same turn, or in the shortest direction, by option and maker;
+the checked path may be neither. Hence the driver leads the axis by cyclic position, with the
+nearest place as target, if positions wrap around within the limits. The limits of such a range
+cannot be expressed in 607D: the driver alone keeps the range.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 ENDS = (objects.POSITION_RANGE_MIN, objects.POSITION_RANGE_MAX)
 UNSEEN = 0.1
-"""Time for which an axis may go on beyond its limits before that is seen, and stops it [s]: ten
-SYNCs without a telegram at 100 Hz."""
+"""Longest time of an axis beyond its limits until the driver stops it [s]: ten SYNCs without a
+telegram at 100 Hz."""
 _ALL_COUNTS = 1 << 32
-"""A range that is as wide as 32 bits wraps around as any counter does."""
+"""Number of positions of a 32-bit counter, which wraps around naturally."""
 
 
 def range_of(find: Callable[[Entry], int | None]) -> tuple[int, int] | None:
-    """Return the range in which a drive's positions wrap around; None where they do not."""
+    """Return the range of wrap-around positions; None without wrap-around."""
     try:
         low, high = map(find, ENDS)
-    except DriveRefused:  # of another type than the standard's: compared with nothing
+    except DriveRefused:  # of a non-standard type, and not compared
         return None
     if low is None or high is None or not 0 < high - low < _ALL_COUNTS - 1:
         return None
@@ -45,16 +45,16 @@ def range_of(find: Callable[[Entry], int | None]) -> tuple[int, int] | None:
 
 
 def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap | None:
-    """Return how positions wrap around within an axis's limits; None where they do not.
+    """Return the wrap-around within an axis's limits; None if there is none.
 
     Parameters
     ----------
     ends : tuple of int or None
-        Of the drive's range (`range_of`).
+        Range of the drive (`range_of`).
     axis : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     label : str
-        How messages name the drive.
+        Name of the drive in messages.
 
     Raises
     ------

@@ -1,32 +1,80 @@
-"""What can be required of an object of a drive: the columns of the table of requirements."""
+"""Requirements on an object of a drive: the columns of the table of requirements.
+
+A drive may round a written value to its resolution or clip it, without an error. That is acceptable
+if the kept value protects as well: a lower speed, a smaller following error. Slower braking
+lengthens a stop, and less torque lets a braking arm sink, so decelerations and torques may be
+rounded but not clipped. Software limits may be further inside by any amount, and further outside by
+one increment. Zero is never acceptable for another value, since it often means "off".
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum, Flag, auto
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.commissioning.kept_values import EXACT, Kept
-
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Callable, Collection
 
     from drivers.commissioning.measures import Quantity
+    from drivers.drives_file import DrivesFile
     from drivers.fieldbus import Entry
+
+ROUNDING = 0.01
+"""Largest relative rounding of a value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Rule for values that a drive may keep instead of the written one.
+
+    Attributes
+    ----------
+    words : str
+        The rule in words.
+    accepts : callable
+        ``accepts(written, kept, drives)``: True if the kept value is acceptable.
+    """
+
+    words: str
+    accepts: Callable[[int, int, DrivesFile], bool]
+
+
+def _accept_share(words: str, less: float, more: float) -> Kept:
+    """Accept values above zero that differ by at most these shares of the written one."""
+    return Kept(
+        words,
+        lambda written, kept, _: kept > 0 and -less * written <= kept - written <= more * written,
+    )
+
+
+def _accept_inwards(direction: int) -> Kept:
+    """Accept values in a direction (+1, -1), and one increment in the opposite one."""
+    words = "any value further inside, or one increment further outside; any range, if it is fixed"
+    return Kept(words, lambda written, kept, _: (kept - written) * direction >= -1)
+
+
+EXACT = Kept("the value written", lambda written, kept, _: kept == written)
+LESS = _accept_share(
+    f"any smaller value above 0, or up to {100 * ROUNDING:g} % more", math.inf, ROUNDING
+)
+ROUNDED = _accept_share(f"{100 * ROUNDING:g} % less or more", ROUNDING, ROUNDING)
+LOWER_END, UPPER_END = _accept_inwards(1), _accept_inwards(-1)
 
 
 class Use(Flag):
-    """What we do with an object."""
+    """Use of an object by the driver."""
 
     READ = auto()
     ASK = auto()
-    """Read where it can be read: one of another type than the standard's is left out."""
+    """Read if possible: an object of a non-standard type is left out."""
     WRITE = auto()
     SET = READ | WRITE
     """Written, and read back."""
     VARY = auto()
-    """Written again and again: a drive whose object is fixed at any value does not serve."""
+    """Written repeatedly: an object fixed at any value is unsuitable."""
     SEND = auto()
     """The drive must be able to send it in a PDO."""
     RECEIVE = auto()
@@ -34,7 +82,7 @@ class Use(Flag):
 
 
 class Lack(Enum):
-    """What becomes of a drive that lacks an object."""
+    """Consequence of a missing object for the drive."""
 
     REFUSED = "refused"
     REFUSED_UNLESS_STATED = "refused unless `allow_no_heartbeat` states what else stops the axis"
@@ -44,35 +92,34 @@ class Lack(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One object that we use.
+    """Requirement on one object.
 
     Attributes
     ----------
     entry : Entry
-        Which.
+        The object.
     use : Use
-        What we do with it.
+        Use by the driver.
     without : str
-        What follows where it is missing.
+        Consequence of a missing object.
     lack : Lack
-        What becomes of a drive without it.
+        Treatment of a drive without the object.
     value : int or None
-        What we write, where that is the same for every axis.
+        Written value, if common to all axes.
     serves : collection of int
-        Values that serve in place of ours, even where the object cannot be written.
+        Other acceptable values, even if the object cannot be written.
     kept : Kept
-        What may stand there after ours was written and taken.
+        Rule for values kept after ours was written.
     quantity : Quantity or None
-        What it counts.
+        Quantity of the object.
     own_holds : bool
-        It limits the axis: a tighter value of the drive's own is left as it is.
+        True for a limit of the axis: a tighter value of the drive is kept.
     instead : tuple of Entry
-        What does in its place, if all of it is there.
+        Objects that replace a missing one, if all are present.
     served : str
-        What follows where that is so, or where it is fixed at a value that serves; empty for
-        nothing.
+        Consequence of a replacement or of an acceptable fixed value; empty if none.
     fixed : str
-        What follows where it cannot be written and does not serve.
+        Consequence of an unacceptable fixed value.
     """
 
     entry: Entry

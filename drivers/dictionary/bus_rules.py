@@ -1,4 +1,4 @@
-"""What a bus has of its own in the object dictionaries of drives on it, open or not."""
+"""Rules of a bus for the object dictionaries of its drives; no open bus is needed."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 class ProcessDataReview(NamedTuple):
-    """What process data can carry.
+    """Capacity of the process data.
 
     Attributes
     ----------
     current : CurrentCandidate or None
-        The first current object that fits, or where none does the first of all.
+        The first current object that fits, or the first of all if none does.
     words : tuple of tuple of int or None
-        What `tpdos` of the drives file is to state; None where that is what we would have.
+        Value for `tpdos` of the drives file; None for the preferred mapping.
     obstacles : tuple of Finding
-        What keeps process data from carrying what we need.
+        Obstacles to the needed process data.
     """
 
     current: CurrentCandidate | None
@@ -37,20 +37,20 @@ class ProcessDataReview(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class BusRules(RestoringOrder):
-    """What is a bus's own, by which dictionaries are read, judged and drafted from.
+    """Rules of a bus for reading, review and drafts of dictionaries.
 
     Attributes
     ----------
     requirements : mapping of Entry to Requirement
-        What a run needs of a drive's dictionary, in the order in which a drive is asked for it.
+        Requirements on a drive's dictionary, in the order of reading.
     asked : tuple of Entry
-        What a live drive is asked for beside that, and `mappings`, whose objects are asked for too.
+        Further objects to read from a live drive, besides the objects in `mappings`.
     review_process_data : callable
-        Finds out what process data can carry, by the current objects that are usable.
+        Reviews the capacity of the process data, for the usable current objects.
     remarks : callable
-        States what else of the bus's own objects is to be known.
+        Yields further findings on objects of the bus.
     unwatched : callable
-        States why a drive cannot watch us; None where it can, or where that is not known.
+        Returns why a drive cannot supervise us; None if it can, or if that is unknown.
     """
 
     requirements: Mapping[Entry, Requirement]

@@ -1,4 +1,4 @@
-"""Who is on a bus, as a scan found it."""
+"""Nodes on a bus, as found by a scan."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
 
 @dataclass
 class FoundNode:
-    """One node.
+    """Node found by a scan.
 
     Attributes
     ----------
     node : int
-        Its number.
+        Node number.
     state, shown_by : str
-        NMT state of its last heartbeat, empty where none was heard; on EtherCAT the AL state.
+        NMT state of the last heartbeat, empty if none was received; on EtherCAT the AL state.
     boots, emergencies : int
-        So many boot-ups and emergencies were heard.
+        Number of boot-ups and emergencies received.
     answers : int
-        So many answers came to one question: more than one are two devices with the same number.
+        Number of answers to one request: more than one come from devices with the same number.
     dictionary : Dictionary or None
-        What was read; None where no SDO is answered.
+        Dictionary read; None without SDO answers.
     review : Review or None
-        What it offers.
+        Review of the dictionary.
     further : list of (InNode, Dictionary, Review)
-        Its other axes, where it has several.
+        Further axes of the node.
     within : InNode
-        Which PDOs are those of its first axis.
+        PDOs of the first axis.
     """
 
     node: int
@@ -50,19 +50,19 @@ class FoundNode:
 
 @dataclass
 class Scan:
-    """What a scan found.
+    """Result of a scan.
 
     Attributes
     ----------
     nodes : dict of int to FoundNode
-        By node number.
+        Nodes by number.
     syncs : int
-        SYNCs heard, from another master.
+        SYNCs received, from another master.
     """
 
     nodes: dict[int, FoundNode] = field(default_factory=dict)
     syncs: int = 0
 
     def heard(self, node: int) -> FoundNode:
-        """Return the node of this number, found from now on."""
+        """Return the node of a number, added if new."""
         return self.nodes.setdefault(node, FoundNode(node))

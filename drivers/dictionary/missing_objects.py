@@ -1,8 +1,8 @@
-"""What a dictionary lacks of one object that a run needs, by its row of the requirements.
+"""Comparison of a dictionary with one row of the requirements.
 
-An object may be missing, have another type than the standard's, or not take what would be written.
-Where it cannot be written, the value that it is fixed at decides whether the drive serves; where
-that is not stated, or depends on the axis, start-up will show it.
+An object may be missing, have a non-standard type, or refuse the value to be written. For an object
+that cannot be written, its fixed value decides on the drive; if unstated or dependent on the axis,
+start-up will show it.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something that a drive lacks or does otherwise.
+    """Deficiency or peculiarity of a drive.
 
     Attributes
     ----------
     about : str
-        Which object, such as "6084:00 (profile deceleration)".
+        Object, such as "6084:00 (profile deceleration)".
     problem : str
-        What is the matter with it.
+        The deficiency.
     consequence : str
-        What follows for our purpose.
+        Consequence for measurements.
     fatal : bool
-        The drive cannot serve.
+        True if the drive is unsuitable.
     """
 
     about: str
@@ -53,19 +53,22 @@ class Finding:
 def gaps(
     dictionary: Dictionary, row: Requirement, axis: AxisDrive | None, table: Table
 ) -> Iterator[Finding]:
-    """Yield what a dictionary lacks of the object of a row of the table.
+    """Yield the deficiencies of a dictionary in one row of the table.
 
     Raises
     ------
     FileError
-        It is declared in a way that cannot be understood.
+        The declaration of the object is unintelligible.
     """
     if row.lack is Lack.SILENT and Use.ASK in row.use:
         return
     about, declared = str(row.entry), dictionary.entry(row.entry)
     refused = dictionary.unanswered.get(row.entry.key)
     if declared is not None:
-        if not _is_spare(dictionary, row, table):
+        # a spare object is not needed if those it could replace are present
+        served = [each for each in table.values() if row.entry in each.instead]
+        spare = Use.WRITE in row.use and row.lack is Lack.SILENT and bool(served)
+        if not spare or not all(dictionary.entry(each.entry) for each in served):
             yield from _flaws(dictionary, declared, row)
     elif row.lack is Lack.SILENT:
         pass
@@ -78,24 +81,17 @@ def gaps(
 
 
 def fixed_at(declared: Declared | None) -> int | None:
-    """Return the value of an object that cannot be written; None where it can or is not stated."""
+    """Return the value of a read-only object; None if writable or not stated."""
     return None if declared is None or declared.writable is not False else declared.stated
 
 
 def _consequence(row: Requirement, axis: AxisDrive | None) -> tuple[str, bool]:
-    """Return what follows where an object is missing, and whether the drive is refused for it."""
+    """Return the consequence of a missing object, and True if the drive is refused for it."""
     if row.lack is not Lack.REFUSED_UNLESS_STATED:
         return row.without, row.lack is Lack.REFUSED
     if axis is not None and axis.allow_no_heartbeat is not None:
         return f"{row.without}; allowed because: {axis.allow_no_heartbeat}", False
     return f"{row.without}: {STATE_WHAT_STOPS}", axis is not None
-
-
-def _is_spare(dictionary: Dictionary, row: Requirement, table: Table) -> bool:
-    """Whether it does in place of other objects alone, and these are there."""
-    served = [each for each in table.values() if row.entry in each.instead]
-    written = Use.WRITE in row.use and row.lack is Lack.SILENT
-    return written and bool(served) and all(dictionary.entry(each.entry) for each in served)
 
 
 def _flaws(dictionary: Dictionary, declared: Declared, row: Requirement) -> Iterator[Finding]:
@@ -106,7 +102,11 @@ def _flaws(dictionary: Dictionary, declared: Declared, row: Requirement) -> Iter
         problem = f"has {declared.bits} bits, {8 * entry.size} expected ({entry.type})"
         yield Finding(about, problem, row.without, fatal=not harmless)
     if Use.WRITE in row.use:
-        yield from _unwritable(declared, row, _written(dictionary, row))
+        # the reaction to a lost connection depends on the fixed quick stop option
+        quick_stop = fixed_at(dictionary.entry(objects.QUICK_STOP_OPTION)) or 0
+        is_reaction = entry == objects.ABORT_CONNECTION_OPTION
+        value = reaction_for(quick_stop) if is_reaction else row.value
+        yield from _unwritable(declared, row, value)
     if Use.READ in row.use and declared.readable is False:
         yield Finding(about, "cannot be read (wo)", row.without, fatal=True)
     if declared.mappable is False and row.use & (Use.SEND | Use.RECEIVE):
@@ -114,15 +114,8 @@ def _flaws(dictionary: Dictionary, declared: Declared, row: Requirement) -> Iter
         yield Finding(about, problem, "it cannot travel with SYNC", fatal=True)
 
 
-def _written(dictionary: Dictionary, row: Requirement) -> int | None:
-    """Return what is written to an object, None where that follows from the drives file."""
-    if row.entry != objects.ABORT_CONNECTION_OPTION:
-        return row.value
-    return reaction_for(fixed_at(dictionary.entry(objects.QUICK_STOP_OPTION)) or 0)
-
-
 def _unwritable(declared: Declared, row: Requirement, value: int | None) -> Iterator[Finding]:
-    """Yield why an object does not take what is written to it."""
+    """Yield the reason why an object refuses the value to be written."""
     about, writable = str(row.entry), declared.writable is not False
     only = declared.fixed if writable else fixed_at(declared)
     if writable and only is None:
@@ -146,7 +139,7 @@ _NEEDED = (Lack.REFUSED, Lack.REFUSED_UNLESS_STATED)
 
 
 def _serves(row: Requirement, only: int) -> bool:
-    """Whether a drive may serve whose object is fixed at a value that is not ours."""
+    """Return True if an object fixed at another value than ours is acceptable."""
     if Use.VARY in row.use:
         return False
     if row.serves or row.value is not None:

@@ -1,9 +1,9 @@
-"""What an object dictionary offers for measuring, and what each gap in it means.
+"""Review of an object dictionary: suitability for measurements, and the meaning of each gap.
 
-The same review serves a data sheet that lies on the desk, a drive that a scan has found and a drive
-that is about to be used: `review` takes a `Dictionary`, whatever its source, and does no I/O. Each
-`Finding` says what is lacking and what follows. One that is `fatal` keeps the drive from being used
-at all; of what a live drive left unanswered nothing is concluded but that it must be looked up.
+One review serves data sheets, drives found by a scan and drives about to be used: `review` takes a
+`Dictionary` of any source and does no I/O. Each `Finding` states a deficiency and its consequence.
+A `fatal` one excludes the drive; objects that a live drive left unanswered only have to be looked
+up.
 """
 
 from __future__ import annotations
@@ -38,29 +38,29 @@ PROFILES = {
 _OF_DRIVES = (
     objects.CONTROLWORD, objects.STATUSWORD, objects.TARGET_POSITION, objects.SUPPORTED_MODES,
 )  # fmt: skip
-"""What no device of another profile has."""
+"""Objects found in no device of another profile."""
 
 
 @dataclass(frozen=True)
 class Review:
-    """What a drive offers.
+    """Suitability of a drive.
 
     Attributes
     ----------
     source : str
-        What was reviewed, for messages.
+        Name of the reviewed dictionary in messages.
     profile : int or None
         Device profile (1000); 402 is a drive.
     modes : tuple of Mode or None
-        That it supports (6502).
+        Supported modes (6502).
     currents : tuple of CurrentCandidate
         Objects that may show the motor current, the most suitable first.
     current : CurrentCandidate or None
-        The one to be used.
+        Object to be used.
     tpdos : tuple of tuple of int or None
-        What process data carry, where that is not what we would have.
+        Mapping of the TPDOs, unless it is the preferred one.
     findings : tuple of Finding
-        The fatal ones first.
+        Findings, the fatal ones first.
     """
 
     source: str
@@ -73,41 +73,45 @@ class Review:
 
     @property
     def serves(self) -> bool:
-        """Nothing that is known keeps the drive from being used."""
+        """True if no known fact excludes the drive."""
         return not self.refusals
 
     @property
     def refusals(self) -> tuple[Finding, ...]:
-        """Why the drive cannot be used."""
+        """Findings that exclude the drive."""
         return tuple(finding for finding in self.findings if finding.fatal)
 
 
 def review(dictionary: Dictionary, rules: BusRules, axis: AxisDrive | None = None) -> Review:
-    """Judge a dictionary.
+    """Review a dictionary.
 
     Parameters
     ----------
     dictionary : Dictionary
-        Of a data sheet or of a live drive.
+        Dictionary of a data sheet or of a live drive.
     rules : BusRules
-        Of the bus that the drive is for.
+        Rules of the bus for the drive.
     axis : AxisDrive, optional
-        What a drives file states of the drive: which object shows its current, and what else stops
-        the axis. Without one a drive is not refused for what a file may state.
+        Axis of a drives file: object of the current, and other means to stop the axis. Without an
+        axis a drive is not refused for what a file may state.
 
     Raises
     ------
     FileError
-        An object that we need is declared in a way that cannot be understood.
+        The declaration of a required object is unintelligible.
     """
     profile = _profile(dictionary)
     supposed = list(_supposed(dictionary, profile))
     if profile not in {None, DRIVE_PROFILE} and not supposed:
         named = PROFILES.get(profile or 0, "no drive")
         return _no_drive(dictionary.source, profile, f"says device profile {profile} ({named})")
-    if _commandless(dictionary):
+    commands = {objects.CONTROLWORD.key, objects.STATUSWORD.key}
+    if not commands & {*dictionary.entries, *dictionary.unanswered, *dictionary.damaged}:
         return _no_drive(dictionary.source, profile, "has neither controlword nor statusword")
-    modes = _modes(dictionary)
+    supported = dictionary.entry(objects.SUPPORTED_MODES)
+    modes = None
+    if supported is not None and supported.stated is not None:
+        modes = tuple(mode for mode in Mode if supported.stated & mode.supported_bit)
     candidates = current_candidates(dictionary)
     usable = [candidate for candidate in candidates if candidate.usable]
     carried = rules.review_process_data(dictionary, usable)
@@ -141,13 +145,13 @@ def _profile(dictionary: Dictionary) -> int | None:
     declared = dictionary.entry(objects.DEVICE_TYPE)
     if declared is None:
         return None
-    # 0 as a default says that the maker's tool left it open.
+    # a default of 0 is a value left open by the maker's tool
     number = declared.default or None if declared.value is None else declared.value
     return None if number is None else number & 0xFFFF
 
 
 def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
-    """Find a data sheet whose default of 1000 is no drive's though it has a drive's objects."""
+    """Yield a data sheet with a drive's objects whose default of 1000 is another profile."""
     declared = dictionary.entry(objects.DEVICE_TYPE)
     by_default = declared is not None and declared.value is None
     if profile in {None, DRIVE_PROFILE} or not by_default:
@@ -158,23 +162,10 @@ def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
         yield Finding(str(objects.DEVICE_TYPE), problem, so, fatal=False)
 
 
-def _commandless(dictionary: Dictionary) -> bool:
-    keys = {objects.CONTROLWORD.key, objects.STATUSWORD.key}
-    known = {*dictionary.entries, *dictionary.unanswered, *dictionary.damaged}
-    return not keys & known
-
-
 def _no_drive(source: str, profile: int | None, problem: str) -> Review:
     so = "it is no CiA 402 drive and is left alone"
     finding = Finding("the device", problem, so, fatal=True)
     return Review(source, profile, None, (), None, None, (finding,))
-
-
-def _modes(dictionary: Dictionary) -> tuple[Mode, ...] | None:
-    declared = dictionary.entry(objects.SUPPORTED_MODES)
-    if declared is None or declared.stated is None:
-        return None
-    return tuple(mode for mode in Mode if declared.stated & mode.supported_bit)
 
 
 def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
@@ -191,7 +182,7 @@ def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
 
 
 def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
-    """Software limits that are off and stay off."""
+    """Yield software limits that are off and cannot be changed."""
     ends = [
         dictionary.entry(entry)
         for entry in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)

@@ -15,7 +15,7 @@ from checked_files.foreign_text import one_line
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from drivers.cia402 import objects
-from drivers.dictionary.dictionary import Declared, Dictionary, with_proof
+from drivers.dictionary.dictionary import Declared, Dictionary, mark_mapped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -83,7 +83,7 @@ def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
     return Dictionary(
         str(path),
         live=False,
-        entries=with_proof(entries),
+        entries=mark_mapped(entries),
         node=node,
         vendor=_number(file.root.findtext("Vendor/Id")),
         product=_number(_attribute(device, "ProductCode")),

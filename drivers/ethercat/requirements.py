@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from drivers.commissioning.held_values import mapping_count
-from drivers.commissioning.kept_values import ROUNDED
-from drivers.commissioning.requirement import Use, refused, silent
-from drivers.commissioning.requirements import with_rows
+from drivers.commissioning.requirement import ROUNDED, Use, refused, silent
+from drivers.commissioning.requirements import add_rows
 from drivers.ethercat.objects import ASSIGNED_IN, ASSIGNED_OUT, CYCLES
 
 _ANY = range(1 << 32)
 _MASTER = "it takes its cycle from the frames"
 
-REQUIREMENTS = with_rows((
+REQUIREMENTS = add_rows((
     refused(
         mapping_count(ASSIGNED_OUT), Use.SET, "it cannot be commanded by process data",
         serves=_ANY, served="what it assigns must carry controlword and target",

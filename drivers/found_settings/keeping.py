@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.commissioning.held_values import before, read_if_held
+from drivers.commissioning.held_values import read_before_write, read_if_held
 from drivers.drive_bus import DriveRefused
 from drivers.found_settings.restoring import restore_drive
 from drivers.found_settings.settings_file import (
@@ -267,7 +267,7 @@ class SettingsKeeper:
         return next((drive for drive in self.settings.drives if drive.place == place), None)
 
     def _keep(self, server: RemoteDictionary, entry: Entry) -> None:
-        found = before(server, entry)
+        found = read_before_write(server, entry)
         if found:
             self._settings = self.settings.with_drives([_extended(self.drive(server), found)])
             self.save()

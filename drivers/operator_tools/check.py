@@ -17,12 +17,11 @@ from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.supervision import Supervision
 from drivers.commissioning.announcement import announce
-from drivers.commissioning.configure import check_identity
+from drivers.commissioning.configure import check_identity, find_swap, fits
 from drivers.commissioning.consistency import GEAR, POSITION
-from drivers.commissioning.mix_up import fits, mixed_up
 from drivers.commissioning.position_range import range_of, wrap_of
 from drivers.commissioning.ratings import CURRENT, TORQUE
-from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.commissioning.verdict import Grade, Verdict, grade_check, refused
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
@@ -119,7 +118,7 @@ def _unpowered(bus: Fieldbus, drives: DrivesFile, keeper: SettingsKeeper) -> Ite
         for verdict in _ask(bus.rules, server, axis, strangers):
             if verdict.grade is Grade.REFUSED:
                 serves = False
-                another = mixed_up(server, axis, pairs) if verdict.check in _BY_NODE else None
+                another = find_swap(server, axis, pairs) if verdict.check in _BY_NODE else None
                 yield verdict if another is None else replace(verdict, remedy=another)
             else:
                 yield verdict
@@ -223,7 +222,7 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
         places = [wrap.unwrap(end) if wrap else end for end in ends]
         sagged = abs(places[1] - places[0]) * abs(AxisScale.derive(axis).position)
         unit = axis.unit
-        yield graded(
+        yield grade_check(
             sagged <= axis.position_window,
             Grade.REFUSED,
             server.label,
@@ -237,7 +236,7 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
 def _load(bus: Fieldbus, drives: DrivesFile) -> Verdict:
     cycle, most = bus.load(drives)
     load = cycle / drives.sync_period
-    return graded(
+    return grade_check(
         load <= most,
         Grade.REFUSED,
         "bus",

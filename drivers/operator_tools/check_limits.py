@@ -16,7 +16,7 @@ from drivers.commissioning.effective_limits import SLACK, Bound, bounds
 from drivers.commissioning.measures import Quantity, measures
 from drivers.commissioning.position_range import range_of, wrap_of
 from drivers.commissioning.requirements import is_set
-from drivers.commissioning.verdict import Grade, Verdict, graded
+from drivers.commissioning.verdict import Grade, Verdict, grade_check
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -67,7 +67,7 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     slack = SLACK * (limits.q_max - limits.q_min)
     q_low_held, q_high_held = max(q_low, limits.q_min), min(q_high, limits.q_max)
     overlap = q_low_held < q_high_held
-    return graded(
+    return grade_check(
         q_low <= limits.q_min + slack and q_high >= limits.q_max - slack,
         Grade.WARNING if overlap else Grade.REFUSED,
         server.label,
@@ -95,7 +95,7 @@ def _judge(place: str, bound: Bound, found: int, remedy: str) -> Verdict:
     if not is_set(found, bound.entry):
         return Verdict(Grade.OK, place, check, "not set in the drive", f"{stated} is written")
     value = measure.value(found)
-    return graded(
+    return grade_check(
         value + measure.per_count >= bound.stated * (1 - SLACK),
         Grade.WARNING,
         place,

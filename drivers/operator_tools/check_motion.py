@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.axis import AxisScale
-from drivers.commissioning.verdict import Grade, Verdict, graded, undecided, unknown
+from drivers.commissioning.verdict import Grade, Verdict, grade_check, undecided, unknown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -119,7 +119,7 @@ def judge_rest(
     """
     unit, force = drive.unit, drive.effort_unit
     wander = float(np.nanmax(q) - np.nanmin(q))
-    yield graded(
+    yield grade_check(
         wander <= drive.position_window,
         Grade.REFUSED,
         place,
@@ -129,7 +129,7 @@ def judge_rest(
         "check the brake's release, the load, and the tuning of the drive's loops",
     )
     limit, quantum = drive.limits.torque, AxisScale.derive(drive).torque_step
-    yield graded(
+    yield grade_check(
         quantum <= QUANTUM_MAX * limit,
         Grade.WARNING,
         place,
@@ -139,7 +139,7 @@ def judge_rest(
         "use a finer object where the drive has one",
     )
     noise = float(np.nanstd(np.diff(tau))) / math.sqrt(2)  # a slow drift is no noise
-    yield graded(
+    yield grade_check(
         noise <= NOISE_MAX * limit,
         Grade.WARNING,
         place,
@@ -203,7 +203,7 @@ def _renewal(seen: Moved, what: str, step: float, name: str) -> Verdict:
     if math.isnan(every):
         return undecided(seen.place, check, "it changes too rarely", "move farther")
     time = every * float(np.median(np.diff(seen.strokes[0].time)))
-    return graded(
+    return grade_check(
         every < 1.0 + RENEWED,
         Grade.REFUSED,
         seen.place,
@@ -219,7 +219,7 @@ def _velocity(seen: Moved) -> Verdict:
     wanted, unit = seen.strokes[0].move.velocity, seen.drive.unit
     found = [_slope(stroke) for stroke in seen.strokes]
     worst = max(found, key=lambda value: abs(abs(value) - wanted))
-    return graded(
+    return grade_check(
         abs(abs(worst) - wanted) <= VELOCITY_SAME * wanted,
         Grade.REFUSED,
         seen.place,
@@ -237,7 +237,7 @@ def _current_sign(seen: Moved) -> Verdict:
     if not abs(friction) > SIGNIFICANT * error:
         remedy = "too little to decide: move farther, or make sure that this is the motor's current"
         return Verdict(Grade.WARNING, seen.place, "sign of the current", found, bound, remedy)
-    return graded(
+    return grade_check(
         friction > 0,
         Grade.REFUSED,
         seen.place,
@@ -254,7 +254,7 @@ def _following(seen: Moved) -> Verdict:
     unit, window = seen.drive.unit, seen.drive.following_error_window
     if math.isnan(largest):
         return unknown(seen.place, "following error (60F4)", "watch it in the maker's tool")
-    return graded(
+    return grade_check(
         largest <= WINDOW_SHARE * window,
         Grade.WARNING,
         seen.place,

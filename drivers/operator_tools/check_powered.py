@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.commissioning.verdict import Grade, Verdict, graded
+from drivers.commissioning.verdict import Grade, Verdict, grade_check
 from drivers.drive_bus import DriveError, SampleFlag
 from drivers.operator_tools.check_current import CurrentReadings, judge_current_unit
 from drivers.operator_tools.check_gravity import judge_direction
@@ -132,7 +132,7 @@ def _rest(axes: ServoAxes, drives: DrivesFile, operator: Operator) -> Iterator[V
 
 def _regularity(place: str, gaps: NDArray[np.int64], period: float) -> Verdict:
     good = int(np.count_nonzero(gaps == 0))
-    return graded(
+    return grade_check(
         good >= ANSWERED * gaps.size,
         Grade.REFUSED,
         place,
@@ -202,7 +202,7 @@ def _direction(
         "w": "correct gear_ratio or increments_per_revolution",
     }
     shown = {"y": "as seen", "o": "the other way", "w": "another amount"}[key]
-    return graded(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))
+    return grade_check(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))
 
 
 def shown_way(axis: AxisDrive, way: float) -> str:

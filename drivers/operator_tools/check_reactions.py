@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from drivers.cia402 import objects
 from drivers.cia402.supervision import safe_torque_off
 from drivers.cia402.vendor_objects import MAKERS
-from drivers.commissioning.verdict import Grade, Verdict, graded
+from drivers.commissioning.verdict import Grade, Verdict, grade_check
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -69,7 +69,7 @@ def _brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     counts = server.find(maker.brake_delay.entry) if maker else None
     if maker and counts:
         delay = maker.brake_delay
-        yield graded(
+        yield grade_check(
             delay.value(counts) <= axis.brake_delay * (1 + 1e-9),
             Grade.WARNING,
             server.label,

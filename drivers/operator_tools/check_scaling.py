@@ -20,7 +20,7 @@ from drivers.commissioning.consistency import (
 )
 from drivers.commissioning.position_units import PositionFactors
 from drivers.commissioning.ratings import CURRENT, TORQUE, expected_torque
-from drivers.commissioning.verdict import Grade, Verdict, graded, unknown
+from drivers.commissioning.verdict import Grade, Verdict, grade_check, unknown
 from drivers.drives_file import Basis
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
     """Compare ratings, encoder, gear and units of one drive with the file (see `verdict.Check`)."""
     compared = list(comparisons(server, axis))
     for comparison in compared:
-        yield comparison.of(server.label)
+        yield comparison.make_verdict(server.label)
     if axis.current.basis is not Basis.RATED_TORQUE:
         sure = {each.check for each in compared if each.grade is Grade.OK}
         yield _torque_constant(server.label, axis, rated={CURRENT, TORQUE} <= sure)
@@ -65,7 +65,7 @@ def _torque_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
             "the drive states the same rated_current and rated_torque, so correct torque_constant:"
             f" {axis.torque_constant / ratio:.4g} N m/A leads from one to the other"
         )
-    return graded(
+    return grade_check(
         abs(ratio - 1) <= CONSISTENT,
         Grade.WARNING,
         place,
@@ -102,7 +102,7 @@ def _gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     if gear is None or gear == 1:
         yield unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
     elif not list(another_gear(factors, axis)):
-        yield graded(
+        yield grade_check(
             math.isclose(float(gear), stated, rel_tol=SAME_GEAR),
             Grade.WARNING,
             server.label,
@@ -115,7 +115,7 @@ def _gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
 
 def _polarity(server: RemoteDictionary) -> Verdict:
     present = server.find(objects.POLARITY)
-    return graded(
+    return grade_check(
         not present,
         Grade.WARNING,
         server.label,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.commissioning import unit_codes
-from drivers.commissioning.position_units import PositionFactors, position_readings, shown
+from drivers.commissioning.position_units import PositionFactors, format_counts, position_readings
 from drivers.drives_file import Basis
 from drivers.rate_units import ACCELERATIONS, VELOCITIES
 
@@ -89,7 +89,7 @@ def increments(dictionary: Dictionary) -> Drafted:
     by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
     counts = {reading.per_revolution for reading in (*readings, *by_default)}
     if readings and len(counts) == 1 and not factors.assumed:
-        return Drafted(shown(readings[0].per_revolution), readings[0].reason, hint)
+        return Drafted(format_counts(readings[0].per_revolution), readings[0].reason, hint)
     if readings:
         either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
         return Drafted(None, "", f"{hint}; the drive leaves it open: {either}{factors.caveat}")

@@ -85,7 +85,7 @@ def home(
             " that it would not hold its position by itself after homing; home it with the maker's"
             " tool"
         )
-    _refuse(server, limits.of(axis), homing)
+    _refuse(server, limits.apply_to(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
         f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."

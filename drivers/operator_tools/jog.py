@@ -66,7 +66,7 @@ def jog(
     alone = drives.model_copy(update={"axes": (axis,)})
     (server,) = bus.unpowered(alone).servers
     limits = effective_limits(server.find, axis, server.label)
-    held = limits.of(axis)
+    held = limits.apply_to(axis)
     named = Axis(drives.axes.index(axis), axis, held, server, limits.own, wrap=limits.wrap)
     fastest = SLOW * held.limits.velocity
     if velocity > fastest:

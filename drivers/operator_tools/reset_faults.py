@@ -13,7 +13,7 @@ from drivers.cia402 import objects
 from drivers.cia402.power import Power
 from drivers.cia402.states import State, decode_state
 from drivers.cia402.supervision import RESET, Supervision
-from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.commissioning.verdict import Grade, Verdict, grade_check, refused
 from drivers.drive_bus import DriveError
 from drivers.operator_tools.operator import require_consent
 
@@ -41,7 +41,7 @@ def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
     if state is State.FAULT:
         found = f"{found}: {supervision.reason(server)}"
     healthy = state is not State.FAULT
-    return graded(healthy, Grade.REFUSED, server.label, _STATE, found, "", RESET)
+    return grade_check(healthy, Grade.REFUSED, server.label, _STATE, found, "", RESET)
 
 
 def reset_faults(bus: Fieldbus, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:

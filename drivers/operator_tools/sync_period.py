@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.commissioning.verdict import Grade, Verdict, graded
+from drivers.commissioning.verdict import Grade, Verdict, grade_check
 from drivers.fieldbus import TOO_LATE
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) 
     if best is not None and best < wanted:
         remedies.append(f"set sync_period to {1.0 / best:g} s or more")
     remedies.append("set this computer up as docs/reference/can.md says")
-    return graded(
+    return grade_check(
         ok,
         Grade.WARNING,
         "this computer",
@@ -166,7 +166,7 @@ def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
     why = max(bounds, key=lambda name: bounds[name])
     rate = usual_rate(bounds[why])
     advice = "no usual rate is kept" if rate is None else f"set sync_period to {1 / rate:g} s"
-    return graded(
+    return grade_check(
         period * (1 + 1e-9) >= bounds[why],
         Grade.WARNING,
         "bus",

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, TypeVar
 from drivers.axis import Axis
 from drivers.cia402.states import Mode
 from drivers.commissioning.announcement import announce
-from drivers.commissioning.configure import commission
+from drivers.commissioning.configure import commission, find_swap
 from drivers.commissioning.effective_limits import effective_limits
-from drivers.commissioning.mix_up import mixed_up
 from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent, join_errors
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ def check_and_configure(
         return Axis(
             place,
             axis,
-            held.of(axis),
+            held.apply_to(axis),
             server,
             own=held.own,
             stop_deceleration=held.stop_deceleration,
@@ -123,7 +122,7 @@ def _explained(
     pairs: Iterable[tuple[RemoteDictionary, AxisDrive]],
 ) -> DriveRefused:
     """Give an error of a drive that is another axis's that remedy in place of its own."""
-    other = mixed_up(server, axis, pairs)
+    other = find_swap(server, axis, pairs)
     return error if other is None else DriveRefused(f"{str(error).rsplit('; ', 1)[0]}; {other}")
 
 

@@ -150,7 +150,7 @@ def _from_sheets(
     for number, file in enumerate(files):
         whole = (read_esi if interface else read_eds)(file, nodes[number] if nodes else None)
         for within in whole.axes():
-            dictionary = whole.of_axis(within)
+            dictionary = whole.select_axis(within)
             reviewed = review(dictionary, rules)
             axes.append(DraftedAxis(dictionary, reviewed, whole.node, within))
     return axes

@@ -16,7 +16,7 @@ from drivers.axis import AxisScale
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.cia402.set_point_limits import check_path
-from drivers.commissioning.readback import readback
+from drivers.commissioning.configure import make_judge
 from drivers.drive_bus import DriveError, LimitExceeded, Move
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def test_paths_are_refused_in_metres(path: list[float], words: str) -> None:
 
 
 def test_what_a_drive_keeps_instead_is_stated_in_metres() -> None:
-    judge = readback(DRIVES.axes[0], DRIVES, REQUIREMENTS)
+    judge = make_judge(DRIVES.axes[0], DRIVES, REQUIREMENTS)
     counts = 2 * round(PER_METRE), round(PER_METRE)
     for entry, unit in (
         (objects.SOFTWARE_LIMIT_MAX, "m"),

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers.canopen.requirements import REQUIREMENTS
-from drivers.commissioning.kept_values import EXACT
-from drivers.commissioning.requirement import Lack, Use
+from drivers.commissioning.requirement import EXACT, Lack, Use
 from drivers.ethercat.requirements import REQUIREMENTS as OVER_ETHERCAT
 
 if TYPE_CHECKING:

@@ -198,7 +198,7 @@ def test_a_data_sheet_with_the_first_four_pdos_for_two_axes_gives_two_to_each(
     path.write_text(text)
     sheet = read_eds(path, 5)
     assert [within.pdos for within in sheet.axes()] == [(1, 2), (3, 4)]
-    assert all(review(sheet.of_axis(each), find_rules(None)).serves for each in sheet.axes())
+    assert all(review(sheet.select_axis(each), find_rules(None)).serves for each in sheet.axes())
 
 
 def test_axes_of_one_node_are_counted_and_their_pdos_kept_apart() -> None:
