@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from drivers.can_bus.frame_log import log_frames
 from drivers.can_bus.opening import open_can_bus
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.bus_load import cycle_on_bus
 from drivers.canopen.eds_file import read_eds
 from drivers.canopen.rules import RULES
+from drivers.canopen.sync_rate import cycle_on_bus
 from drivers.drive_bus import BusUnavailable
 from drivers.ethercat.bus import EthercatBus
 from drivers.ethercat.esi_file import read_esi

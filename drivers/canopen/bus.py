@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from drivers.can_bus.capabilities import find_capabilities
-from drivers.canopen.bus_load import MAX_LOAD, cycle_time
 from drivers.canopen.communication import CanopenCommunication
 from drivers.canopen.connection import CanopenConnection
 from drivers.canopen.monitor import BusPicture, questions
@@ -16,7 +15,7 @@ from drivers.canopen.rules import RULES
 from drivers.canopen.scan import NODES, scan_bus
 from drivers.canopen.sdo import SDO_TIMEOUT, server_of
 from drivers.canopen.sync_clock import choose_sync_clock
-from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
+from drivers.canopen.sync_rate import MAX_LOAD, StopwatchBus, achievable_rate, cycle_time
 from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives, places_of
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
-from drivers.canopen.bus_load import frame_bits
 from drivers.canopen.objects import (
     EXTENDED,
     IDENTIFIER,
@@ -15,6 +14,7 @@ from drivers.canopen.objects import (
     SYNC,
 )
 from drivers.canopen.requirements import ON_ARRIVAL, REQUIREMENTS
+from drivers.canopen.sync_rate import frame_bits
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:

@@ -1,11 +1,12 @@
-"""States of the application layer (AL) and why a slave left or refused one (ETG.1020)."""
+"""States of the application layer (AL), and error codes of a refused or lost state (ETG.1020)."""
 
 from __future__ import annotations
 
 import enum
 
 ERROR = ACKNOWLEDGE = 0x10
-"""Bit of AL status: a change was refused, or a state left; bit of AL control that clears it."""
+"""Error bit of AL status (change refused, or state left); bit of AL control that clears the
+error."""
 MASK = 0x0F
 
 _CODES = {
@@ -56,7 +57,7 @@ _CODES = {
 
 
 class AlState(enum.IntEnum):
-    """States as registers hold them."""
+    """AL states, as in the registers."""
 
     INIT = 1
     PREOP = 2
@@ -65,8 +66,8 @@ class AlState(enum.IntEnum):
     OP = 8
 
 
-def shown(status: int, code: int = 0) -> str:
-    """Return AL status, and the code that came with it, in words."""
+def describe(status: int, code: int = 0) -> str:
+    """Return AL status and status code in words."""
     try:
         state = AlState(status & MASK).name
     except ValueError:

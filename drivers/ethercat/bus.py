@@ -1,4 +1,4 @@
-"""An open network interface with EtherCAT drives on it (`drivers.session.connection.Fieldbus`)."""
+"""EtherCAT drives on an open network interface (`drivers.session.connection.Fieldbus`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.drive_bus import BusUnavailable, DriveRefused, NodeSilent
 from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.connection import EthercatConnection
 from drivers.ethercat.cycle_time import MAX_LOAD, StopwatchWire, cycle_time
-from drivers.ethercat.drive import reached
+from drivers.ethercat.drive import make_drives
 from drivers.ethercat.line import LOCK_STEP_PATIENCE, PATIENCE, Line
 from drivers.ethercat.monitor import LinePicture
 from drivers.ethercat.process_data import EthercatProcessData
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
     from drivers.sync_clock import SyncClock
 
 SDO_TIMEOUT = 1.0
-"""How long a drive may take to answer [s], where no drives file says it."""
+"""Longest response time of a drive without a drives file [s]."""
 
 
 class EthercatBus(Fieldbus):
-    """An open interface.
+    """Open network interface with EtherCAT drives.
 
     Parameters
     ----------
     wire : Wire
-        Open.
+        Open interface.
     pacing : {"auto", "lock-step", "wall-clock"}
         "lock-step" sends the next frame as soon as the last one is back, for a plant whose time
-        is that of cycles; else frames keep deadlines of the wall clock.
+        is that of cycles; otherwise frames keep deadlines of the wall clock.
     """
 
     rules = RULES
@@ -60,17 +60,17 @@ class EthercatBus(Fieldbus):
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> EthercatConnection:
-        """Build all that is needed to talk to drives (see `Fieldbus`)."""
+        """Build the services for a set of drives (see `Fieldbus`)."""
         clock = self._clock(period)
         return EthercatConnection(self._line(), clock, drives, feed_forward=feed_forward)
 
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
-        """Reach drives by their mailboxes alone."""
+        """Access drives by their mailboxes alone."""
         line = self._line()
         places = places_of(drives.axes)
-        asked, servers = reached(line, Slaves(line), places, drives.sdo_timeout)
+        asked, servers = make_drives(line, Slaves(line), places, drives.sdo_timeout)
         self._asked += asked
-        found = tuple(EthercatCommunication.wanted(axis) for axis in drives.axes)
+        found = tuple(EthercatCommunication.prefer(axis) for axis in drives.axes)
         clock = self._clock(drives.sync_period)
         data = EthercatProcessData(line, drives.axes, asked, clock)
         return UnpoweredDrives(servers, found, data)
@@ -78,14 +78,14 @@ class EthercatBus(Fieldbus):
     def servers(
         self, places: Iterable[Place], timeout: float = SDO_TIMEOUT
     ) -> tuple[RemoteDictionary, ...]:
-        """Reach drives by position or alias, which may take `timeout` to answer [s]."""
+        """Access drives by position or alias, with `timeout` for an answer [s]."""
         line = self._line()
-        asked, servers = reached(line, Slaves(line), tuple(places), timeout)
+        asked, servers = make_drives(line, Slaves(line), tuple(places), timeout)
         self._asked += asked
         return servers
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find slaves and what they offer (see `drivers.ethercat.scan.scan_line`)."""
+        """Find slaves and their offers (see `drivers.ethercat.scan.scan_line`)."""
         line = self._line()
         return scan_line(
             line,
@@ -94,25 +94,25 @@ class EthercatBus(Fieldbus):
         )
 
     def wait(self, timeout: float) -> object:
-        """Wait for a frame, for so long at most [s]."""
+        """Wait for a frame, at most `timeout` [s]."""
         return self._wire.receive(timeout)
 
     @contextmanager
     def timed(self, drives: DrivesFile) -> Iterator[TimedEthercatBus]:
-        """Stand in for this bus and note how long frames take to come back."""
+        """Measure the return times of frames, with a stopwatch in front of this bus."""
         del drives
         yield TimedEthercatBus(StopwatchWire(self._wire), lock_step=self.lock_step)
 
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> LinePicture:
-        """Show what drives answer by their mailboxes: nobody can listen on this bus."""
+        """Show the axes by reading their mailboxes: passive listening is impossible on this bus."""
         return LinePicture(drives, self.unpowered(drives), inputs=inputs)
 
     def load(self, drives: DrivesFile) -> tuple[float, float]:
-        """Return the time of a cycle on the line [s], and the share of the period it may take."""
+        """Return the duration of a cycle on the line [s], and its largest share of the period."""
         return cycle_time(drives), MAX_LOAD
 
     def shutdown(self) -> None:
-        """Bring drives that were asked back to the AL state in which they were found; close it."""
+        """Restore the AL states of drives that were read; close the interface."""
         with suppress(BusUnavailable):
             for drive in self._asked:
                 with suppress(DriveRefused, NodeSilent, NoAnswer):
@@ -127,14 +127,14 @@ class EthercatBus(Fieldbus):
 
 
 class TimedEthercatBus(EthercatBus, TimedFieldbus):
-    """A bus that notes how long frames with process data take to come back.
+    """Bus with measured return times of frames with process data.
 
     Parameters
     ----------
     stopwatch : StopwatchWire
-        In front of the wire.
+        Stopwatch in front of the wire.
     lock_step : bool
-        As of the bus that it stands for.
+        Pacing of the measured bus.
     """
 
     def __init__(self, stopwatch: StopwatchWire, *, lock_step: bool) -> None:
@@ -142,10 +142,10 @@ class TimedEthercatBus(EthercatBus, TimedFieldbus):
         self._stopwatch = stopwatch
 
     def achievable_rate(self) -> tuple[float, float]:
-        """Return the highest rate of cycles [1/s], and the slowest answer [s], 0 in lock-step."""
+        """Return the highest rate of cycles [1/s] and the slowest answer [s], 0 in lock-step."""
         slowest = 0.0 if self.lock_step else self._stopwatch.slowest
         return self._stopwatch.achievable_rate(slowest), slowest
 
     def jitter(self, period: float) -> float:
-        """Return how far frames were off their period [s], 0 in lock-step."""
+        """Return the deviation of frames from their period [s], 0 in lock-step."""
         return 0.0 if self.lock_step else self._stopwatch.jitter(period)

@@ -1,7 +1,7 @@
-"""SDO by CANopen over EtherCAT (ETG.1000.6 clause 5.6).
+"""SDO services of CANopen over EtherCAT (ETG.1000.6 clause 5.6).
 
-A service begins with its kind; SDO and emergencies are laid out as on CAN, but may be as long as a
-mailbox, so that segments follow where that is too short.
+A service begins with its type; SDO and emergencies have the format of CAN, with data up to the size
+of the mailbox, and with segments beyond.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _HEADERS = _SERVICE.size + _INITIATE.size
 _ABORT, _DOWNLOADED, _UPLOADED, _SEGMENT = 4, 3, 2, 0
 _TOGGLE, _EXPEDITED, _SIZED, _LAST = 0x10, 0x02, 0x01, 0x01
 _SHORTEST = 7
-"""Bytes of a segment's data, padded where fewer count."""
+"""Smallest length of a segment's data, padded if necessary [bytes]."""
 LONGEST = 4096
-"""Longest value that is read [bytes]; names are the longest that we ask for."""
+"""Largest length of a value [bytes]; the longest values read are names."""
 WHERE = "its mailbox"
 _WORDS = {
     0x05030000: "toggle bit not alternated",
@@ -61,14 +61,14 @@ _WORDS = {
 
 
 class SdoClient:
-    """Reads and writes objects through a mailbox.
+    """SDO client through a mailbox.
 
     Parameters
     ----------
     mailbox : Mailbox
-        Of a slave.
+        Mailbox of a slave.
     timeout : float
-        How long an answer may take [s].
+        Longest response time [s].
     """
 
     def __init__(self, mailbox: Mailbox, timeout: float) -> None:
@@ -76,7 +76,7 @@ class SdoClient:
 
     def upload(self, index: int, subindex: int, size: int | None = None) -> bytes:
         """Read an object (see `drivers.remote_dictionary.Access`)."""
-        answer = self._initiated(_INITIATE.pack(0x40, index, subindex, 0), _UPLOADED)
+        answer = self._initiate(_INITIATE.pack(0x40, index, subindex, 0), _UPLOADED)
         command = answer[0]
         if command & _EXPEDITED:
             if command & _SIZED:
@@ -88,7 +88,7 @@ class SdoClient:
         data = answer[_INITIATE.size : _INITIATE.size + length]
         toggle = 0
         while len(data) < length:
-            part, is_last = self._uploaded_segment(toggle)
+            part, is_last = self._upload_segment(toggle)
             data += part
             toggle ^= _TOGGLE
             if is_last or not part:
@@ -98,11 +98,11 @@ class SdoClient:
         return data
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object of one to four bytes, or as many as the mailbox takes."""
-        self._initiated(self._request(index, subindex, data), _DOWNLOADED)
+        """Write an object of one to four bytes, or up to the size of the mailbox."""
+        self._initiate(self._request(index, subindex, data), _DOWNLOADED)
 
     def order(self, index: int, subindex: int, data: bytes, ends: float) -> None:
-        """Write an object and await no answer, by the instant `ends`."""
+        """Write an object without waiting for an answer, by the instant `ends`."""
         request = self._request(index, subindex, data)
         self._mailbox.post(_SERVICE.pack(SDO_REQUEST << 12) + request, ends)
 
@@ -114,20 +114,20 @@ class SdoClient:
             raise NoAnswer(f"{len(data)} bytes do not fit into its mailbox", WHERE)
         return _INITIATE.pack(0x20 | _SIZED, index, subindex, len(data)) + data
 
-    def _initiated(self, request: bytes, wanted: int) -> bytes:
+    def _initiate(self, request: bytes, wanted: int) -> bytes:
         """Return the answer to a request that names an object."""
-        return self._asked(request, lambda a: a[1:4] == request[1:4], wanted)
+        return self._request_answer(request, lambda a: a[1:4] == request[1:4], wanted)
 
-    def _uploaded_segment(self, toggle: int) -> tuple[bytes, bool]:
+    def _upload_segment(self, toggle: int) -> tuple[bytes, bool]:
         request = bytes([0x60 | toggle]) + bytes(_SHORTEST)
-        answer = self._asked(request, lambda a: a[0] & _TOGGLE == toggle, _SEGMENT)
+        answer = self._request_answer(request, lambda a: a[0] & _TOGGLE == toggle, _SEGMENT)
         part = answer[1:]
         if len(part) == _SHORTEST:
             part = part[: _SHORTEST - (answer[0] >> 1 & 7)]
         return part, bool(answer[0] & _LAST)
 
-    def _asked(self, request: bytes, fits: Callable[[bytes], bool], wanted: int) -> bytes:
-        """Return an SDO answer of the kind that is wanted."""
+    def _request_answer(self, request: bytes, fits: Callable[[bytes], bool], wanted: int) -> bytes:
+        """Send a request and return its SDO answer of the kind `wanted`."""
 
         def is_answer(service: bytes) -> bool:
             answer = service[_SERVICE.size :]
@@ -148,7 +148,7 @@ def _kind(service: bytes) -> int:
 
 
 def emergency_of(service: bytes) -> bytes | None:
-    """Return the eight bytes of an emergency; None if a service is another."""
+    """Return the eight bytes of an emergency; None for another service."""
     if _kind(service) != EMERGENCY or len(service) < 10:
         return None
     return service[2:10]

@@ -1,4 +1,4 @@
-"""How long a cycle takes: on the cable, and as it was measured."""
+"""Duration of a cycle: computed for the cable, and measured."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     from drivers.ethercat.wire import Wire
 
 BITRATE = 100_000_000
-"""Of EtherCAT [bit/s]."""
+"""Bit rate of EtherCAT [bit/s]."""
 MAX_LOAD = 0.7
-"""Share of the period that a frame may take: mailboxes need the rest."""
+"""Largest share of the period for a frame: mailboxes need the rest."""
 HOP = 1e-6
-"""Time that a frame takes through one slave, there and back, and its cables [s]."""
+"""Time of a frame through one slave, both ways, and its cables [s]."""
 _ETHERNET = 24
 """Preamble, check sum and gap of a frame [bytes]."""
 ANSWERED = 0.99
-"""Share of the frames that the slowest answer is taken of."""
+"""Share of frames for the slowest answer."""
 RESERVE = 2.0
-"""Times the slowest answer that a period is to have: the computer itself takes as long."""
+"""Period as a multiple of the slowest answer: the computer itself takes as long."""
 _COMMAND = 16
-"""Where the command of the first datagram stands in a frame."""
+"""Offset of the command of the first datagram in a frame."""
 
 
 def cycle_time(drives: DrivesFile, *, feed_forward: bool = False) -> float:
-    """Return how long a frame with the process data of all axes takes [s]."""
+    """Return the duration of a frame with the process data of the axes [s]."""
     entries = [(*outputs_of(feed_forward=feed_forward), *inputs_of(axis)) for axis in drives.axes]
     sizes = [sum(entry.word & 0xFF for entry in own) // 8 + 1 for own in entries]
     sizes += [2, TIME_SIZE, DIFFERENCE_SIZE]
@@ -43,14 +43,14 @@ def cycle_time(drives: DrivesFile, *, feed_forward: bool = False) -> float:
 
 
 class StopwatchWire:
-    """A wire that notes when frames with process data were sent and came back.
+    """Wire that measures the return times of frames with process data.
 
     Parameters
     ----------
     inner : Wire
-        That it stands for; closing this one leaves that one open.
+        Wire to measure; it stays open when this one is closed.
     clock : callable
-        [s].
+        Clock [s].
     """
 
     def __init__(self, inner: Wire, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -78,16 +78,16 @@ class StopwatchWire:
 
     @property
     def slowest(self) -> float:
-        """Time in which nearly all frames came back [s]."""
+        """Return time of `ANSWERED` of the frames [s]."""
         return float(np.quantile(self._took, ANSWERED)) if self._took else 0.0
 
     def achievable_rate(self, slowest: float) -> float:
-        """Return the highest rate of cycles that leaves room [1/s], by the slowest answer [s]."""
+        """Return the highest rate of cycles with a reserve [1/s], for the slowest answer [s]."""
         took = slowest or float(np.median(self._took or [0.0]))
         return 1 / (RESERVE * took) if took else 0.0
 
     def jitter(self, period: float) -> float:
-        """Return how far nearly all frames were off their period when they were sent [s]."""
+        """Return the deviation of frames from their period at sending, for `ANSWERED` [s]."""
         gaps = np.diff(self._sent)
         gaps = gaps[gaps < 2 * period]
         return float(np.quantile(np.abs(gaps - period), ANSWERED)) if gaps.size else 0.0

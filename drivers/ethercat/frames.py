@@ -1,7 +1,7 @@
-"""EtherCAT frames as a master makes and reads them (ETG.1000.4): datagrams and their answers.
+"""EtherCAT frames of a master (ETG.1000.4): datagrams and their answers.
 
-Slaves work on a frame while it passes and send it back in the same form, so an answer that has
-another form is none. Each datagram's working counter says how many of them took part.
+Slaves process a frame during its passage and return it in the same form, so a frame of another form
+is no answer. The working counter of each datagram shows how many slaves took part.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
 
 ETHERTYPE = 0x88A4
 SHORTEST, LONGEST = 60, 1514
-"""Of an Ethernet frame without its check sum [bytes]."""
+"""Length of an Ethernet frame without check sum [bytes]."""
 START = 16
-"""Where the first datagram begins: behind the Ethernet header and EtherCAT's own."""
+"""Offset of the first datagram, after the Ethernet and EtherCAT headers."""
 HEAD, TAIL = 10, 2
 """Header and working counter of a datagram [bytes]."""
 INDEX, SOURCE = 17, slice(7, 12)
-"""Where the index of the first datagram stands, and what of the sender's address slaves leave."""
+"""Offset of the first datagram's index, and the part of the source address unchanged by slaves."""
 MORE, SIZE = 0x8000, 0x07FF
 _DATAGRAMS = 0x1000
-"""Type of the frame header: datagrams follow."""
+"""Type in the frame header: datagrams follow."""
 _HEADER = struct.Struct("<BBIHH")
 _COUNTER = struct.Struct("<H")
 
 
 class Command(enum.IntEnum):
-    """What a datagram asks of whom: by position, by address, of all, or of logical memory."""
+    """Command of a datagram: by position, by address, broadcast, or logical memory."""
 
     APRD, APWR = 1, 2
     FPRD, FPWR = 4, 5
@@ -40,7 +40,7 @@ class Command(enum.IntEnum):
 
 
 class Datagram(NamedTuple):
-    """One datagram; `address` is slave and place, or a logical one."""
+    """Datagram; `address` is slave and register, or logical."""
 
     command: Command
     address: int
@@ -48,14 +48,14 @@ class Datagram(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What came back of one datagram, and how many slaves took part."""
+    """Answer to one datagram, with the number of slaves that took part."""
 
     data: bytes
     counter: int
 
 
-def at(slave: int, place: int) -> int:
-    """Return the address of a place in the memory of a slave (address, or less its position)."""
+def address_of(slave: int, place: int) -> int:
+    """Return the address of a register of a slave (station address, or negative position)."""
     return slave & 0xFFFF | place << 16
 
 
@@ -67,12 +67,12 @@ def frame_of(source: bytes, datagrams: Sequence[Datagram]) -> bytearray:
     source : bytes
         Address of the sender, six bytes.
     datagrams : sequence of Datagram
-        One at least.
+        Datagrams, at least one.
 
     Raises
     ------
     ValueError
-        They do not fit into one frame.
+        The datagrams do not fit into one frame.
     """
     body = bytearray()
     for number, (command, address, data) in enumerate(datagrams, start=1):
@@ -86,7 +86,7 @@ def frame_of(source: bytes, datagrams: Sequence[Datagram]) -> bytearray:
 
 
 def answers_of(frame: bytes, datagrams: Sequence[Datagram]) -> tuple[Answer, ...] | None:
-    """Return the answers in a frame that came back; None where it has another form."""
+    """Return the answers in a returned frame; None if it has another form."""
     answers, place = [], START
     for command, _, sent in datagrams:
         end = place + HEAD + len(sent)

@@ -1,8 +1,7 @@
-"""Mailboxes of a slave (ETG.1000.4 clause 5.6): a service goes out, answers and emergencies come.
+"""Mailboxes of a slave (ETG.1000.4 clause 5.6): services, answers and emergencies.
 
-The master's counter goes from 1 to 7, so that the slave drops a service that comes twice because
-the frame with its working counter was lost. An answer that is lost on its way is asked for again
-with the repeat bit.
+The master's counter runs from 1 to 7, so that the slave drops a service that arrives twice because
+the frame with its working counter was lost. A lost answer is requested again with the repeat bit.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import time
 from typing import TYPE_CHECKING
 
 from drivers.ethercat import registers as reg
-from drivers.ethercat.frames import Command, Datagram, at
+from drivers.ethercat.frames import Command, Datagram, address_of
 from drivers.ethercat.line import ATTEMPTS
 from drivers.ethercat.station import WHERE
 from drivers.remote_dictionary import NoAnswer
@@ -27,24 +26,24 @@ HEADER = struct.Struct("<HHBB")
 COE = 3
 _ERROR = 0
 _IN = reg.MANAGER + reg.MANAGER_SIZE
-"""Registers of the sync manager of the mailbox that we read."""
+"""Sync manager registers of the mailbox to the master."""
 _REPEAT = 0x02
 WAITING = 64
-"""Services that are taken at most while an answer is waited for: a slave may not babble on."""
+"""Largest number of services during a wait for an answer: a slave may send without end."""
 _WHERE = "its firmware, whose mailbox does not answer"
 
 
 class Mailbox:
-    """Both mailboxes of one slave.
+    """Mailboxes of one slave, in both directions.
 
     Parameters
     ----------
     station : Station
         The slave, in PREOP at least.
     out, back : Area
-        Where they are.
+        Memory areas of the mailboxes.
     take : callable
-        ``take(service)`` gets what nobody has asked for, as emergencies.
+        ``take(service)`` receives unsolicited services, such as emergencies.
     """
 
     def __init__(
@@ -52,13 +51,13 @@ class Mailbox:
     ) -> None:
         self._station, self._line = station, station.line
         self._out, self._back = out, back
-        self._take = take
+        self._deliver = take
         self._counter = 0
         self._received = 0
 
     @property
     def capacity(self) -> int:
-        """Bytes of a service that there is room for."""
+        """Largest length of a service [bytes]."""
         return min(self._out.size, self._back.size) - HEADER.size
 
     def exchange(self, service: bytes, is_answer: Callable[[bytes], bool], timeout: float) -> bytes:
@@ -67,67 +66,69 @@ class Mailbox:
         Parameters
         ----------
         service : bytes
+            Service to send.
         is_answer : callable
-            Whether a service that came is the answer.
+            Returns True if a received service is the answer.
         timeout : float
-            How long it may take [s].
+            Longest response time [s].
 
         Raises
         ------
         NoAnswer
-            There is none.
+            There is no answer.
         BusUnavailable
-            No frame comes back.
+            No frame returns.
         """
         ends = time.monotonic() + timeout
         self.collect()
         self.post(service, ends)
         for _ in range(WAITING):
-            found = self._await(ends)
+            while (found := self._fetch()) is None:
+                if time.monotonic() > ends:
+                    raise NoAnswer("no answer in its mailbox", _WHERE)
+                self._line.pause()
             if is_answer(found):
                 return found
-            self._take(found)
+            self._deliver(found)
         raise NoAnswer(f"{WAITING} services came, none is the answer", _WHERE)
 
     def post(self, service: bytes, ends: float) -> None:
         """Put a CoE service into the mailbox, by the instant `ends` (errors as in `exchange`)."""
-        content = HEADER.pack(len(service), 0, 0, COE | self._count() << 4) + service
+        self._counter = self._counter % 7 + 1
+        content = HEADER.pack(len(service), 0, 0, COE | self._counter << 4) + service
         content = content.ljust(self._out.size, b"\0")
-        place = at(self._station.address, self._out.start)
+        place = address_of(self._station.address, self._out.start)
         lost = False
         while True:
             answers = self._line.exchange(Datagram(Command.FPWR, place, content))
             if answers is not None and (answers[0].counter == 1 or lost):
-                return  # after a loss a full mailbox holds what was sent before
+                return  # after a loss, a full mailbox contains the service sent before
             lost = lost or answers is None
             if time.monotonic() > ends:
                 raise NoAnswer("its mailbox stays full", _WHERE)
             self._line.pause()
 
     def collect(self) -> None:
-        """Take what waits, without waiting for more (errors as in `exchange`)."""
+        """Receive waiting services without waiting for more (errors as in `exchange`)."""
         for _ in range(WAITING):
             found = self._fetch()
             if found is None:
                 return
-            self._take(found)
-
-    def _count(self) -> int:
-        self._counter = self._counter % 7 + 1
-        return self._counter
-
-    def _await(self, ends: float) -> bytes:
-        while (found := self._fetch()) is None:
-            if time.monotonic() > ends:
-                raise NoAnswer("no answer in its mailbox", _WHERE)
-            self._line.pause()
-        return found
+            self._deliver(found)
 
     def _fetch(self) -> bytes | None:
-        """Take one CoE service, None if none waits that is new."""
-        content = self._read()
-        if content is None:
+        """Receive one new CoE service, None if there is none."""
+        place = address_of(self._station.address, self._back.start)
+        for _ in range(ATTEMPTS):
+            answers = self._line.exchange(Datagram(Command.FPRD, place, bytes(self._back.size)))
+            if answers is not None:
+                break
+            self._repeat()
+        else:
+            raise NoAnswer(f"its mailbox was lost on the way {ATTEMPTS} times", WHERE)
+        if answers[0].counter != 1:
             return None
+        content = answers[0].data
         size, _, _, kind = HEADER.unpack_from(content)
         counter = kind >> 4 & 0x07
         again = counter and counter == self._received
@@ -139,18 +140,8 @@ class Mailbox:
             raise NoAnswer(f"its mailbox reports error {detail:04X}h", _WHERE)
         return content[HEADER.size : HEADER.size + size] if kind & 0x0F == COE else None
 
-    def _read(self) -> bytes | None:
-        """Read the mailbox, None if it is empty; what is lost on its way is asked for again."""
-        place = at(self._station.address, self._back.start)
-        for _ in range(ATTEMPTS):
-            answers = self._line.exchange(Datagram(Command.FPRD, place, bytes(self._back.size)))
-            if answers is not None:
-                return answers[0].data if answers[0].counter == 1 else None
-            self._repeat()
-        raise NoAnswer(f"its mailbox was lost on the way {ATTEMPTS} times", WHERE)
-
     def _repeat(self) -> None:
-        """Have the slave show again what it showed last, unless that waits still."""
+        """Request the last service again; no effect if it still waits."""
         station = self._station
         activate = station.read(_IN + reg.MANAGER_ACTIVATE, 1)[0] ^ _REPEAT
         station.write(_IN + reg.MANAGER_ACTIVATE, bytes([activate]))

@@ -1,4 +1,4 @@
-"""What travels in the process data of one drive, and where it stands in them."""
+"""Process data of one drive: communication objects (ETG.1000.6 clause 5.6.7) and layout."""
 
 from __future__ import annotations
 
@@ -8,31 +8,46 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cycle_data import CODES
+from drivers.fieldbus import Entry
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import Entry
 
+ASSIGNED_OUT, ASSIGNED_IN = 0x1C12, 0x1C13
+"""Assignment of mappings to outputs and inputs."""
+CYCLES = (
+    Entry(0x1C32, 2, "u32", "cycle time of outputs"),
+    Entry(0x1C33, 2, "u32", "cycle time of inputs"),
+)
+SYNC_TYPES = (
+    Entry(0x1C32, 1, "u16", "synchronization type of outputs"),
+    Entry(0x1C33, 1, "u16", "synchronization type of inputs"),
+)
+BY_FRAMES, BY_SYNC0 = 1, 2
+"""Synchronisation types: outputs act on frames, or at SYNC0."""
+SYNC_TYPES_OFFERED = Entry(0x1C32, 4, "u16", "synchronization types supported")
+OFFERS_SYNC0 = 0x0004
+"""Bit of supported SYNC0 synchronisation."""
 COMMAND = (objects.CONTROLWORD, objects.TARGET_POSITION)
 Place = tuple[int, int]
-"""Index and sub-index of an object; or its first byte and its size."""
+"""Index and sub-index of an object; or offset and size of its bytes."""
 STATE = (objects.STATUSWORD, objects.POSITION)
 ROOM = 1024
-"""Longest process data of a drive that are taken, in each direction [bytes]."""
+"""Largest accepted process data of a drive, in each direction [bytes]."""
 
 
 @dataclass(frozen=True)
 class Mapped:
-    """What one direction of a drive's process data carries.
+    """Content of one direction of a drive's process data.
 
     Attributes
     ----------
     mappings : tuple of int
         Index of the mappings, in order.
     words : tuple of int
-        All that they carry, each as index, sub-index and length in bits.
+        Mapped objects, each as index, sub-index and length in bits.
     """
 
     mappings: tuple[int, ...]
@@ -45,7 +60,7 @@ class Mapped:
 
     @cached_property
     def places(self) -> dict[Place, Place]:
-        """Where each object stands that is carried in whole bytes."""
+        """Offset and size of objects in whole bytes."""
         found: dict[Place, Place] = {}
         bit = 0
         for word in self.words:
@@ -56,27 +71,27 @@ class Mapped:
         return found
 
     def carries(self, entries: Iterable[Entry]) -> bool:
-        """Whether all of these are in it, each in its own length."""
+        """Return True if the entries are contained, each with its own length."""
         return all(e.key in self.places and self.places[e.key][1] == e.size for e in entries)
 
 
 def outputs_of(*, feed_forward: bool) -> tuple[Entry, ...]:
-    """Return what a drive is sent: controlword and target, and what is fed forward."""
+    """Return the outputs of a drive: controlword and target, and feed-forward offsets."""
     return (*COMMAND, *objects.OFFSETS) if feed_forward else COMMAND
 
 
 def inputs_of(axis: AxisDrive) -> tuple[Entry, ...]:
-    """Return what a drive sends: statusword, position and current."""
+    """Return the inputs of a drive: statusword, position and current."""
     return (*STATE, axis.current.entry)
 
 
 def ours(index: int, entries: Iterable[Entry]) -> Mapped:
-    """Return the one mapping as we would have it."""
+    """Return a single mapping with our preferred content."""
     return Mapped((index,), tuple(entry.word for entry in entries))
 
 
-def picking(inputs: Mapped, axis: AxisDrive) -> tuple[str, list[int]]:
-    """Return the layout of the inputs, and where in it statusword, position and current are."""
+def locate_inputs(inputs: Mapped, axis: AxisDrive) -> tuple[str, list[int]]:
+    """Return the layout of the inputs, and the indices of statusword, position and current."""
     entries = inputs_of(axis)
     starts = [inputs.places.get(entry.key, (0, 0))[0] for entry in entries]  # see `pdo_set_up`
     order = sorted(range(len(entries)), key=lambda n: starts[n])

@@ -1,4 +1,4 @@
-"""Registers of a slave controller that the driver reads or writes (ETG.1000.4 clause 6)."""
+"""Registers of a slave controller used by the driver (ETG.1000.4 clause 6)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ EEPROM_OWNER, EEPROM_CONTROL, EEPROM_ADDRESS, EEPROM_DATA = 0x0500, 0x0502, 0x05
 FMMU, FMMU_SIZE = 0x0600, 16
 MANAGER, MANAGER_SIZE = 0x0800, 8
 MANAGER_STATUS, MANAGER_ACTIVATE, MANAGER_PDI = 5, 6, 7
-"""Places within the registers of a sync manager."""
+"""Offsets within the registers of a sync manager."""
 RECEIVE_TIMES, SYSTEM_TIME, RECEIVE_TIME = 0x0900, 0x0910, 0x0918
 TIME_OFFSET, TIME_DELAY, TIME_DIFFERENCE, SPEED_START = 0x0920, 0x0928, 0x092C, 0x0930
 ACTIVATION, SYNC0_START, SYNC0_CYCLE = 0x0980, 0x0990, 0x09A0
-"""Of the distributed clock."""
+"""Registers of the distributed clock."""
 FULL = 0x08
-"""Bit of a sync manager's status: its mailbox waits to be read."""
+"""Status bit of a sync manager: its mailbox is full."""
 TICK = 40e-9
 """Unit of the watchdog's divider [s]."""

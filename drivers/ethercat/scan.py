@@ -1,7 +1,7 @@
-"""Who is on the line and what each drive offers.
+"""Scan of the line: slaves and their offers.
 
-On EtherCAT a slave answers questions about its objects in PREOP, so each is brought there, and
-back to INIT where it was there: nothing else is written to it, and nothing is energised.
+A slave gives access to its objects in PREOP, so each is brought there, and back to INIT if found
+there; nothing else is written, and nothing is energised.
 """
 
 from __future__ import annotations
@@ -25,29 +25,30 @@ if TYPE_CHECKING:
 
 
 def scan_line(line: Line, is_asked: Callable[[int], bool], timeout: float) -> Scan:
-    """Find the slaves on a line and what they offer.
+    """Find the slaves on a line and their offers.
 
     Parameters
     ----------
     line : Line
+        Line of the slaves.
     is_asked : callable
-        Whether the slave at a position, from 1, is to be asked.
+        Returns True if the slave at a position, from 1, is to be read.
     timeout : float
-        How long each answer may take [s].
+        Longest response time [s].
 
     Raises
     ------
     BusUnavailable
-        No frame comes back, or another master is at work.
+        No frame returns, or another master is at work.
     """
     scan = Scan()
     for station in Slaves(line).all:
         if is_asked(station.position):
-            _look(station, scan, timeout)
+            _read_slave(station, scan, timeout)
     return scan
 
 
-def _look(station: Station, scan: Scan, timeout: float) -> None:
+def _read_slave(station: Station, scan: Scan, timeout: float) -> None:
     node = station.position
     found = scan.heard(node)
     found.state, found.shown_by = station.shown, "AL state"

@@ -1,4 +1,4 @@
-"""Who is on the line: slaves by position, from 1, or by alias."""
+"""Slaves on the line, by position, from 1, or by alias."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ if TYPE_CHECKING:
     from drivers.ethercat.line import Line
 
 LISTENING = 0.1
-"""For how long another master is listened for where a drive is in OP [s]: some cycles of any."""
+"""Duration of listening for another master if a drive is in OP [s]: some cycles of any."""
 
 
 class Slaves:
-    """The slaves on a line, which are given addresses when one is first asked for.
+    """Slaves on a line, which get addresses at the first access.
 
     Parameters
     ----------
     line : Line
+        Line of the slaves.
     """
 
     def __init__(self, line: Line) -> None:
@@ -35,19 +36,25 @@ class Slaves:
 
     @property
     def all(self) -> Sequence[Station]:
-        """All, in order.
+        """Slaves in order of position.
 
         Raises
         ------
         BusUnavailable
-            No frame comes back, or another master is at work.
+            No frame returns, or another master is at work.
         NoAnswer
-            One has gone meanwhile.
+            A slave has gone meanwhile.
         """
         if self._found is None:
             states = self._line.read_all(reg.AL_STATUS, 2)
             if states.counter and states.data[0] & MASK & AlState.OP:
-                self._refuse_other_master()
+                ends = time.monotonic() + LISTENING
+                while (left := ends - time.monotonic()) > 0:
+                    self._line.receive(left)
+                if self._line.foreign:
+                    raise BusUnavailable(
+                        "another master exchanges process data on this interface; end it first"
+                    )
             found = tuple(Station(self._line, n) for n in range(1, states.counter + 1))
             for station in found:
                 station.find()
@@ -55,15 +62,15 @@ class Slaves:
             self._found = found
         return self._found
 
-    def at(self, position: int, alias: int | None) -> Station:
-        """Return the slave of an alias, or where none is stated at a position.
+    def find(self, position: int, alias: int | None) -> Station:
+        """Return the slave with an alias, or at a position if no alias is stated.
 
         Raises
         ------
         DriveRefused
-            Two have this alias.
+            Two slaves have the alias.
         NoAnswer, BusUnavailable
-            There is none; see `all`.
+            The slave is not there; see `all`.
         """
         found = self.all
         if alias is None:
@@ -81,12 +88,3 @@ class Slaves:
                 " the maker's tool"
             )
         return named[0]
-
-    def _refuse_other_master(self) -> None:
-        ends = time.monotonic() + LISTENING
-        while (left := ends - time.monotonic()) > 0:
-            self._line.receive(left)
-        if self._line.foreign:
-            raise BusUnavailable(
-                "another master exchanges process data on this interface; end it first"
-            )

@@ -1,4 +1,4 @@
-"""One slave on the line by the address that we gave it: its registers and its AL state."""
+"""Slave on the line: registers and AL state, by station address."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import ACKNOWLEDGE, ERROR, MASK, AlState, shown
-from drivers.ethercat.frames import Command, Datagram, at
+from drivers.ethercat.al_states import ACKNOWLEDGE, ERROR, MASK, AlState, describe
+from drivers.ethercat.frames import Command, Datagram, address_of
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
     from drivers.ethercat.line import Line
 
 FIRST_ADDRESS = 0x1001
-"""Address that the first slave is given; those behind it follow."""
+"""Station address of the first slave; those of the others follow."""
 STATE_TIME = 3.0
-"""How long a slave may take from one AL state to the next [s]; SOEM waits 2."""
+"""Longest time of a slave between two AL states [s]; SOEM waits 2."""
 WHERE = "its place on the line, the cables and that no other master is on the line"
-"""What to check where a slave does not answer."""
+"""Checks for a slave that does not answer."""
 
 
 class Station:
-    """One slave.
+    """Slave on the line.
 
     Parameters
     ----------
     line : Line
-        That it is on.
+        Line of the slave.
     position : int
-        From 1.
+        Position on the line, from 1.
 
     Attributes
     ----------
@@ -42,14 +42,15 @@ class Station:
         self.address = FIRST_ADDRESS + position - 1
 
     def find(self) -> None:
-        """Give the slave its address.
+        """Assign the station address.
 
         Raises
         ------
         NoAnswer
-            None is at this position.
+            There is no slave at this position.
         """
-        place, address = at(1 - self.position, reg.STATION), self.address.to_bytes(2, "little")
+        place = address_of(1 - self.position, reg.STATION)
+        address = self.address.to_bytes(2, "little")
         if self.line.ask(Datagram(Command.APWR, place, address))[0].counter != 1:
             raise NoAnswer("no working counter", WHERE)
 
@@ -61,9 +62,10 @@ class Station:
         NoAnswer
             The slave is gone.
         BusUnavailable
-            No frame comes back.
+            No frame returns.
         """
-        answer = self.line.ask(Datagram(Command.FPRD, at(self.address, place), bytes(size)))[0]
+        place = address_of(self.address, place)
+        answer = self.line.ask(Datagram(Command.FPRD, place, bytes(size)))[0]
         if answer.counter != 1:
             raise NoAnswer("no working counter", WHERE)
         return answer.data
@@ -74,7 +76,8 @@ class Station:
 
     def write(self, place: int, data: bytes) -> None:
         """Write registers (errors as in `read`)."""
-        if self.line.ask(Datagram(Command.FPWR, at(self.address, place), data))[0].counter != 1:
+        place = address_of(self.address, place)
+        if self.line.ask(Datagram(Command.FPWR, place, data))[0].counter != 1:
             raise NoAnswer("no working counter", WHERE)
 
     def put_word(self, place: int, value: int) -> None:
@@ -88,16 +91,16 @@ class Station:
 
     @property
     def state(self) -> int:
-        """AL state, an `AlState` of any slave that keeps to the standard (errors as in `read`)."""
+        """AL state, an `AlState` in slaves that conform to the standard (errors as in `read`)."""
         return self.status & MASK
 
     @property
     def shown(self) -> str:
         """AL state and its error in words (errors as in `read`)."""
-        return shown(self.status, self.word(reg.AL_CODE))
+        return describe(self.status, self.word(reg.AL_CODE))
 
     def ask_for(self, state: AlState) -> None:
-        """Ask for an AL state, acknowledging an error, and await nothing (errors as in `read`)."""
+        """Request an AL state, acknowledge an error, and do not wait (errors as in `read`)."""
         flag = ACKNOWLEDGE if self.status & ERROR else 0
         self.put_word(reg.AL_CONTROL, state | flag)
 
@@ -107,7 +110,7 @@ class Station:
         Raises
         ------
         DriveRefused
-            It refuses, or does not get there, with its AL status code.
+            The slave refuses, or does not reach the state, with its AL status code.
         NoAnswer, BusUnavailable
             As in `read`.
         """

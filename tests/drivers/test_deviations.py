@@ -12,9 +12,8 @@ from personalities import drives_for, plant_file
 from pydantic import ValidationError
 
 from drivers.axis import AxisScale
-from drivers.canopen.bus_load import cycle_time
 from drivers.canopen.monitor import BusPicture
-from drivers.canopen.sync_rate import achievable_rate
+from drivers.canopen.sync_rate import achievable_rate, cycle_time
 from drivers.cia402.states import State
 from drivers.drive_bus import DriveFault, DriveRefused, Move
 from drivers.drives_file import AxisDrive, DrivesFile

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen.requirements import REQUIREMENTS
 from drivers.commissioning.requirement import EXACT, Lack, Use
-from drivers.ethercat.requirements import REQUIREMENTS as OVER_ETHERCAT
+from drivers.ethercat.rules import REQUIREMENTS as OVER_ETHERCAT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
