@@ -104,7 +104,7 @@ def _returned(server: RemoteDictionary, drive: FoundDrive, order: RestoringOrder
     left: tuple[str, ...] = ()
     try:
         present = {each: server.find(each.entry) for each in drive.objects}
-        anew = {each: value for each, value in present.items() if each.set_anew(value)}
+        anew = {each: value for each, value in present.items() if each.was_changed(value)}
         left = tuple(
             f"{server.label}: {each.comparison(value)} and is left as it is"
             for each, value in anew.items()
@@ -115,7 +115,7 @@ def _returned(server: RemoteDictionary, drive: FoundDrive, order: RestoringOrder
         written = tuple(row for row in rows if row[1] != row[2])
         restore_drive(server, drive.model_copy(update={"objects": ours}), order)
     except NotTakenBack as error:
-        return Returned(server.label, drive.done(error.places), written, left, str(error))
+        return Returned(server.label, drive.finish(error.places), written, left, str(error))
     except DriveError as error:
         return Returned(server.label, drive, written, left, str(error))
-    return Returned(server.label, drive.done(), written, left, "")
+    return Returned(server.label, drive.finish(), written, left, "")

@@ -1,7 +1,7 @@
-"""Leaving: axes stopped and off, drives as they were found, the bus as it was.
+"""End of a session: axes stopped and off, drives restored, the bus released.
 
-What goes wrong at one step keeps no other from being taken. Settings are put back, and with them
-watchdogs released, for those drives alone that have shown that they are off.
+A failure of one step does not prevent the others. Settings are restored, and thus watchdogs
+released, only for drives with confirmed power-off.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from drivers.session.session import Session
 
 RESTORING = 20.0
-"""For how long at most settings are put back on leaving [s]; `hil drives restore` does the rest."""
+"""Longest time for restoring at the end [s]; `hil drives restore` does the rest."""
 
 
 @dataclass
 class Outcome:
-    """What became of the drives.
+    """State of the drives after a session.
 
     Attributes
     ----------
     off : set of RemoteDictionary
-        Drives that have shown that they are off.
+        Drives with confirmed power-off.
     complete : bool
-        All to which something may have been written are.
+        True if every drive that may have been written to is off.
     problems, notes : list of str
-        What went wrong; what the operator should know beside that.
+        Failures; further messages for the operator.
     """
 
     off: set[RemoteDictionary] = field(default_factory=set)
@@ -47,7 +47,7 @@ class Outcome:
 
     @property
     def message(self) -> str:
-        """The problems in one line; empty where there are none."""
+        """Failures in one line; empty if there are none."""
         if not self.problems:
             return ""
         incomplete = "" if self.complete else " is incomplete, press the emergency stop"
@@ -60,18 +60,18 @@ def leave(
     keeper: SettingsKeeper,
     order: RestoringOrder,
 ) -> Outcome:
-    """Stop and switch off all drives, put back what they held, and take our part off the bus.
+    """Stop and switch off the drives, restore their settings, and release the bus.
 
     Parameters
     ----------
     connection : Connection
-        To the drives.
+        Connection to the drives.
     session : Session, optional
-        None where not all drives were configured.
+        None if not all drives were configured.
     keeper : SettingsKeeper
-        Knows what they held.
+        Saved settings.
     order : RestoringOrder
-        Of the bus.
+        Order of restoring on the bus.
     """
     outcome = Outcome()
     if session is not None and session.state is not SessionState.CHECKED:
@@ -80,12 +80,12 @@ def leave(
         _switch_off_unpowered(connection, outcome)
     trouble = connection.life_sign.trouble
     if session is not None and isinstance(trouble, Tripped) and trouble != session.stopping.trip:
-        outcome.notes.append(str(trouble))  # somebody else's command, with an interrupt or after it
+        outcome.notes.append(str(trouble))  # a foreign command with an interrupt, or after it
     outcome.complete = set(connection.written) <= outcome.off
     _restore(connection, keeper, order, outcome)
     try:
         outcome.notes += keeper.close(connection.servers, connection.written)
-    except FileError as error:  # the axes are off, and what was kept before is on the disk
+    except FileError as error:  # the axes are off, and earlier values are on the disk
         outcome.notes.append(str(error))
     return outcome
 
@@ -95,7 +95,7 @@ def _switch_off_running(session: Session, outcome: Outcome) -> None:
     stopping.stop()
     stopping.switch_off()
     outcome.notes += stopping.conclude()
-    if all(stopping.off):  # by now also a slow drive has renewed its current
+    if all(stopping.off):  # by now even a slow drive has refreshed its current
         with suppress(Exception):
             session.note_offsets("after power-off")
     servers = session.connection.servers
@@ -104,7 +104,7 @@ def _switch_off_running(session: Session, outcome: Outcome) -> None:
 
 
 def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:
-    """Switch off drives of which no process data come yet, and which were never energised."""
+    """Switch off drives without process data, which were never energised."""
     for server in connection.written:
         try:
             connection.power.switch_off(server)
@@ -121,11 +121,11 @@ def _restore(
     connection: Connection, keeper: SettingsKeeper, order: RestoringOrder, outcome: Outcome
 ) -> None:
     over = Deadline(RESTORING)
-    # axes of one node share what watches them
+    # axes of one node share its supervision of the master
     on = {server.node for server in connection.written if server not in outcome.off}
     for server in connection.written:
         if server.node not in on and not over.passed:
             try:
                 keeper.restore(server, order)
-            except Exception as error:  # what is not put back is reported by `SettingsKeeper.close`
+            except Exception as error:  # `SettingsKeeper.close` reports drives not restored
                 outcome.notes.append(str(error))
