@@ -136,13 +136,13 @@ class Path:
     @property
     def overrun(self) -> tuple[Array, float]:
         """Overrun of each axis without further set-points, and the time until it is back [s]."""
-        before, _, after = self._around
+        before, _, after = self._neighbours
         speed = self.pace * (after - before) / (2 * self._period)
         overrun: Array = np.sign(speed) * speed**2 / (2 * self._limits)
         return overrun, float((2 * np.abs(speed) / self._limits).max())
 
     @property
-    def _around(self) -> Array:
+    def _neighbours(self) -> Array:
         """Set-points before, at and after the one nearest to `at`, shape (3, n_axes)."""
         k = min(round(self.at), self._last)
         return self._exact[k : k + 3]
@@ -191,14 +191,14 @@ class Path:
         """Record the delay of set-points [s]: axes have braked, or come to rest."""
         self.out = min(self.out + time, LATELY)
         if time > STILL * self._period:
-            before, _, after = self._around
+            before, _, after = self._neighbours
             with np.errstate(divide="ignore"):
                 loss = (self._limits * 2 * self._period / np.abs(after - before)).min() * time
             self.pace, self.caution = max(self.pace - float(loss), 0.0), MEMORY
 
     def _change(self, *, calm: bool) -> None:
         """Change the pace towards its aim within the acceleration limits of the axes."""
-        a, b, c = self._around
+        a, b, c = self._neighbours
         speed = (c - a) / (2 * self._period)
         bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2
         with np.errstate(divide="ignore"):

@@ -10,6 +10,7 @@ that of the session, it has been configured since, and the drive's value is kept
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.commissioning.held_values import read_before_write, read_if_held

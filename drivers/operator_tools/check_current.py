@@ -1,16 +1,16 @@
-"""In what unit a drive shows its current, judged by what physics allows; arrays in, verdicts out.
+"""Check of the current's unit in a drive, by physical plausibility.
 
-There are two ways. Where the drive shows torque (6077) beside the current, both are read by SDO,
-one right after the other, during rest and slow strokes: their ratio is that of their units::
+There are two methods. If the drive shows torque (6077) besides the current, both are read by SDO in
+immediate succession, at rest and during slow strokes. Their ratio is that of the units::
 
     counts per count of 6077 = T / (kt a)        current in mA: T in N m, kt in N m/A
                                T / (kt a I)      in per mille of the rated current I
                                1                 in per mille of the rated torque T
 
-The nearest is the unit, if it is near at all. Otherwise magnitude decides, but roughly: no motor
-holds more than its rated torque for long, and the friction of a geared axis at slow speed is a few
-per cent of it. Shares beyond `HELD_MAX` and outside `FRICTION` are taken for impossible, and a unit
-is confirmed only if it alone is possible.
+The nearest is the unit, if near enough. Otherwise the magnitude decides, roughly: no motor holds
+more than its rated torque for long, and the friction of a geared axis at slow speed is a few per
+cent of it. Shares beyond `HELD_MAX` and outside `FRICTION` count as impossible, and a unit is
+confirmed only if no other is possible.
 """
 
 from __future__ import annotations
@@ -35,31 +35,31 @@ if TYPE_CHECKING:
 
 CHECK = "unit of the current"
 LEAST_COUNTS = 10.0
-"""Root mean square that 6077 must show: below it is rounding and noise."""
+"""Smallest root mean square of 6077; below, rounding and noise prevail."""
 LINEAR = 0.9
-"""Least squared correlation of the two objects; less is another quantity."""
+"""Smallest squared correlation of the two objects; below, they show different quantities."""
 NEAR = 1.3
-"""A ratio within this factor of the expected one is that one: data sheets are that far off."""
+"""Largest factor between measured and expected ratio: the tolerance of data sheets."""
 ALIKE = 1.05
-"""Units within this factor are one: they cannot be distinguished, and need not be."""
+"""Largest factor between units that need not be distinguished."""
 HELD_MAX = 1.2
-"""Share of the rated torque that an axis may hold at rest."""
+"""Largest holding torque as a share of the rated torque."""
 FRICTION = (0.003, 0.6)
-"""Shares of the rated torque that friction at slow speed may take."""
+"""Range of friction at slow speed as a share of the rated torque."""
 POLLED = 0.05
 """Time between two readings [s]."""
 _REMEDY = "move farther, or an axis that carries a load; else take it from the drive's manual"
 
 
 class CurrentReadings:
-    """Pairs of counts of one axis.
+    """Simultaneous readings of 6077 and the current object of one axis.
 
     Parameters
     ----------
     server : RemoteDictionary
         The drive.
     axis : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     """
 
     def __init__(self, server: RemoteDictionary, axis: AxisDrive) -> None:
@@ -71,11 +71,11 @@ class CurrentReadings:
 
     @property
     def counts(self) -> NDArray[np.float64]:
-        """Counts of 6077 and of the object that is measured, shape (n, 2)."""
+        """Counts of 6077 and of the current object, shape (n, 2)."""
         return np.array(self._pairs, dtype=float).reshape(-1, 2)
 
     def poll(self, time: float) -> None:
-        """Read both if it is time; a drive that lacks one of them is not asked again."""
+        """Read both objects when due; a drive without one of them is not asked again."""
         if time < self._next:
             return
         try:
@@ -88,13 +88,15 @@ class CurrentReadings:
 
 
 def judge_current_unit(seen: Moved) -> Verdict:
-    """Judge the unit that the drives file states for the current."""
+    """Judge the current's unit in the drives file."""
     ratio = _ratio(seen.counts)
-    return _by_magnitude(seen) if ratio is None else _by_ratio(seen.place, seen.drive, ratio)
+    if ratio is None:
+        return _judge_by_magnitude(seen)
+    return _judge_by_ratio(seen.place, seen.drive, ratio)
 
 
 def _ratio(counts: NDArray[np.float64]) -> float | None:
-    """Slope of the measured counts over those of 6077, None where it means nothing."""
+    """Return the slope of the measured counts over those of 6077, None if meaningless."""
     reference, measured = counts.T
     if counts.shape[0] < 4 or math.sqrt(float(np.mean(reference**2))) < LEAST_COUNTS:
         return None
@@ -105,7 +107,7 @@ def _ratio(counts: NDArray[np.float64]) -> float | None:
     return abs(product) / squares[0]
 
 
-def _by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
+def _judge_by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
     expected, stated = _expected(drive), drive.current.basis
     found = f"{ratio:.3g} counts per count of 6077"
     bound = f"{stated.value}: {expected[stated]:.3g}"
@@ -128,12 +130,12 @@ def _by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
 
 
 def _expected(drive: AxisDrive) -> dict[Basis, float]:
-    """Counts of the measured object per count of 6077, by the basis of the measured one."""
+    """Return the expected counts per count of 6077, by the basis of the current object."""
     torques = {basis: motor_torque_per_count(drive, basis) for basis in Basis}
     return {basis: drive.rated_torque / 1000 / value for basis, value in torques.items() if value}
 
 
-def _by_magnitude(seen: Moved) -> Verdict:
+def _judge_by_magnitude(seen: Moved) -> Verdict:
     place, drive, held = seen.place, seen.drive, seen.held
     rated = drive.gear_ratio * drive.rated_torque
     friction, error = seen.friction
@@ -143,7 +145,11 @@ def _by_magnitude(seen: Moved) -> Verdict:
     found = f"{rest:.1%} of the rated torque held, {shown}"
     counts = _expected(drive)
     factors = {basis: counts[drive.current.basis] / value for basis, value in counts.items()}
-    possible = [b for b, factor in factors.items() if _possible(rest * factor, moved * factor)]
+    (low, high), possible = FRICTION, []
+    for basis, factor in factors.items():
+        plausible = math.isnan(moved) or low <= moved * factor <= high
+        if rest * factor <= HELD_MAX and plausible:
+            possible.append(basis)
     bound = f"held at most {HELD_MAX:.0%}, friction {FRICTION[0]:.1%} to {FRICTION[1]:.0%}"
     if drive.current.basis not in possible:
         names = " or ".join(basis.value for basis in possible)
@@ -154,11 +160,6 @@ def _by_magnitude(seen: Moved) -> Verdict:
     return undecided(place, CHECK, found, _REMEDY)
 
 
-def _possible(rest: float, friction: float) -> bool:
-    low, high = FRICTION
-    return rest <= HELD_MAX and (math.isnan(friction) or low <= friction <= high)
-
-
 def _apart(one: float, other: float) -> float:
-    """Factor between two positive numbers, at least 1."""
+    """Return the factor between two positive numbers, at least 1."""
     return math.inf if not one or not other else max(one / other, other / one)

@@ -1,14 +1,14 @@
-"""Which way a joint turns, judged by the gravity that a robot's model predicts; arrays in.
+"""Check of a joint's direction by the gravity torque of a robot's model.
 
-A stroke there and back over the same way cancels friction: half the sum of both mean torques is
-gravity. A joint whose `sign` is wrong shows its angle and its torque with the wrong sign, so what
-it measures at q is what the model predicts, turned round, at -q::
+A stroke in both directions over the same path cancels friction: half the sum of the two mean
+torques is gravity. A joint with a wrong `sign` shows angle and torque with the wrong sign, so the
+measurement at q is the negative prediction at -q::
 
     sign right    tau(q) =  g(q)
     sign wrong    tau(q) = -g(-q)
 
-An arm that hangs straight down is its own mirror image: both predictions are the same there, and
-nothing can be found. So too where they differ by less than friction leaves undecided.
+An arm hanging straight down is symmetric: both predictions agree there, and the check is undecided.
+So it is if they differ by less than the uncertainty due to friction.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
     from drivers.operator_tools.check_motion import Moved
 
 Gravity: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.float64]]"
-"""Joint torques that hold an arm at rest [N m], shape (n,), at joint coordinates, shape (n,)."""
+"""Holding torques of an arm [N m], shape (n,), at joint coordinates, shape (n,)."""
 
 CHECK = "direction of the joint"
 SIGNIFICANT = 4.0
-"""How many standard errors the two predictions must be apart."""
+"""Smallest difference of the two predictions, in standard errors."""
 LEFT_OVER = 0.2
-"""Share of friction that may differ between both directions, and pass for gravity."""
+"""Share of friction that may differ between the directions and appear as gravity."""
 CLOSE = 0.3
-"""The torque must be that near to one prediction, as a share of their distance."""
+"""Largest deviation of the torque from one prediction, as a share of their difference."""
 
 
 def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
@@ -45,9 +45,9 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     Parameters
     ----------
     seen : Moved
-        What was seen of it.
+        Observation of the axis.
     gravity : callable or None
-        What a robot's model predicts; None where there is no model.
+        Holding torques by a robot's model; None without a model.
     """
     place, drive, strokes = seen.place, seen.drive, seen.strokes
     if gravity is None:

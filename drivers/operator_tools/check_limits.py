@@ -1,9 +1,9 @@
-"""The limits that a drive keeps of its own against those of the drives file.
+"""Check of the drives' own limits against those of the drives file.
 
-The driver writes the file's limits to the drives when it powers them on, but never wider ones than
-a drive has of its own (`drivers.commissioning.effective_limits`): whoever set it up had a reason. A
-verdict states which of the two holds; limits that are off in the drive become those of the file.
-All is compared joint side, and only read.
+At power-on the driver writes the file's limits to the drives, but never wider ones than the drive's
+own (`drivers.commissioning.effective_limits`), which have a reason. A verdict states which limit is
+in force; limits that are off in the drive become those of the file. The comparison is on the joint
+side, by reading only.
 """
 
 from __future__ import annotations
@@ -31,21 +31,18 @@ def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]
     for bound in bounds(axis):
         found = server.find(bound.entry)
         if found is not None:
-            yield _judge(server.label, bound, found, _own_holds(bound))
-    window = _following_error(axis)
+            own_holds = (
+                "the drive's own is tighter and holds: plan within it, lower"
+                f" limits.{bound.key}, correct the unit in the drives file if that is wrong, or"
+                " widen it with the maker's tool"
+            )
+            yield _judge(server.label, bound, found, own_holds)
+    key, measure = "following_error_window", measures(axis)[Quantity.DISTANCE]
+    window = Bound(objects.FOLLOWING_ERROR_WINDOW, key, axis.following_error_window, measure)
     found = server.find(window.entry)
     if found is not None:
-        remedy = (
-            f"the drive allows less than the file: lower {window.key}, or the file's is written"
-        )
+        remedy = f"the drive allows less than the file: lower {key}, or the file's is written"
         yield _judge(server.label, window, found, remedy)
-
-
-def _own_holds(bound: Bound) -> str:
-    return (
-        f"the drive's own is tighter and holds: plan within it, lower limits.{bound.key}, correct"
-        " the unit in the drives file if that is wrong, or widen it with the maker's tool"
-    )
 
 
 def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
@@ -81,14 +78,8 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     )
 
 
-def _following_error(axis: AxisDrive) -> Bound:
-    measure = measures(axis)[Quantity.DISTANCE]
-    key = "following_error_window"
-    return Bound(objects.FOLLOWING_ERROR_WINDOW, key, axis.following_error_window, measure)
-
-
 def _judge(place: str, bound: Bound, found: int, remedy: str) -> Verdict:
-    """Warn of an object of the drive that is tighter than the file."""
+    """Warn of a drive's limit that is tighter than the file's."""
     measure = bound.measure
     check = f"{bound.entry.name} ({bound.entry.index:04X})"
     stated = f"file: {bound.stated:.4g} {measure.unit}"

@@ -1,12 +1,13 @@
-"""What samples at rest and of a small move back and forth say of an axis; arrays in, verdicts out.
+"""Checks of an axis at rest and during a small move in both directions.
 
-The sign of the current follows from friction. On the way there and on the way back the axis passes
-the same places at the same speed, so gravity adds the same torque to both, and half the difference
-of the two means is friction::
+Friction gives the sign of the current. In both directions the axis passes the same places at the
+same speed, so gravity adds the same torque to both, and half the difference of the two means is
+friction::
 
     tau_f = (mean of tau in positive direction - mean of tau in negative direction) / 2
 
-Friction takes power, whatever the axis and the load: tau_f > 0, or the current has the wrong sign.
+Friction dissipates power, whatever the axis and the load: tau_f > 0, or the current has the wrong
+sign.
 """
 
 from __future__ import annotations
@@ -30,43 +31,44 @@ if TYPE_CHECKING:
     from drivers.operator_tools.small_move import Stroke
 
 SIGNIFICANT = 4.0
-"""Friction must exceed its standard error this many times for its sign to be believed."""
+"""Smallest friction with a certain sign, in standard errors."""
 VELOCITY_SAME = 0.3
-"""The measured velocity may differ from the commanded one by this share: a short way is mostly
+"""Largest relative deviation of the velocity from the commanded one: a short move is mostly
 transients, and units differ by more."""
 NOISE_MAX = 0.01
-"""Of the torque limit: noise of the current above it costs accuracy."""
+"""Largest noise of the current, as a share of the torque limit, without loss of accuracy."""
 QUANTUM_MAX = 0.005
-"""Of the torque limit: coarser steps of the current cost accuracy."""
+"""Largest step of the current, as a share of the torque limit, without loss of accuracy."""
 LEAST_CHANGES = 10
-"""Changes of a value from which on the time between them means anything."""
+"""Smallest number of changes of a value for a refresh period."""
 RENEWED = 0.05
-"""Share of the readings that may repeat beyond what the steps of a value explain: where a drive
-renews it as often as SYNC comes, but by a clock of its own, some are read twice."""
+"""Share of repeated readings beyond those explained by quantisation: a drive that refreshes as
+often
+as SYNC comes, but by its own clock, has some read twice."""
 WINDOW_SHARE = 0.5
-"""Of the following error window that a slow move may take up."""
+"""Largest following error of a slow move, as a share of the window."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """What was seen of an axis that rested, and then went there and back over the same way.
+    """Observation of an axis at rest and during a small move in both directions.
 
     Attributes
     ----------
     place : str
-        The axis, for messages.
+        Name of the axis in messages.
     drive : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     number : int
-        Its joint, from 0.
+        Joint index, from 0.
     pose : ndarray, shape (n_axes,)
-        Where all joints rested [rad or m]; the others stayed there.
+        Rest positions of all joints [rad or m]; the others stayed there.
     held : ndarray, shape (m,)
-        Its torque at rest, by the file's scale [N m or N]; NaN where TPDOs are missing.
+        Torque at rest, by the file's scale [N m or N]; NaN where TPDOs are missing.
     counts : ndarray, shape (n, 2)
-        Pairs of 6077 and of the object that is measured; none where that is 6077 itself.
+        Pairs of 6077 and the current object; empty where the latter is 6077.
     strokes : sequence of Stroke
-        There and back.
+        Strokes in both directions.
     """
 
     place: str
@@ -79,16 +81,15 @@ class Moved:
 
     @cached_property
     def friction(self) -> tuple[float, float]:
-        """Friction, positive where it takes power, and its standard error [N m].
+        """Friction, positive if dissipative, and its standard error [N m].
 
-        Torque varies along the way, which counts as noise. 0 and infinity if the strokes were too
-        short.
+        The variation of torque along the path counts as noise. 0 and infinity for short strokes.
         """
         return self._half_sum([math.copysign(1.0, _slope(stroke)) for stroke in self.strokes])
 
     @cached_property
     def gravity(self) -> tuple[float, float]:
-        """The torque that both directions have in common, and its standard error [N m]."""
+        """Torque common to both directions, and its standard error [N m]."""
         return self._half_sum([1.0 for _ in self.strokes])
 
     def _half_sum(self, signs: Sequence[float]) -> tuple[float, float]:
@@ -106,16 +107,16 @@ class Moved:
 def judge_rest(
     place: str, drive: AxisDrive, q: NDArray[np.float64], tau: NDArray[np.float64]
 ) -> Iterator[Verdict]:
-    """Judge samples of an axis that holds its position.
+    """Judge samples of an axis at rest.
 
     Parameters
     ----------
     place : str
-        The axis, for messages.
+        Name of the axis in messages.
     drive : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     q, tau : ndarray, shape (n,)
-        [rad], [N m]; NaN where TPDOs are missing.
+        Positions [rad], torques [N m]; NaN where TPDOs are missing.
     """
     unit, force = drive.unit, drive.effort_unit
     wander = float(np.nanmax(q) - np.nanmin(q))
@@ -138,7 +139,7 @@ def judge_rest(
         f"at most {QUANTUM_MAX:.1%}",
         "use a finer object where the drive has one",
     )
-    noise = float(np.nanstd(np.diff(tau))) / math.sqrt(2)  # a slow drift is no noise
+    noise = float(np.nanstd(np.diff(tau))) / math.sqrt(2)  # without slow drift
     yield grade_check(
         noise <= NOISE_MAX * limit,
         Grade.WARNING,
@@ -151,33 +152,33 @@ def judge_rest(
 
 
 def judge_strokes(seen: Moved) -> Iterator[Verdict]:
-    """Judge velocity, sign of the current and following error of both strokes."""
+    """Judge refresh period, velocity, sign of the current and following error of both strokes."""
     scale = AxisScale.derive(seen.drive)
-    yield _renewal(seen, "position", abs(scale.position), "q")
-    yield _renewal(seen, "current", scale.torque_step, "tau")
-    yield _velocity(seen)
-    yield _current_sign(seen)
-    yield _following(seen)
+    yield _judge_refresh(seen, "position", abs(scale.position), "q")
+    yield _judge_refresh(seen, "current", scale.torque_step, "tau")
+    yield _judge_velocity(seen)
+    yield _judge_sign(seen)
+    yield _judge_following(seen)
 
 
-def renewed_every(stretches: Sequence[NDArray[np.float64]], step: float) -> float:
-    """Return how many SYNCs lie between two renewals of a value that changes all the time.
+def refresh_period(stretches: Sequence[NDArray[np.float64]], step: float) -> float:
+    """Return the refresh period [SYNCs] of a value that changes continuously.
 
-    Readings x that are rounded to steps s repeat by chance, at most about s / (sigma sqrt(2 pi)) of
-    them, with sigma the standard deviation of x's changes, if these are normal. Where more do, or
-    hardly any follows the one before without a repetition, the drive renews the value less often.
+    Readings x rounded to steps s repeat by chance, at most a share of about s / (sigma sqrt(2 pi)),
+    with sigma the standard deviation of x's changes, if normal. If more repeat, or hardly any
+    change follows another immediately, the drive refreshes the value less often.
 
     Parameters
     ----------
     stretches : sequence of ndarray, shape (n,)
         Values of successive SYNCs.
     step : float
-        Least change that the value can show, in the same unit.
+        Resolution of the value, in the same unit.
 
     Returns
     -------
     float
-        1 where it is renewed with each SYNC, NaN where it changes too rarely to tell.
+        1 for a refresh with each SYNC, NaN if the value changes too rarely.
     """
     steps = [np.diff(values) for values in stretches]
     intervals = np.concatenate([np.diff(np.flatnonzero(each)) for each in steps])
@@ -192,14 +193,14 @@ def renewed_every(stretches: Sequence[NDArray[np.float64]], step: float) -> floa
     return 1.0 / (1.0 - repeated) if repeated > RENEWED + 2 * by_chance else 1.0
 
 
-def _renewal(seen: Moved, what: str, step: float, name: str) -> Verdict:
-    """Judge how often the drive renews a value, by its readings in motion."""
+def _judge_refresh(seen: Moved, what: str, step: float, name: str) -> Verdict:
+    """Judge the refresh period of a value, by its readings in motion."""
     stretches = []
     for stroke in seen.strokes:
-        # near the ends the axis is too slow to show another position at each SYNC
+        # near the ends the axis is too slow for a new position at each SYNC
         moving = stroke.between(0.1 * abs(stroke.move.target - stroke.q[0]))
         stretches.append(getattr(stroke, name)[moving & np.isfinite(stroke.tau)])
-    every, check = renewed_every(stretches, step), f"renewal of the {what}"
+    every, check = refresh_period(stretches, step), f"renewal of the {what}"
     if math.isnan(every):
         return undecided(seen.place, check, "it changes too rarely", "move farther")
     time = every * float(np.median(np.diff(seen.strokes[0].time)))
@@ -215,7 +216,7 @@ def _renewal(seen: Moved, what: str, step: float, name: str) -> Verdict:
     )
 
 
-def _velocity(seen: Moved) -> Verdict:
+def _judge_velocity(seen: Moved) -> Verdict:
     wanted, unit = seen.strokes[0].move.velocity, seen.drive.unit
     found = [_slope(stroke) for stroke in seen.strokes]
     worst = max(found, key=lambda value: abs(abs(value) - wanted))
@@ -230,7 +231,7 @@ def _velocity(seen: Moved) -> Verdict:
     )
 
 
-def _current_sign(seen: Moved) -> Verdict:
+def _judge_sign(seen: Moved) -> Verdict:
     friction, error = seen.friction
     found = f"friction {friction:+.3g} ± {error:.2g} {seen.drive.effort_unit}"
     bound = "along the motion: positive"
@@ -249,7 +250,7 @@ def _current_sign(seen: Moved) -> Verdict:
     )
 
 
-def _following(seen: Moved) -> Verdict:
+def _judge_following(seen: Moved) -> Verdict:
     largest = max(stroke.following_error for stroke in seen.strokes)
     unit, window = seen.drive.unit, seen.drive.following_error_window
     if math.isnan(largest):
@@ -266,7 +267,7 @@ def _following(seen: Moved) -> Verdict:
 
 
 def _slope(stroke: Stroke) -> float:
-    """Velocity while cruising, by a straight line through the positions [rad/s]."""
+    """Return the velocity while cruising, by a straight line through the positions [rad/s]."""
     use = stroke.cruising & np.isfinite(stroke.q)
     if np.count_nonzero(use) < 2:
         return math.nan

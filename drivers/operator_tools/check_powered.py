@@ -1,8 +1,8 @@
-"""What `hil drives check` needs power for: holding, rate of SYNC, a small move of each axis.
+"""Powered part of `hil drives check`: holding, rate of SYNC, a small move of each axis.
 
-All axes are powered as for a run, since that is what has to work: first they hold their position
-for a second, then one after the other moves there and back. Whatever ends it, leaving the driver
-stops all axes and switches them off.
+The axes are powered as for a run: first they hold their position for a second, then one after the
+other moves in both directions. However the check ends, leaving the driver stops the axes and
+switches them off.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from drivers.operator_tools.check_current import CurrentReadings, judge_current_
 from drivers.operator_tools.check_gravity import judge_direction
 from drivers.operator_tools.check_motion import Moved, judge_rest, judge_strokes
 from drivers.operator_tools.operator import StoppedByOperator, answer, supervised_sample
-from drivers.operator_tools.small_move import small_move, travel
+from drivers.operator_tools.small_move import format_coordinate, small_move, travel
 from drivers.operator_tools.sync_period import judge_period
 from drivers.session.servo_axes import ServoAxes
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from drivers.drive_bus import Sample
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.operator_tools.check_gravity import Gravity
@@ -36,17 +35,17 @@ if TYPE_CHECKING:
     from drivers.session.connection import Fieldbus
 
 REST_TIME = 1.0
-"""How long axes are watched at rest, powered and unpowered [s]."""
+"""Duration of observation at rest, powered and unpowered [s]."""
 HELD_TIME = 0.1
-"""How long an axis is watched holding its load before it moves [s]."""
+"""Duration of observation of an axis before its move [s]."""
 ANSWERED = 0.99
-"""Share of the SYNCs that must be answered."""
+"""Smallest share of answered SYNCs."""
 _GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
 
 
 @dataclass(frozen=True, slots=True)
 class SmallMoves:
-    """How far and how fast each axis moves in a check.
+    """Distance and speed of the small moves in a check.
 
     Attributes
     ----------
@@ -61,8 +60,8 @@ class SmallMoves:
     length: float = 0.005
     velocity: float = 0.01
 
-    def of(self, axis: AxisDrive) -> tuple[float, float]:
-        """Return way and velocity of one axis."""
+    def find(self, axis: AxisDrive) -> tuple[float, float]:
+        """Return distance and velocity of one axis."""
         if axis.joint == "prismatic":
             return self.length, self.velocity
         return self.angle, self.angular_velocity
@@ -77,7 +76,7 @@ def check_powered(
     gravity: Gravity | None = None,
     late: float = 0.0,
 ) -> Iterator[Verdict]:
-    """All that needs power; an error ends it with a verdict, after the axes are off."""
+    """Yield the powered checks; an error ends them with a verdict, after the axes are off."""
     step = "power-on"
     try:
         with (
@@ -85,7 +84,14 @@ def check_powered(
             ServoAxes(timed, drives, keeper=keeper) as axes,
         ):
             step = "holding position"
-            yield from _notes(axes)
+            # remarks of power-on, except those visible without power
+            configured = {str(note): note for server in axes.servers for note in server.notes}
+            for text in axes.notes:
+                note = configured.get(text)
+                if note is None:
+                    yield Verdict(Grade.WARNING, "all axes", "switching on", text)
+                elif not note.lack:
+                    yield Verdict(Grade.WARNING, note.place, "configuration", note.text)
             yield from _rest(axes, drives, operator)
             yield judge_period(timed, axes.period, late)
             for remark in axes.remarks:
@@ -97,26 +103,11 @@ def check_powered(
     except StoppedByOperator:
         raise
     except DriveError as error:
-        yield from _ended(drives, step, error)
-
-
-def _ended(drives: DrivesFile, step: str, error: DriveError) -> Iterator[Verdict]:
-    """State what was refused, and by which axis where the error begins with one; all are off."""
-    labels = [f"{axis.name} (node {axis.node})" for axis in drives.axes]
-    for line in str(error).splitlines():
-        place = next((label for label in labels if line.startswith(f"{label}: ")), "all axes")
-        yield Verdict(Grade.REFUSED, place, step, line.removeprefix(f"{place}: "))
-
-
-def _notes(axes: ServoAxes) -> Iterator[Verdict]:
-    """State what was found on the way to power, but what had shown without it."""
-    configured = {str(note): note for server in axes.servers for note in server.notes}
-    for text in axes.notes:
-        note = configured.get(text)
-        if note is None:
-            yield Verdict(Grade.WARNING, "all axes", "switching on", text)
-        elif not note.lack:
-            yield Verdict(Grade.WARNING, note.place, "configuration", note.text)
+        # each line names its axis, if it concerns one; all are off
+        labels = [f"{axis.name} (node {axis.node})" for axis in drives.axes]
+        for line in str(error).splitlines():
+            place = next((label for label in labels if line.startswith(f"{label}: ")), "all axes")
+            yield Verdict(Grade.REFUSED, place, step, line.removeprefix(f"{place}: "))
 
 
 def _rest(axes: ServoAxes, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:
@@ -126,11 +117,11 @@ def _rest(axes: ServoAxes, drives: DrivesFile, operator: Operator) -> Iterator[V
     tau = np.array([sample.tau for sample in samples])
     gaps = np.array([sample.flags for sample in samples]) & _GAPS
     for number, (server, axis) in enumerate(zip(axes.servers, drives.axes, strict=True)):
-        yield _regularity(server.label, gaps[:, number], axes.period)
+        yield _judge_gaps(server.label, gaps[:, number], axes.period)
         yield from judge_rest(server.label, axis, q[:, number], tau[:, number])
 
 
-def _regularity(place: str, gaps: NDArray[np.int64], period: float) -> Verdict:
+def _judge_gaps(place: str, gaps: NDArray[np.int64], period: float) -> Verdict:
     good = int(np.count_nonzero(gaps == 0))
     return grade_check(
         good >= ANSWERED * gaps.size,
@@ -152,11 +143,12 @@ def _move(
     gravity: Gravity | None,
 ) -> Iterator[Verdict]:
     label = axes.servers[number].label
-    held = _hold(axes, operator)
+    rests = range(math.ceil(HELD_TIME / axes.period))
+    held = [supervised_sample(axes, operator) for _ in rests]
     pose = held[-1].q
     start = pose[number]
     limits = drive.limits
-    way, velocity = moves.of(drive)
+    way, velocity = moves.find(drive)
     way = way if start + way <= limits.q_max else -way
     if not limits.q_min <= start + way <= limits.q_max:
         yield Verdict(
@@ -174,19 +166,14 @@ def _move(
     yield from judge_strokes(seen)
     yield judge_current_unit(seen)
     yield judge_direction(seen, gravity)
-    yield _direction(axes, label, drive, way, operator)
+    yield _ask_direction(axes, label, drive, way, operator)
 
 
-def _hold(axes: ServoAxes, operator: Operator) -> list[Sample]:
-    """Return samples of a short rest."""
-    return [supervised_sample(axes, operator) for _ in range(math.ceil(HELD_TIME / axes.period))]
-
-
-def _direction(
+def _ask_direction(
     axes: ServoAxes, label: str, drive: AxisDrive, way: float, operator: Operator
 ) -> Verdict:
-    """Which way the joint turned, and how far, only eyes can see."""
-    moved, check = shown_way(drive, way), "sign and size of the motion"
+    """Ask for direction and size of the motion, which only the operator can see."""
+    moved, check = format_coordinate(drive, way, "+.3g"), "sign and size of the motion"
     if not operator.present:
         remedy = "nobody was asked: see that a jog turns the joint as the robot file has it"
         return Verdict(Grade.WARNING, label, check, moved, remedy=remedy)
@@ -203,10 +190,3 @@ def _direction(
     }
     shown = {"y": "as seen", "o": "the other way", "w": "another amount"}[key]
     return grade_check(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))
-
-
-def shown_way(axis: AxisDrive, way: float) -> str:
-    """Put a relative motion [rad or m] into words."""
-    if axis.joint == "prismatic":
-        return f"{1000 * way:+.3g} mm"
-    return f"{math.degrees(way):+.3g}°"

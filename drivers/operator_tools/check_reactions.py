@@ -1,10 +1,9 @@
-"""How a drive stops by itself: its option codes, its brake, and whether it is locked.
+"""Check of a drive's own reactions: option codes, brake and interlock.
 
-Three ways of stopping are the drive's own, and no driver sees to them: on a fault (605E), when it
-is switched off (605C) and when it is shut down (605B). Option 0 takes the torque away at once, so
-that the axis coasts, and one that hangs falls until its brake has closed. Quick stop (605A) and the
-reaction to a lost connection (6007) are written before a run; what stands there holds for every
-other master.
+Three reactions are the drive's own, without influence of the driver: on a fault (605E), when
+disabled (605C) and when shut down (605B). Option 0 removes the torque at once, so that the axis
+coasts, and a hanging one falls until its brake has closed. Quick stop (605A) and the reaction to a
+lost connection (6007) are written before a run; the values found apply to every other master.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ _WRITTEN = "hil run writes another option over it, every other master meets this
 
 
 def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """State how one drive stops by itself (see `verdict.Check`)."""
+    """Judge the reactions of one drive (see `verdict.Check`)."""
     for entry, check, meanings, when, remedy in (
         (objects.FAULT_REACTION, "fault reaction", _FAULT, "on a fault", _SET),
         (objects.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),
@@ -48,23 +47,24 @@ def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdi
     ):
         present = server.find(entry)
         if present is not None:
+            # a warning if the axis would coast or go on
             meaning = meanings.get(present, "the maker's own, see its manual")
+            consequence = _CONSEQUENCES.get(meaning)
+            grade = Grade.OK if consequence is None else Grade.WARNING
+            advice = "" if consequence is None else f"{when} {consequence}: {remedy}"
             name, found = f"{check} ({entry.index:04X})", f"{present}, {meaning}"
-            yield _option(server.label, name, found, meaning, f"{when} {{}}: {remedy}")
-    yield from _brake(server, axis)
-    yield from _interlock(server)
+            yield Verdict(grade, server.label, name, found, remedy=advice)
+    yield from _judge_brake(server, axis)
+    active = safe_torque_off(server)
+    if active:
+        remedy = "release it before you agree to motion: while it is active nothing powers on"
+        yield Verdict(Grade.WARNING, server.label, "interlock", active, remedy=remedy)
+    elif server.find(objects.DIGITAL_INPUTS) is not None:
+        yield Verdict(Grade.OK, server.label, "interlock (60FD)", "none")
 
 
-def _option(place: str, check: str, found: str, meaning: str, remedy: str) -> Verdict:
-    """Warn of an option that lets the axis coast or go on."""
-    consequence = _CONSEQUENCES.get(meaning)
-    if consequence is None:
-        return Verdict(Grade.OK, place, check, found)
-    return Verdict(Grade.WARNING, place, check, found, remedy=remedy.format(consequence))
-
-
-def _brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Compare the time that a brake takes, where the maker has an object for it."""
+def _judge_brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
+    """Compare the closing time of a brake, if the maker has an object for it."""
     maker = MAKERS.get(axis.identity.vendor)
     counts = server.find(maker.brake_delay.entry) if maker else None
     if maker and counts:
@@ -79,12 +79,3 @@ def _brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
             "the voltage goes before the brake has closed: an axis that hangs sags; state it as "
             "brake_delay",
         )
-
-
-def _interlock(server: RemoteDictionary) -> Iterator[Verdict]:
-    active = safe_torque_off(server)
-    if active:
-        remedy = "release it before you agree to motion: while it is active nothing powers on"
-        yield Verdict(Grade.WARNING, server.label, "interlock", active, remedy=remedy)
-    elif server.find(objects.DIGITAL_INPUTS) is not None:
-        yield Verdict(Grade.OK, server.label, "interlock (60FD)", "none")

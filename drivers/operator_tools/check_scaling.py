@@ -1,9 +1,9 @@
-"""What a drive says of its motor, encoder and gear against what the drives file states.
+"""Check of a drive's motor, encoder and gear against the drives file.
 
-Torques are proportional to the rated values, positions to encoder and gear: an error of any of
-them is an error of every result of the axis and shows in no residual. So each is read by SDO,
-nothing is written, and a contradiction is refused. What a drive does not state stays on trust, and
-that is said too.
+Torques are proportional to the rated values, positions to encoder and gear: an error of these is an
+error of every result of the axis and shows in no residual. So each is read by SDO, nothing is
+written, and a contradiction is refused. Values not stated by a drive are taken on trust, with a
+remark.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
 CONSISTENT = 0.1
-"""Rated torque may differ from torque constant times rated current by this share."""
+"""Largest relative difference of rated torque and torque constant times rated current."""
 
 
 def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
@@ -40,16 +40,29 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
         yield comparison.make_verdict(server.label)
     if axis.current.basis is not Basis.RATED_TORQUE:
         sure = {each.check for each in compared if each.grade is Grade.OK}
-        yield _torque_constant(server.label, axis, rated={CURRENT, TORQUE} <= sure)
-    yield from _gear(server, axis)
-    yield _polarity(server)
-    yield _current(server, axis)
+        yield _judge_constant(server.label, axis, rated={CURRENT, TORQUE} <= sure)
+    yield from _judge_gear(server, axis)
+    present = server.find(objects.POLARITY)
+    yield grade_check(
+        not present,
+        Grade.WARNING,
+        server.label,
+        "polarity (607E)",
+        "not reversed" if not present else f"{present:02X}h",
+        "",
+        "the drive reverses position or velocity: sign must allow for it, see encoder and current",
+    )
+    entry = axis.current.entry
+    value = server.measure(entry)
+    shown = f"{value:.6g}" if entry.type == "f32" else f"{value}"
+    found = f"{shown} ({axis.current.basis.value})"
+    yield Verdict(Grade.OK, server.label, f"current object ({entry.place})", found)
 
 
-def _torque_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
-    """Rated torque and rated current must lead to the torque constant: sqrt(2) is rms or peak.
+def _judge_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
+    """Compare rated torque, rated current and torque constant; sqrt(2) means rms or peak.
 
-    Where the drive confirms both (`rated`), the constant or one of its amplitudes is wrong.
+    If the drive confirms both ratings (`rated`), the constant or one amplitude is wrong.
     """
     product = expected_torque(axis)
     assert product is not None  # noqa: S101 - the file's validator saw to it
@@ -77,7 +90,7 @@ def _torque_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
 
 
 def _amplitudes(axis: AxisDrive) -> str:
-    """State which amplitude would make rated torque, rated current and torque constant agree."""
+    """Return the amplitude that would make ratings and torque constant agree, in words."""
     other: dict[str | None, str] = {"rms": "peak", "peak": "rms"}
     stated = axis.torque_constant_amplitude, axis.current.amplitude
     if None in stated:
@@ -92,10 +105,10 @@ def _amplitudes(axis: AxisDrive) -> str:
     )
 
 
-def _gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """State a gear that is confirmed, or stays on trust: without a feed it may be the drive's own.
+def _judge_gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
+    """Judge a gear: confirmed, or on trust, since without a feed it may be the drive's own.
 
-    One that contradicts the file is among the comparisons.
+    A contradiction is among the comparisons.
     """
     factors = PositionFactors.read(server.find)
     check, stated, gear = GEAR, axis.gear_ratio, factors.gear
@@ -111,28 +124,3 @@ def _gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
             f"file: {stated:g}",
             "an electronic gear of the drive, or correct gear_ratio: it shows by eye, in a move",
         )
-
-
-def _polarity(server: RemoteDictionary) -> Verdict:
-    present = server.find(objects.POLARITY)
-    return grade_check(
-        not present,
-        Grade.WARNING,
-        server.label,
-        "polarity (607E)",
-        "not reversed" if not present else f"{present:02X}h",
-        "",
-        "the drive reverses position or velocity: sign must allow for it, see encoder and current",
-    )
-
-
-def _current(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
-    entry = axis.current.entry
-    value = server.measure(entry)
-    shown = f"{value:.6g}" if entry.type == "f32" else f"{value}"
-    return Verdict(
-        Grade.OK,
-        server.label,
-        f"current object ({entry.place})",
-        f"{shown} ({axis.current.basis.value})",
-    )

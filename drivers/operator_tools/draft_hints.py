@@ -1,14 +1,13 @@
-"""What a dictionary says of units and ratings: a fact where it is certain, else a hint.
+"""Units and ratings of a dictionary: a fact if certain, otherwise a hint.
 
-Only a configured or fixed value counts, and only where all that the drive says leads to one
-reading; what is a default, unknown or contradictory becomes part of the hint.
+Only configured or fixed values count, and only if all statements of the drive lead to one reading;
+defaults, unknown and contradictory values become part of the hint.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
     from drivers.dictionary.current_candidates import CurrentCandidate
-    from drivers.dictionary.dictionary import Declared, Dictionary
+    from drivers.dictionary.dictionary import Dictionary
     from drivers.fieldbus import Entry
 
 _NAMES = {
@@ -37,7 +36,7 @@ _NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Drafted:
-    """A value for the draft with its reason; None is to be stated, by the hint."""
+    """Value for the draft with its reason; None is to be stated, by the hint."""
 
     value: str | None
     reason: str
@@ -45,13 +44,13 @@ class Drafted:
 
 
 def velocity_unit(dictionary: Dictionary) -> Drafted:
-    """Return the unit of velocities if it is certain, and what to state otherwise."""
+    """Return the velocity unit if certain, otherwise a hint."""
     choice = f"unit of velocities in the drive (6081), such as 0.1 rpm: {', '.join(VELOCITIES)}"
     return _unit(dictionary, objects.VELOCITY_UNIT, unit_codes.velocity_of, choice)
 
 
 def acceleration_unit(dictionary: Dictionary) -> Drafted:
-    """Return the unit of accelerations if it is certain, and what to state otherwise."""
+    """Return the acceleration unit if certain, otherwise a hint."""
     names = ", ".join(ACCELERATIONS)
     choice = f"unit of accelerations in the drive (6083), such as 0.1 rpm/s: {names}"
     return _unit(dictionary, objects.ACCELERATION_UNIT, unit_codes.acceleration_of, choice)
@@ -79,14 +78,19 @@ def _unit(
 
 
 def increments(dictionary: Dictionary) -> Drafted:
-    """Return the counts per motor revolution if certain, their reason, and what to state.
+    """Return the counts per motor revolution if certain, with the reason, otherwise a hint.
 
-    What is left at a default may hold in the drive, so a reading must hold with it too.
+    A default may be the drive's value, so a reading must hold with defaults too.
     """
     hint = "counts of 6064 per revolution of the motor (encoder lines times 4), or a ratio"
     factors = PositionFactors.read(dictionary.value)
     readings = position_readings(factors)
-    by_default = position_readings(PositionFactors.read(partial(_value_or_default, dictionary)))
+
+    def read(entry: Entry) -> int | None:
+        value = dictionary.value(entry)
+        return _default(dictionary, entry) if value is None else value
+
+    by_default = position_readings(PositionFactors.read(read))
     counts = {reading.per_revolution for reading in (*readings, *by_default)}
     if readings and len(counts) == 1 and not factors.assumed:
         return Drafted(format_counts(readings[0].per_revolution), readings[0].reason, hint)
@@ -101,21 +105,24 @@ def increments(dictionary: Dictionary) -> Drafted:
 
 
 def default_of(dictionary: Dictionary, entry: Entry) -> str:
-    """Return a remark on a data sheet's default, empty where none is worth a remark."""
+    """Return a remark on a data sheet's default, empty if there is none."""
     default = _default(dictionary, entry)
     return f"; the data sheet's default of {entry.index:04X} is {default}" if default else ""
 
 
 def also_named(dictionary: Dictionary, key: str) -> str:
-    """Return a remark on a maker's object that may hold a rating, by its name."""
+    """Return a remark on a manufacturer object that may hold a rating, by its name."""
     for (index, _), declared in sorted(dictionary.entries.items()):
         if 0x2000 <= index < 0x6000 and _NAMES[key].search(declared.name):
-            return f"; {declared.place} ({declared.name}) may hold it{_shown(declared)}"
+            value, default = (*declared.reals, declared.value, declared.default)[:2]
+            shown = f", {default:g} by default" if default else ""
+            shown = shown if value is None else f", it is {value:g}"
+            return f"; {declared.place} ({declared.name}) may hold it{shown}"
     return ""
 
 
 def meaning_of(chosen: CurrentCandidate | None, dictionary: Dictionary) -> str:
-    """Return what to state of the current object's unit."""
+    """Return a hint for the current object's unit."""
     choice = ", ".join(basis.value for basis in Basis)
     if chosen is None:
         return f"what one count is: {choice}"
@@ -129,18 +136,6 @@ def meaning_of(chosen: CurrentCandidate | None, dictionary: Dictionary) -> str:
     )
 
 
-def _value_or_default(dictionary: Dictionary, entry: Entry) -> int | None:
-    value = dictionary.value(entry)
-    return _default(dictionary, entry) if value is None else value
-
-
 def _default(dictionary: Dictionary, entry: Entry) -> int | None:
     declared = dictionary.entry(entry)
     return None if declared is None or declared.value is not None else declared.default
-
-
-def _shown(declared: Declared) -> str:
-    value, default = (*declared.reals, declared.value, declared.default)[:2]
-    if value is not None:
-        return f", it is {value:g}"
-    return f", {default:g} by default" if default else ""

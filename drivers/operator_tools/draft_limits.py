@@ -1,8 +1,8 @@
-"""Gear, limits and following error for a draft of a drives file, where a live drive holds them.
+"""Gear, limits and following error in a draft of a drives file, from a live drive.
 
-A drive states them on the motor's side or in counts; they lead to values of the joint once its gear
-(6091) and the counts of a revolution are certain. Which way a joint counts and where its zero is no
-drive knows, so a range (607D) is only mentioned. All of it holds for a revolute joint.
+A drive states its limits on the motor side or in counts; they give values of the joint once its
+gear (6091) and the counts of a revolution are certain. No drive knows the direction and the zero of
+a joint, so a range (607D) is only mentioned. The values hold for a revolute joint.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from drivers.commissioning.consistency import gear_is_electronic
 from drivers.commissioning.position_units import PositionFactors
 from drivers.commissioning.requirements import is_set
 from drivers.operator_tools.draft_hints import Drafted, increments
-from drivers.operator_tools.draft_ratings import drafted_ratings
+from drivers.operator_tools.draft_ratings import draft_ratings
+from drivers.rate_units import ratio
 
 if TYPE_CHECKING:
-    from fractions import Fraction
-
     from drivers.dictionary.dictionary import Dictionary
     from drivers.fieldbus import Entry
 
@@ -37,33 +36,35 @@ _HINTS = {
     "position_window": ("how near to its target an axis counts as there [rad or m], such as 0.002"),
     "position_window_time": "and for how long [s], such as 0.02",
 }
-"""What is to be stated, by key of the drives file."""
+"""Hints by key of the drives file."""
 
 
-def drafted_limits(dictionary: Dictionary) -> dict[str, Drafted]:
-    """Return gear ratio, limits and windows, each with its value or what to state."""
+def draft_limits(dictionary: Dictionary) -> dict[str, Drafted]:
+    """Return gear ratio, limits and windows, each with its value or a hint."""
     found = {key: Drafted(None, "", hint) for key, hint in _HINTS.items()}
     if milliseconds := _held(dictionary, objects.FOLLOWING_ERROR_TIME):
         found["following_error_time"] = Drafted(f"{milliseconds / 1000:g}", "s, 6066", "")
-    gear = _gear(dictionary)
-    if gear is None:
+    # 6091 is the gear of the joint, unless 1 or within the drive
+    factors = PositionFactors.read(dictionary.value)
+    gear = factors.gear
+    if gear is None or gear == 1 or gear_is_electronic(factors):
         return found
     found["gear_ratio"] = Drafted(f"{float(gear):.10g}", "6091, if the joint is revolute", "")
     if speed := _held(dictionary, objects.MAX_MOTOR_SPEED):
         why = f"rad/s, 6080 = {speed} rpm of the motor"
         found["velocity"] = Drafted(f"{speed * _RPM / float(gear):.4g}", why, "")
-    rated = drafted_ratings(dictionary)["rated_torque"].value
+    rated = draft_ratings(dictionary)["rated_torque"].value
     if (share := _held(dictionary, objects.MAX_TORQUE)) and rated:
         why = f"N m, 6072 = {share} per mille of rated_torque"
         found["torque"] = Drafted(f"{share / 1000 * float(rated) * float(gear):.4g}", why, "")
     counts = increments(dictionary).value
     if counts is not None:
-        found |= _positions(dictionary, 2 * math.pi / (_number(counts) * float(gear)))
+        found |= _positions(dictionary, 2 * math.pi / float(ratio(counts) * gear))
     return found
 
 
 def _positions(dictionary: Dictionary, per_count: float) -> dict[str, Drafted]:
-    """Return the following error's window, and the range as a remark [rad per count]."""
+    """Return the following error window, and the range as a remark; `per_count` in [rad]."""
     found = {}
     if counts := _held(dictionary, objects.FOLLOWING_ERROR_WINDOW):
         window = Drafted(f"{counts * per_count:.4g}", f"rad, 6065 = {counts}", "")
@@ -79,19 +80,7 @@ def _positions(dictionary: Dictionary, per_count: float) -> dict[str, Drafted]:
     return found
 
 
-def _gear(dictionary: Dictionary) -> Fraction | None:
-    """Return the gear of the joint, None where 6091 is missing, 1 or a gear within the drive."""
-    factors = PositionFactors.read(dictionary.value)
-    certain = factors.gear not in {None, 1} and not gear_is_electronic(factors)
-    return factors.gear if certain else None
-
-
 def _held(dictionary: Dictionary, entry: Entry) -> int | None:
-    """Return a limit that the drive holds, None where it has none."""
+    """Return a limit set in the drive, None if there is none."""
     value = dictionary.value(entry)
     return value if value is not None and is_set(value, entry) else None
-
-
-def _number(ratio: str) -> float:
-    over, _, under = ratio.partition("/")
-    return float(over) / float(under or 1)

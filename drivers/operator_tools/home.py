@@ -1,9 +1,9 @@
-"""`hil drives home`: one axis finds its reference by the drive's own homing mode (6).
+"""`hil drives home`: homing of one axis by the drive's own homing mode (6).
 
-The drive does it all: method (6098), speeds (6099), acceleration (609A), and which position the
-home position shall have (607C). It is commanded by bit 4 of the controlword and answers in the
-statusword: bit 12 homing attained, bit 13 homing error, bit 10 at rest. Where it goes meanwhile
-only the drive knows, so a stop key and a time limit are what remains. Only this axis is powered.
+The drive does the homing: method (6098), speeds (6099), acceleration (609A), and the position of
+the home position (607C). It is commanded by bit 4 of the controlword and answers in the statusword:
+bit 12 homing attained, bit 13 homing error, bit 10 at rest. Its path is known only to the drive, so
+the only safeguards are a stop key and a time limit. Only this axis is powered.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from drivers.cia402.states import MODE_TIME, Control, Mode, Status
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
-from drivers.operator_tools.jog import SLOW, shown
+from drivers.operator_tools.jog import SLOW
 from drivers.operator_tools.operator import pressed, require_consent
+from drivers.operator_tools.small_move import format_coordinate
 from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from drivers.session.connection import Fieldbus
 
 POLLED = 0.05
-"""Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
+"""Time between two polls of the drive, and before the first, whose state may be stale [s]."""
 
 _START = ENABLED | Control.NEW_SET_POINT
 _ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR
@@ -46,22 +47,22 @@ def home(
     patience: float,
     keeper: SettingsKeeper | None = None,
 ) -> float:
-    """Home one axis and return where it stands then [rad or m]; it is off afterwards.
+    """Home one axis and return its position [rad or m]; the axis is off afterwards.
 
     Parameters
     ----------
     bus : Fieldbus
         An open bus.
     drives : DrivesFile
-        The file that the axis is in.
+        Drives file of the axis.
     axis : AxisDrive
-        Which.
+        Axis to home.
     homing : Homing
-        How.
+        Homing parameters.
     operator : Operator
-        Who agrees to it and may stop it.
+        Consents to the motion and can stop it.
     patience : float
-        How long it may take [s].
+        Longest duration [s].
     keeper : SettingsKeeper, optional
         See `drivers.session.servo_axes.ServoAxes`.
 
@@ -88,7 +89,7 @@ def home(
     _refuse(server, limits.apply_to(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
-        f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."
+        f"{format_coordinate(axis, homing.velocity)}/s? It may move as far as its switches."
     )
     require_consent(operator, intent)
     keeper = keeper or SettingsKeeper()
@@ -119,8 +120,8 @@ def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
     for key, value in (("velocity", homing.velocity), ("creep", homing.creep)):
         if value > fastest:
             raise LimitExceeded(
-                f"{axis.name}: homing.{key} {shown(axis, value)}/s must be at most "
-                f"{shown(axis, fastest)}/s, {SLOW:.0%} of its limit"
+                f"{axis.name}: homing.{key} {format_coordinate(axis, value)}/s must be at most "
+                f"{format_coordinate(axis, fastest)}/s, {SLOW:.0%} of its limit"
             )
 
 
@@ -137,7 +138,7 @@ def _configure(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> Non
 
 
 class _Session:
-    """One powered axis in the drive's own hands."""
+    """Powered axis under control of its drive."""
 
     def __init__(self, axes: ServoAxes, operator: Operator) -> None:
         self.server = axes.servers[0]
@@ -145,7 +146,7 @@ class _Session:
         self._operator = operator
 
     def change_mode(self, mode: Mode) -> None:
-        """Take a mode and wait until the drive shows it."""
+        """Write a mode and wait until the drive shows it."""
         self.server.put(objects.CONTROLWORD, ENABLED)
         self.server.put(objects.MODE, mode)
         if not self._wait(lambda: self.server.get(objects.MODE_DISPLAY) == mode, MODE_TIME):
@@ -157,14 +158,14 @@ class _Session:
     def run(self, method: int, patience: float) -> None:
         """Start homing and wait for its end."""
         self.server.put(objects.CONTROLWORD, _START)
-        if not self._wait(self._attained, patience):
+        if not self._wait(self._is_attained, patience):
             raise MoveFailed(
                 f"{self.server.label}: no reference found by method {method} in {patience:g} s; "
                 "check switches and direction, or allow more time with --patience"
             )
         self.server.put(objects.CONTROLWORD, ENABLED)
 
-    def _attained(self) -> bool:
+    def _is_attained(self) -> bool:
         word = self.server.get(objects.STATUSWORD)
         if word & _ERROR:
             raise MoveFailed(

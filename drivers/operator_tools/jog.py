@@ -1,13 +1,12 @@
-"""`hil drives jog`: one axis by a stated relative way, slowly, with no other axis powered.
+"""`hil drives jog`: slow relative motion of one axis, without power on other axes.
 
-The other axes stay as they are, in their brakes. Way and velocity are checked against the limits
-before anything is powered on, the operator agrees to the very numbers, and the move is watched as
-in a check.
+The other axes stay unpowered, held by their brakes. Distance and velocity are checked against the
+limits before anything is powered on, the operator consents to the actual numbers, and the move is
+supervised as in a check.
 """
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from drivers.axis import Axis
@@ -16,7 +15,7 @@ from drivers.cia402.set_point_limits import check_move
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import LimitExceeded
 from drivers.operator_tools.operator import require_consent
-from drivers.operator_tools.small_move import small_move, travel
+from drivers.operator_tools.small_move import format_coordinate, small_move, travel
 from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from drivers.session.connection import Fieldbus
 
 SLOW = 0.2
-"""Share of its velocity limit at which an axis may jog."""
+"""Largest velocity of a jog, as a share of the velocity limit."""
 
 
 def jog(
@@ -39,20 +38,20 @@ def jog(
     operator: Operator,
     keeper: SettingsKeeper | None = None,
 ) -> Stroke:
-    """Move one axis and return what was seen of it; the axis is off afterwards.
+    """Move one axis and return the observed stroke; the axis is off afterwards.
 
     Parameters
     ----------
     bus : Fieldbus
         An open bus.
     drives : DrivesFile
-        The file that the axis is in.
+        Drives file of the axis.
     axis : AxisDrive
-        Which.
+        Axis to move.
     way, velocity : float
-        Signed [rad or m], and at most `SLOW` of the limit [rad/s or m/s].
+        Signed distance [rad or m], and velocity, at most `SLOW` of the limit [rad/s or m/s].
     operator : Operator
-        Who agrees to it and may stop it.
+        Consents to the motion and can stop it.
     keeper : SettingsKeeper, optional
         See `drivers.session.servo_axes.ServoAxes`.
 
@@ -71,8 +70,8 @@ def jog(
     fastest = SLOW * held.limits.velocity
     if velocity > fastest:
         raise LimitExceeded(
-            f"{axis.name}: {shown(axis, velocity)}/s must be at most {shown(axis, fastest)}/s, "
-            f"{SLOW:.0%} of its limit; jog more slowly"
+            f"{axis.name}: {format_coordinate(axis, velocity)}/s must be at most"
+            f" {format_coordinate(axis, fastest)}/s, {SLOW:.0%} of its limit; jog more slowly"
         )
     position = server.get(objects.POSITION)
     place = named.wrap.unwrap(position) if named.wrap else position
@@ -80,16 +79,9 @@ def jog(
     move = small_move(held, start + way, velocity)
     check_move(move, named)
     intent = (
-        f"Power on {axis.name} alone and move it from {shown(axis, start)} to "
-        f"{shown(axis, move.target)} at {shown(axis, move.velocity)}/s?"
+        f"Power on {axis.name} alone and move it from {format_coordinate(axis, start)} to "
+        f"{format_coordinate(axis, move.target)} at {format_coordinate(axis, move.velocity)}/s?"
     )
     require_consent(operator, intent)
     with ServoAxes(bus, alone, keeper=keeper) as axes:
         return travel(axes, 0, held, move, operator)
-
-
-def shown(axis: AxisDrive, value: float) -> str:
-    """Put a joint coordinate [rad or m] into words, in degrees or mm."""
-    if axis.joint == "prismatic":
-        return f"{1000 * value + 0.0:.4g} mm"
-    return f"{math.degrees(value) + 0.0:.4g}°"

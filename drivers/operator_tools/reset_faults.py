@@ -1,8 +1,7 @@
-"""`hil drives reset-faults`: what faults drives are in, and their reset once somebody agrees.
+"""`hil drives reset-faults`: faults of the drives, and their reset with the operator's consent.
 
-A fault says why a drive stopped, so its cause is stated first. Only drives in FAULT are
-written to, and a reset leaves them in SWITCH ON DISABLED: nothing is energised by it. Drives that
-another master holds under power are left alone.
+A fault has a cause, which is stated first. Only drives in FAULT are written to, and a reset leaves
+them in SWITCH ON DISABLED: nothing is energised. Drives powered by another master are left alone.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ _STATE = "state (6041)"
 
 
 def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
-    """State what a drive shows; one in a fault is refused, with the cause.
+    """Judge the state of a drive; one in a fault is refused, with the cause.
 
     Raises
     ------
     DriveRefused, NodeSilent
-        An object that cannot be read.
+        An object cannot be read.
     """
     state = decode_state(server.get(objects.STATUSWORD))
     found = "undefined" if state is None else state.value
@@ -45,26 +44,26 @@ def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
 
 
 def reset_faults(bus: Fieldbus, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:
-    """State the fault of each drive; where the operator agrees, reset those that are in one.
+    """Report the fault of each drive; reset faults with the operator's consent.
 
     Parameters
     ----------
     bus : Fieldbus
         An open bus on which nobody commands the drives.
     drives : DrivesFile
-        The axes whose drives are asked.
+        Axes of the drives.
     operator : Operator
-        Who agrees.
+        Consents to the reset.
 
     Yields
     ------
     Verdict
-        What each drive shows, then what became of each reset.
+        State of each drive, then the result of each reset.
 
     Raises
     ------
     StoppedByOperator
-        The operator does not agree; nothing was written.
+        The operator does not consent; nothing was written.
     """
     unpowered = bus.unpowered(drives)
     supervision = Supervision(unpowered.servers)
