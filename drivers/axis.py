@@ -223,7 +223,7 @@ class Axis:
 
     @cached_property
     def per_count(self) -> float:
-        """Size of one increment [rad or m], positive."""
+        """Size of an increment [rad or m], positive."""
         return abs(self.scale.position)
 
     @cached_property
@@ -238,7 +238,7 @@ class Axis:
 
 
 def _rate(unit: RateUnit, axis: AxisDrive) -> float:
-    """Convert one unit of velocity or acceleration to the joint side, positive."""
+    """Convert a unit of velocity or acceleration to the joint side, positive."""
     turns = motor_turns(unit, axis.increments_per_revolution, axis.gear_ratio)
     return 2 * math.pi * float(turns) / axis.gear_ratio
 

@@ -86,25 +86,25 @@ class ProcessData(ABC):
 
     @abstractmethod
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis immediately.
+        """Send target position [increments] and controlword to an axis immediately.
 
         Every word must arrive, also of several between two SYNCs: a fault reset sends two.
         """
 
     @abstractmethod
     def lead(self, axis: int, target: int) -> None:
-        """Send a streamed set-point to one axis [increments]."""
+        """Send a streamed set-point to an axis [increments]."""
 
     @abstractmethod
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis.
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to an axis.
 
         Offsets act until the next ones; only for drives set up for feed-forward.
         """
 
     @abstractmethod
     def withdraw(self, axis: int) -> None:
-        """Cancel the feed-forward of one axis; no effect where drives take no offsets."""
+        """Cancel the feed-forward of an axis; no effect where drives take no offsets."""
 
     @abstractmethod
     def sync(self) -> float:
@@ -135,7 +135,7 @@ class ProcessData(ABC):
 
     @abstractmethod
     def tick(self) -> None:
-        """Let one period pass while the drives send no process data yet."""
+        """Let a period pass while the drives send no process data yet."""
 
     def now(self) -> float:
         """Return the time on the clock of `time` [s]."""
@@ -151,7 +151,7 @@ class ProcessData(ABC):
         self._clock.skipped = number
 
     def miss(self) -> None:
-        """Let one period pass in which the bus accepted no SYNC."""
+        """Let a period pass in which the bus accepted no SYNC."""
         self._clock.miss()
 
     def hurry(self, hurried: bool) -> None:
@@ -159,7 +159,7 @@ class ProcessData(ABC):
         self._clock.hurry(hurried)
 
     def speeds(self) -> list[float]:
-        """Return the speed of each axis over the last one or two `SPEED_TIME` [increments/s].
+        """Return the speeds of the axes over the last `SPEED_TIME` or twice that [increments/s].
 
         An axis whose telegram is missing has the speed ``inf``.
         """

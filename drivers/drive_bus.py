@@ -68,18 +68,18 @@ class MoveFailed(DriveError):
 
 
 class Tripped(DriveError):
-    """An axis too far off its path, too fast or too strong for too long: all axes stopped."""
+    """An axis too far off the path, too fast or too strong for too long: axes stopped."""
 
 
 def join_errors(problems: Sequence[DriveError], head: str = "") -> DriveError:
-    """Return one error for several drives, a line for each; `NodeSilent` if no drive answers."""
+    """Return a common error for several drives, a line each; `NodeSilent` if no drive answers."""
     silent = all(isinstance(problem, NodeSilent) for problem in problems)
     lines = (*filter(None, [head]), *map(str, problems))
     return (NodeSilent if silent else DriveRefused)("\n".join(lines))
 
 
 class SampleFlag(enum.IntFlag):
-    """Defect of one axis's share of a sample; 0 if there is none."""
+    """Defect of an axis's share of a sample; 0 if there is none."""
 
     MISSING = 1
     """No TPDO answered this SYNC: position and torque are NaN."""
@@ -100,7 +100,7 @@ class SampleFlag(enum.IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """Profile position set-point of one axis: a trapezoidal velocity profile.
+    """Profile position set-point of an axis: a trapezoidal velocity profile.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Move:
 
 
 class Sample(NamedTuple):
-    """State of the axes at one SYNC.
+    """State of the axes at a SYNC.
 
     Attributes
     ----------

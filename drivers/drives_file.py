@@ -123,7 +123,7 @@ class AxisLimits(FileModel):
 
 
 class Trip(FileModel):
-    """Thresholds at which the driver itself stops all axes.
+    """Thresholds at which the driver stops the axes.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Homing(FileModel):
 
 
 class AxisDrive(FileModel):
-    """One axis and its drive, as stated in the drives file.
+    """Axis and drive, as stated in the drives file.
 
     Attributes
     ----------

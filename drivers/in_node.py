@@ -73,7 +73,7 @@ ALONE = InNode()
 
 
 class AxisAccess:
-    """Objects of one axis of a drive (see `drivers.remote_dictionary.Access`).
+    """Objects of an axis of a drive (see `drivers.remote_dictionary.Access`).
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def maps(index: int, subindex: int) -> bool:
 
 
 def show_axis(access: Access, within: InNode) -> Access:
-    """Return the access to the objects of one axis of a drive."""
+    """Return the access to the objects of an axis of a drive."""
     return access if within == ALONE else AxisAccess(access, within)
 
 

@@ -119,7 +119,7 @@ def ratio(text: str) -> Fraction:
 
 
 def motor_turns(unit: RateUnit, counts: Fraction, gear_ratio: float) -> Fraction:
-    """Convert one unit to motor revolutions per second, or per second squared.
+    """Convert a unit to motor revolutions per second, or per second squared.
 
     Parameters
     ----------

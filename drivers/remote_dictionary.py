@@ -92,7 +92,7 @@ class Note:
 
 
 class Access(Protocol):
-    """Access of a bus to the objects of one drive; raises `AccessRefused` and `NoAnswer`."""
+    """Access of a bus to the objects of a drive; raises `AccessRefused` and `NoAnswer`."""
 
     def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
         """Read an object with a length of `size` [bytes], or of any length."""
@@ -111,7 +111,7 @@ class Access(Protocol):
 
 
 class RemoteDictionary:
-    """Object dictionary of one drive, the SDO server (hence `server` in other modules).
+    """Object dictionary of a drive, the SDO server (hence `server` in other modules).
 
     Parameters
     ----------
@@ -331,7 +331,7 @@ def axis_suffix(axis: int) -> str:
 
 
 def labels_by_node(servers: Iterable[RemoteDictionary]) -> dict[int, str]:
-    """Return the label of each node: the labels of its axes, joined."""
+    """Return the labels of nodes: the joined labels of the axes in each."""
     labels: dict[int, str] = {}
     for server in servers:
         first = labels.get(server.node)

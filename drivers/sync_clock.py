@@ -81,8 +81,7 @@ class SyncClock:
     ) -> None:
         self.skipped = self.passed_over = 0
         self.synchronous = self.uncertain = False
-        self._period = period
-        self._clock = clock
+        self._period, self._clock = period, clock
         self._start = clock() if start is None else start
 
     def now(self) -> float:
@@ -147,7 +146,7 @@ class LockStep(SyncClock):
         return self._count * self._period
 
     def note_sent(self) -> float:
-        """Let one period pass; return the SYNC's instant [s]."""
+        """Let a period pass; return the SYNC's instant [s]."""
         self._count += 1
         if not self.synchronous:
             self._patience_ends = self._clock() + self._patience

@@ -23,7 +23,7 @@ class BlockSource(Protocol):
     """Bus with block reception: the answers to a SYNC at once."""
 
     def recv_block(self) -> bytes | None:
-        """Return all waiting frames as ``struct can_frame``; None if they must be read singly."""
+        """Return the waiting frames as ``struct can_frame``; None for single reading."""
 
     def put_back(self, block: bytes) -> None:
         """Return the frames of the last block to the queue of single frames."""
@@ -71,7 +71,7 @@ class Capabilities:
 
     @property
     def recorded(self) -> bool:
-        """True for a replay, which has no drives that could stay powered."""
+        """True for a replay, without drives that could stay powered."""
         return self.until_next_sent is not None
 
 

@@ -83,12 +83,9 @@ class KernelSync(can.BusABC):
         self.skipped = self.passed_over = 0
         self.silence: float | None = None
         self.channel_info = inner.channel_info
-        self._inner = inner
-        self._period = period
-        self._pause = pause
+        self._inner, self._period, self._pause = inner, period, pause
         self._answers = frozenset(answers)
-        self._clock = clock
-        self._wall = wall
+        self._clock, self._wall = clock, wall
         self._offset = clock() - wall()
         self._task: can.CyclicSendTaskABC | None = None
         self._waiting: deque[can.Message] = deque()
@@ -133,7 +130,7 @@ class KernelSync(can.BusABC):
         return None
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive a frame other than SYNC; TPDOs only after `send` has taken their SYNC."""
+        """Receive a frame except SYNC; a TPDO only after `send` has taken the SYNC before."""
         if self._waiting and not self.overdue:
             return self._waiting.popleft()
         while (frame := self._inner.recv(timeout)) is not None:

@@ -1,4 +1,4 @@
-"""CAN between processes of one machine without CAN in the kernel: python-can's ``local``.
+"""CAN between processes of a machine without CAN in the kernel: python-can's ``local``.
 
 ``can.Bus("name", interface="local")``: every bus on a channel has a Unix datagram socket in the
 channel's folder, and sends each frame to all others as the kernel's ``struct can_frame``. There is
@@ -298,7 +298,7 @@ def _refuse_changeable(folder: Path) -> None:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Refuse a channel's folder that is a link, belongs to others, or was writable for them.
+    """Refuse a channel's folder that is a link, of another user, or writable for another user.
 
     A folder that was only readable for others, as made by earlier versions, is closed.
     """

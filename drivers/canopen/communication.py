@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class CanopenCommunication(Communication):
-    """Frames of one drive, sent and received (see `drivers.commissioning.communication`).
+    """Frames of a drive, sent and received (see `drivers.commissioning.communication`).
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ START_AGAIN = 0.1
 
 
 class CanopenConnection(Connection):
-    """Services of the drives on one bus.
+    """Services of the drives on a bus.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ class CanopenConnection(Connection):
             server.access.go_operational()
 
     def _listen_to_emergencies(self, identifiers: Sequence[int | None]) -> None:
-        """Receive emergencies of each node under its identifier (1014), None where off."""
+        """Receive emergencies of the nodes with these identifiers (1014), None where off."""
         for identifier in self._emergencies:
             self._network.unsubscribe(identifier, self._take_emergency)
         pairs = zip(identifiers, self._nodes, strict=True)

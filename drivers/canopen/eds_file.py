@@ -119,7 +119,7 @@ class _Reading:
             return bool(section.get("datatype"))
 
     def declare(self, key: Key, section: Section, parent: str) -> None:
-        """Store one number, a member of `parent`."""
+        """Store a number, a member of `parent`."""
         try:
             self.entries[key] = self._declared(key, section, parent)
         except NoNumber as error:

@@ -81,9 +81,7 @@ class Heartbeats:
         self._frame = can.Message(
             arbitration_id=0x700 + master, data=[OPERATIONAL], is_extended_id=False
         )
-        self._labels = labels
-        self._period = period
-        self.timeout = timeout
+        self._labels, self._period, self.timeout = labels, period, timeout
         self._now = now
         self._heard: dict[int, float] = {}
         self.starting: set[int] = set()
@@ -121,7 +119,7 @@ class Heartbeats:
             self._network.send_frame(request)
 
     def cease(self) -> None:
-        """Stop heartbeat and requests: drives that supervise them stop their axes."""
+        """Stop heartbeat and requests: drives under supervision of the master stop the axes."""
         self.ceased = True
 
     def service(self) -> None:

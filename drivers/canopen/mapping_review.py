@@ -1,4 +1,4 @@
-"""Review of a drive's PDOs: room for status, position and current of one SYNC.
+"""Review of a drive's PDOs: room for status, position and current of a SYNC.
 
 A writable mapping needs room only, and objects that TPDO 1 cannot hold may go into TPDO 2. With a
 fixed mapping the drive is suitable only if its PDOs carry the right objects already, TPDOs in any

@@ -50,10 +50,7 @@ class BusPicture(Picture):
     """
 
     def __init__(
-        self,
-        drives: DrivesFile,
-        bus: can.BusABC | None = None,
-        asked: Sequence[can.Message] = (),
+        self, drives: DrivesFile, bus: can.BusABC | None = None, asked: Sequence[can.Message] = ()
     ) -> None:
         super().__init__(drives)
         self._bus, self._asked = bus, asked

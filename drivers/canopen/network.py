@@ -50,15 +50,14 @@ class PumpedNetwork(Network):
 
     def __init__(self, bus: can.BusABC, *, synchronous: bool) -> None:
         super().__init__(bus)
-        self.channel = bus
-        self.synchronous = synchronous
+        self.channel, self.synchronous = bus, synchronous
         self.attempts = SEND_ATTEMPTS
         self._clock = find_capabilities(bus).clock
         self.idle: Callable[[], None] = lambda: None
         """Called before every reception while waiting, to keep our heartbeat going."""
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send one frame, repeatedly if the transmit queue is full.
+        """Send a frame, repeatedly if the transmit queue is full.
 
         Raises
         ------
@@ -103,7 +102,7 @@ class PumpedNetwork(Network):
         return unavailable
 
     def receive(self, timeout: float) -> can.Message | None:
-        """Receive one frame, or return None after `timeout` [s].
+        """Receive a frame, or return None after `timeout` [s].
 
         Raises
         ------
@@ -116,7 +115,7 @@ class PumpedNetwork(Network):
             raise self.unavailable("cannot receive", error) from error
 
     def dispatch(self, frame: can.Message) -> None:
-        """Deliver one received frame to its subscribers."""
+        """Deliver a received frame to its subscribers."""
         if not (frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id):
             self.notify(frame.arbitration_id, frame.data, frame.timestamp)
 

@@ -161,7 +161,7 @@ def _shown(pdos: tuple[Pdo, ...]) -> str:
 
 
 def _set_up(server: RemoteDictionary, pdo: Pdo) -> Pdo:
-    """Set up one PDO; return the PDO with its actual content."""
+    """Set up a PDO; return the PDO with the actual content."""
     cob = Entry(pdo.communication, 1, "u32", f"COB-ID of {pdo.name}")
     # drives differ in whether bit 30 can be changed, so it is left unchanged
     present = server.get(cob)

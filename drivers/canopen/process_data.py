@@ -110,11 +110,11 @@ class SyncProcessData(ProcessData):
             self._network.subscribe(cob_id, self._take_late)
 
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis."""
+        """Send target position [increments] and controlword to an axis."""
         self._network.send_message(self._commands[axis], _COMMAND.pack(target, controlword))
 
     def lead(self, axis: int, target: int) -> None:
-        """Send a streamed set-point to one axis [increments]."""
+        """Send a streamed set-point to an axis [increments]."""
         cob_id = self._targets[axis]
         if cob_id is None:
             self.command(axis, target, ENABLED)
@@ -122,16 +122,16 @@ class SyncProcessData(ProcessData):
             self._network.send_message(cob_id, _TARGET.pack(target))
 
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis."""
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to an axis."""
         self._network.send_message(self._offsets[axis], _OFFSETS.pack(velocity, torque))
 
     def withdraw(self, axis: int) -> None:
-        """Cancel the feed-forward of one axis; no effect where drives take no offsets."""
+        """Cancel the feed-forward of an axis; no effect where drives take no offsets."""
         if self._offsets:
             self.feed_forward(axis, 0, 0)
 
     def sync(self) -> float:
-        """Send the next SYNC when it is due and collect its answers; return its instant [s].
+        """Send the next SYNC when due and collect the answers; return the instant of SYNC [s].
 
         Raises
         ------
@@ -220,7 +220,7 @@ class SyncProcessData(ProcessData):
         super().hurry(hurried)
 
     def tick(self) -> None:
-        """Let one period pass while the drives send no TPDOs yet."""
+        """Let a period pass while the drives send no TPDOs yet."""
         self._network.pump(self._clock.due())
         self._clock.note_sending()
         self._network.send_frame(SYNC)

@@ -49,7 +49,7 @@ def restore_process_data(
 
 
 def _restore_pdo(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
-    """Restore one PDO: off, identifier, mapping, transmission type and the like, COB-ID."""
+    """Restore a PDO: off, identifier, mapping, transmission type and the like, COB-ID."""
     if holds(server, values):
         return {}
     mapping = {e: v for e, v in values.items() if any(e.index in mappings for mappings in MAPPINGS)}

@@ -55,9 +55,7 @@ class PumpedSdoClient(SdoClient):
     def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
         dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
         super().__init__(0x600 + node, 0x580 + node, dictionary)  # type: ignore[no-untyped-call]
-        self.network = network
-        self._pumped = network
-        self._timeout = timeout
+        self.network, self._pumped, self._timeout = network, network, timeout
         self._answers: list[bytes] = []
         self._exchanges = 0
         self._object: bytes | None = None
@@ -66,7 +64,7 @@ class PumpedSdoClient(SdoClient):
         network.subscribe(self.tx_cobid, self.take_response)
 
     def take_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Take a response from the network, or count it as late if it fits no request."""
+        """Take a response from the network; a response without a request counts as late."""
         del can_id, timestamp
         if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
             self._answers.append(bytes(data))
@@ -104,7 +102,7 @@ class PumpedSdoClient(SdoClient):
         return self.read_response()
 
     def read_response(self) -> bytes:
-        """Wait for one response.
+        """Wait for a response.
 
         Raises
         ------
@@ -122,7 +120,7 @@ class PumpedSdoClient(SdoClient):
 
 
 class SdoAccess:
-    """Objects of one node through its default SDO server, and its NMT state.
+    """Objects of a node through the default SDO server, and NMT commands.
 
     Parameters
     ----------

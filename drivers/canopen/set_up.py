@@ -5,14 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen import objects as cia301
-from drivers.canopen.objects import (
-    EXTENDED,
-    IDENTIFIER,
-    LAST_SYNCHRONOUS,
-    OFF,
-    ON_REQUEST,
-    SYNC,
-)
+from drivers.canopen.objects import EXTENDED, IDENTIFIER, LAST_SYNCHRONOUS, OFF, ON_REQUEST, SYNC
 from drivers.canopen.requirements import ON_ARRIVAL, REQUIREMENTS
 from drivers.canopen.sync_rate import frame_bits
 from drivers.drive_bus import DriveRefused
@@ -56,7 +49,7 @@ def set_up_sync(server: RemoteDictionary, period: float) -> None:
 
 
 def note_arrival(server: RemoteDictionary, inputs: Inputs) -> None:
-    """Note set-points that act on arrival, for lack of an RPDO that acts at SYNC."""
+    """Note set-points that act on arrival, for lack of an RPDO with action at SYNC."""
     kind, target = cia301.SET_POINT_TRANSMISSION, inputs.target
     if inputs.synchronous or target is None:
         return

@@ -78,12 +78,7 @@ def time_on_bus(sizes: Iterable[int], bitrate: int) -> float:
 
 
 def cycle_on_bus(
-    drives: DrivesFile | None,
-    n_axes: int,
-    bitrate: int,
-    *,
-    streamed: bool,
-    feed_forward: bool,
+    drives: DrivesFile | None, n_axes: int, bitrate: int, *, streamed: bool, feed_forward: bool
 ) -> tuple[float, str, float]:
     """Return the time of a cycle on the bus [s], its frames in words, and the largest bus load.
 
@@ -147,16 +142,12 @@ class StopwatchBus(can.BusABC):
     """
 
     def __init__(
-        self,
-        inner: can.BusABC,
-        drives: DrivesFile,
-        clock: Callable[[], float] = time.perf_counter,
+        self, inner: can.BusABC, drives: DrivesFile, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         self.sent: list[float] = []
         self.answers: list[float] = []
         self.channel_info = inner.channel_info
-        self._inner = inner
-        self._clock = clock
+        self._inner, self._clock = inner, clock
         self._expected = {cob_id for axis in drives.axes for cob_id in answers(axis)}
         self._by_kernel = False
         super().__init__("stopwatch")

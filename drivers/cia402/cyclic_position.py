@@ -93,12 +93,8 @@ class CyclicPosition:
     ) -> None:
         self.cyclic = self.moving = False
         self.path_index = 0.0
-        self._process_data = process_data
-        self._axes = axes
-        self._trips = trips
-        self._period = period
-        self._cycle = cycle
-        self._note = note
+        self._process_data, self._axes, self._trips = process_data, axes, trips
+        self._period, self._cycle, self._note = period, cycle, note
         self._path: Path | None = None
         self._first, self._halting = 0, False
         self._overrun, self._overruns_until = [0.0] * len(axes), -math.inf
@@ -228,7 +224,7 @@ class CyclicPosition:
 
     @property
     def streaming(self) -> bool:
-        """True while all axes follow one path, or come to rest on it."""
+        """True while the axes follow a common path, or come to rest there."""
         return not (self._path is None or self._path.ended) and not self._moves
 
     def velocity(self, axis: int) -> float:
@@ -258,7 +254,7 @@ class CyclicPosition:
         self.abandon()
 
     def brake(self) -> None:
-        """Slow all axes down to rest along their path, and hold them there."""
+        """Slow the axes down to rest along the path, and hold the rest position."""
         self._halting = self.moving
         self._moves.clear()
 

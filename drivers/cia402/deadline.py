@@ -24,11 +24,7 @@ class Deadline:
     """
 
     def __init__(
-        self,
-        duration: float,
-        clock: Callable[[], float] | None = None,
-        *,
-        real: float = math.inf,
+        self, duration: float, clock: Callable[[], float] | None = None, *, real: float = math.inf
     ) -> None:
         self._clock = clock or monotonic
         self._ends = self._clock() + duration

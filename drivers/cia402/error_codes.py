@@ -101,7 +101,7 @@ class Emergency(NamedTuple):
 
 
 def error_text(code: int) -> str:
-    """Return an error code (u16) with its meaning, or with that of its class if unknown."""
+    """Return an error code (u16) with the meaning, or with that of the class if unknown."""
     known = next((code & mask for mask in _CLASS_MASKS if code & mask in ERROR_CODES), None)
     if known is None:
         return f"{code:04X} (unknown error)"

@@ -47,8 +47,7 @@ class FeedForward:
     """
 
     def __init__(self, process_data: ProcessData, axes: Sequence[Axis]) -> None:
-        self._process_data = process_data
-        self._axes = axes
+        self._process_data, self._axes = process_data, axes
         self.wanted = False
         self._found: list[tuple[RemoteDictionary, Entry, int]] = []
 
@@ -73,7 +72,7 @@ class FeedForward:
                         axis.server.put(entry, 0)
 
     def withdraw(self) -> None:
-        """Send zero offsets to all axes if others were sent."""
+        """Send zero offsets to the axes if non-zero ones were sent."""
         if self.wanted:
             self.wanted = False
             for axis in self._axes:

@@ -135,7 +135,7 @@ class Path:
 
     @property
     def overrun(self) -> tuple[Array, float]:
-        """Overrun of each axis without further set-points, and the time until it is back [s]."""
+        """Overrun of each axis without further set-points, and the time until return [s]."""
         before, _, after = self._neighbours
         speed = self.pace * (after - before) / (2 * self._period)
         overrun: Array = np.sign(speed) * speed**2 / (2 * self._limits)
@@ -172,7 +172,7 @@ class Path:
         return list(_whole(counts))
 
     def step(self, *, calm: bool = False) -> None:
-        """Advance by one period.
+        """Advance by a period.
 
         Parameters
         ----------

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class AxisPicture:
-    """Last observation of one axis.
+    """Last observation of an axis.
 
     Attributes
     ----------

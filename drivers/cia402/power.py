@@ -48,8 +48,7 @@ class Power:
         servers: Sequence[RemoteDictionary],
         supervision: Supervision,
     ) -> None:
-        self._process_data = process_data
-        self._servers = servers
+        self._process_data, self._servers = process_data, servers
         self._supervision = supervision
 
     def wait(self, holds: Callable[[], bool], timeout: float) -> bool:
@@ -78,7 +77,7 @@ class Power:
         self.switch_off(server)
 
     def walk(self, goal: State, cycle: Callable[[], object]) -> None:
-        """Bring all drives to `goal` together, one command at each SYNC (`cycle`).
+        """Bring the drives to `goal` together, with a command at every SYNC (`cycle`).
 
         Raises
         ------
@@ -97,7 +96,7 @@ class Power:
                 self._step(axis, server, state, goal, late=late)
 
     def switch_off(self, server: RemoteDictionary) -> None:
-        """Switch one drive off by SDO, and check its state.
+        """Switch a drive off by SDO, and check its state.
 
         Raises
         ------

@@ -84,16 +84,9 @@ class ProfilePosition:
         Unfinished motions by axis.
     """
 
-    def __init__(
-        self,
-        process_data: ProcessData,
-        axes: Sequence[Axis],
-        period: float,
-    ) -> None:
+    def __init__(self, process_data: ProcessData, axes: Sequence[Axis], period: float) -> None:
         self.active: dict[int, _Motion] = {}
-        self._process_data = process_data
-        self._axes = axes
-        self._period = period
+        self._process_data, self._axes, self._period = process_data, axes, period
         shortest = ACKNOWLEDGE_CYCLES * period
         self._patience = [max(axis.drive.acknowledge_timeout, shortest) for axis in axes]
         self._holds = [axis.drive.acknowledge == "reached" for axis in axes]
@@ -107,7 +100,7 @@ class ProfilePosition:
             self._offer(axis, move)
 
     def halt(self) -> None:
-        """Stop all axes with the deceleration of their last profile."""
+        """Stop the axes with the deceleration of the last profile."""
         for axis, each in enumerate(self._axes):
             self._process_data.command(axis, self._position(axis), HALTED)
             duration = each.drive.limits.velocity / self.deceleration(axis)

@@ -58,7 +58,7 @@ class Standstill:
     _still: int = field(default=0, init=False)
 
     def update(self, position: float) -> bool:
-        """Evaluate one position; return True while the axis rests."""
+        """Evaluate a position; return True while the axis rests."""
         if abs(position - self._anchor) > self.band:
             self._anchor = position
             self._still = 0

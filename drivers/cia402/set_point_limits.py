@@ -110,12 +110,7 @@ def where_to_widen(own: Mapping[str, str], key: str) -> str:
     return "correct the limits of the drives file"
 
 
-def check_path(
-    path: Array,
-    axes: Sequence[Axis],
-    here: Sequence[float],
-    period: float,
-) -> None:
+def check_path(path: Array, axes: Sequence[Axis], here: Sequence[float], period: float) -> None:
     """Refuse set-points outside the limits, or a path that begins elsewhere than the axes are.
 
     Parameters
@@ -159,10 +154,7 @@ def check_path(
 
 
 def check_feed_forward(
-    path: Array,
-    fed: Sequence[Array],
-    axes: Sequence[Axis],
-    period: float,
+    path: Array, fed: Sequence[Array], axes: Sequence[Axis], period: float
 ) -> None:
     """Refuse feed-forward beyond the limits, or without zero at both ends.
 

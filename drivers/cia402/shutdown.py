@@ -54,7 +54,7 @@ _UNCERTAIN = SampleFlag.MISSING | SampleFlag.DOUBLED
 
 @dataclass
 class _Stopped:
-    """Axis under stop: reasons why its last command was refused and why it is not off."""
+    """Axis under stop, with the reasons of a refused command and of a failed power-off."""
 
     axis: Axis
     stop: AxisStop
@@ -97,10 +97,8 @@ class Shutdown:
         switch_off: Callable[[RemoteDictionary], None],
     ) -> None:
         self.problems: list[str] = []
-        self._switch_off_by_objects = switch_off
-        self._process_data = process_data
-        self._life_sign = life_sign
-        self._axes = axes
+        self._switch_off_by_objects, self._process_data = switch_off, process_data
+        self._life_sign, self._axes = life_sign, axes
         self._settled = max(SETTLED, math.ceil(SETTLING_TIME / period))
         self._settling = (self._settled + 2) * period
         self._period = period

@@ -1,4 +1,4 @@
-"""Stop of one axis: quick stop, standstill, voltage off; every step confirmed or bounded.
+"""Stop of an axis: quick stop, standstill, voltage off; every step confirmed or bounded.
 
 A command may be lost, ignored, or acknowledged without effect. So each step is commanded anew at
 every SYNC until the drive shows obedience, and each has a bound. After a quick stop an axis of
@@ -92,7 +92,7 @@ class StopPhase(enum.Enum):
 
 
 class Shown(enum.Enum):
-    """Observation of an axis under stop at one SYNC."""
+    """Observation of an axis under stop at a SYNC."""
 
     NOTHING = "no telegram that is certain"
     UNDEFINED = "no state of the standard"
@@ -158,7 +158,7 @@ def overdue_phase(phase: StopPhase, shown: Shown) -> StopPhase:
 
 
 class AxisStop:
-    """Stop of one axis.
+    """Stop of an axis.
 
     Parameters
     ----------
@@ -211,8 +211,7 @@ class AxisStop:
         self._seen, self._origin = time, position
         self._delay = delay
         self._speed, self._deceleration, self._window = speed, deceleration, window
-        self._rest = rest
-        self._settling = settling
+        self._rest, self._settling = rest, settling
         self._asked = self._rested = now
         self._begun: float | None = None
         self._confirmed = False
@@ -250,7 +249,7 @@ class AxisStop:
             self._enter(StopPhase.DISABLING, time)
 
     def step(self, time: float, word: int, position: int, *, fresh: bool) -> Command | None:
-        """Evaluate one SYNC; return the command to send.
+        """Evaluate a SYNC; return the command to send.
 
         Parameters
         ----------

@@ -124,7 +124,7 @@ class Supervision:
 
 
 def safe_torque_off(server: RemoteDictionary) -> str | None:
-    """Return the evidence of active safe torque off in words; None if there is none.
+    """Return the evidence of active safe torque off in words; None if absent.
 
     Never raises a `DriveError`, since it is called after another failure.
     """
@@ -139,7 +139,7 @@ def safe_torque_off(server: RemoteDictionary) -> str | None:
 
 
 def interlock(inputs: int) -> str | None:
-    """Return the evidence of an interlock in the digital inputs (60FD); None if there is none."""
+    """Return the evidence of an interlock in the digital inputs (60FD); None if absent."""
     if not inputs & INTERLOCK:
         return None
     return f"safe torque off is active (60FD = {inputs:08X}h: bit 3, interlock)"

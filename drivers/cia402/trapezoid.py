@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Trapezoid:
-    """Trapezoidal profile of one axis.
+    """Trapezoidal profile of an axis.
 
     Parameters
     ----------

@@ -43,11 +43,11 @@ class _Unwrapped:
         return tuple(wrap.unwrap(position) if wrap else position for wrap, position in pairs)
 
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send a place [increments] and controlword to one axis."""
+        """Send a place [increments] and controlword to an axis."""
         self._inner.command(axis, self._wrap(axis, target), controlword)
 
     def lead(self, axis: int, target: int) -> None:
-        """Send a streamed set-point to one axis [increments]."""
+        """Send a streamed set-point to an axis [increments]."""
         self._inner.lead(axis, self._wrap(axis, target))
 
     def _wrap(self, axis: int, target: int) -> int:

@@ -29,7 +29,7 @@ class VendorObject:
 
 @dataclass(frozen=True, slots=True)
 class Maker:
-    """Manufacturer objects of one maker's drives.
+    """Manufacturer objects of a maker's drives.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ MAKERS = {
 """Makers by vendor identifier."""
 
 VELOCITY_FEED_FORWARDS = {
-    0x4D2: Entry(0x2010, 0, "u16", "velocity feed-forward of the position loop"),  # the plant's
+    0x4D2: Entry(0x2010, 0, "u16", "velocity feed-forward of the position loop")  # the plant's
 }
 """Velocity feed-forward gain of a drive, by vendor; 0 for none."""
 

@@ -65,7 +65,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """Changes that start-up will make to one drive.
+    """Changes that start-up will make to a drive.
 
     Attributes
     ----------

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Refusable(NamedTuple):
-    """Object that some drives refuse, whose process data then use another mapping.
+    """Object refused by some drives, with a different mapping as the consequence.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Refusable(NamedTuple):
 
 
 class Communication(ABC):
-    """Process data exchange and supervision of one drive; completed by set-up.
+    """Process data exchange and supervision of a drive; completed by set-up.
 
     Attributes
     ----------

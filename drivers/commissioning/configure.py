@@ -178,9 +178,7 @@ def make_judge(
 
 
 def find_swap(
-    server: RemoteDictionary,
-    axis: AxisDrive,
-    pairs: Iterable[tuple[RemoteDictionary, AxisDrive]],
+    server: RemoteDictionary, axis: AxisDrive, pairs: Iterable[tuple[RemoteDictionary, AxisDrive]]
 ) -> str | None:
     """Return the entries that fit a drive in conflict with its own, with a remedy; None if none.
 

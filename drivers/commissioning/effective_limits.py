@@ -37,7 +37,7 @@ SLACK = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class EffectiveLimits:
-    """Limits in force on one axis.
+    """Limits in force on an axis.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Bound(NamedTuple):
 
 
 def bounds(axis: AxisDrive) -> Iterator[Bound]:
-    """Yield the limits of an axis other than its range."""
+    """Yield the limits of an axis, without the range."""
     counted = measures(axis)
     for row in OWN_LIMITS:
         assert row.quantity is not None  # noqa: S101 - a row of a limit has one

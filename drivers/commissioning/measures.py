@@ -46,7 +46,7 @@ FIELDS = {
 
 
 class Measure(NamedTuple):
-    """Unit of a quantity in one drive.
+    """Unit of a quantity in a drive.
 
     Attributes
     ----------

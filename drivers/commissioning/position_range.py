@@ -45,7 +45,7 @@ def range_of(find: Callable[[Entry], int | None]) -> tuple[int, int] | None:
 
 
 def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap | None:
-    """Return the wrap-around within an axis's limits; None if there is none.
+    """Return the wrap-around within an axis's limits; None if absent.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from drivers.fieldbus import Entry
 
 NEWTON_METRE = {TorqueUnit.MILLI: 1e-3, TorqueUnit.MICRO: 1e-6}
-"""Size of one unit of 6076 [N m]."""
+"""Size of a unit of 6076 [N m]."""
 ROUNDED = 1e-3
 """Largest relative difference of a rated torque in uN m: the file is written by hand."""
 ALIKE = 2.0

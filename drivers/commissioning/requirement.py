@@ -43,7 +43,7 @@ class Kept:
 
 
 def _accept_share(words: str, less: float, more: float) -> Kept:
-    """Accept values above zero that differ by at most these shares of the written one."""
+    """Accept values above zero within a tolerance, as shares of the written value."""
     return Kept(
         words,
         lambda written, kept, _: kept > 0 and -less * written <= kept - written <= more * written,
@@ -51,7 +51,7 @@ def _accept_share(words: str, less: float, more: float) -> Kept:
 
 
 def _accept_inwards(direction: int) -> Kept:
-    """Accept values in a direction (+1, -1), and one increment in the opposite one."""
+    """Accept values in a direction (+1, -1), and an increment in the opposite direction."""
     words = "any value further inside, or one increment further outside; any range, if it is fixed"
     return Kept(words, lambda written, kept, _: (kept - written) * direction >= -1)
 
@@ -92,7 +92,7 @@ class Lack(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """Requirement on one object.
+    """Requirement on an object.
 
     Attributes
     ----------

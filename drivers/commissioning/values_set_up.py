@@ -28,11 +28,7 @@ if TYPE_CHECKING:
 
 _LIMITS = tuple(
     (entry, *REQUIREMENTS[entry].instead)
-    for entry in (
-        objects.MAX_PROFILE_VELOCITY,
-        objects.MAX_ACCELERATION,
-        objects.MAX_DECELERATION,
-    )
+    for entry in (objects.MAX_PROFILE_VELOCITY, objects.MAX_ACCELERATION, objects.MAX_DECELERATION)
 )
 """Limits with several possible objects; that of torque is written to one only."""
 _KEPT_WHERE_PRESENT = (
@@ -162,7 +158,7 @@ def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entr
 
 
 def _write(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    """Write an object by its row of the table: refuse a drive without it, or note the lack."""
+    """Write an object as required by the table: refuse a drive without the object, or note that."""
     row = REQUIREMENTS[entry]
     if row.lack is Lack.REFUSED:
         server.set(entry, value)
@@ -189,7 +185,7 @@ def _refuse_zeros(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Ent
 def _write_limit(
     server: RemoteDictionary, entries: Sequence[Entry], values: Mapping[Entry, int]
 ) -> bool:
-    """Write a limit to one or several objects, unless it is there already.
+    """Write a limit to the objects for it, except those with that limit already.
 
     Returns
     -------

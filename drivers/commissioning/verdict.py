@@ -112,13 +112,7 @@ def unsettled(check: str, found: str, key: str, stated: str, remedy: str) -> Com
 
 
 def grade_check(
-    holds: bool,
-    otherwise: Grade,
-    place: str,
-    check: str,
-    found: str,
-    bound: str,
-    remedy: str,
+    holds: bool, otherwise: Grade, place: str, check: str, found: str, bound: str, remedy: str
 ) -> Verdict:
     """Return a verdict: ok if `holds`, otherwise with another grade and the remedy."""
     if holds:

@@ -99,7 +99,7 @@ class Declared:
 
 @dataclass(frozen=True)
 class Dictionary:
-    """Contents of one drive's object dictionary, as far as known.
+    """Contents of a drive's object dictionary, as far as known.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class Dictionary:
         return found.fixed if found.value is None else found.value
 
     def members(self, index: int) -> Iterator[Declared]:
-        """Yield the declarations of one object, by sub-index."""
+        """Yield the declarations of an object, by sub-index."""
         for key in sorted(key for key in self.entries if key[0] == index):
             yield self.entries[key]
 

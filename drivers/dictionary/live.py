@@ -83,7 +83,7 @@ class _Reading:
     silences: int = 0
 
     def ask(self, entry: Entry) -> None:
-        """Read one number, once."""
+        """Read a number, once."""
         key = entry.key
         if key in self.entries or key in self.unanswered:
             return

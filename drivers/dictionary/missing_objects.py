@@ -53,7 +53,7 @@ class Finding:
 def gaps(
     dictionary: Dictionary, row: Requirement, axis: AxisDrive | None, table: Table
 ) -> Iterator[Finding]:
-    """Yield the deficiencies of a dictionary in one row of the table.
+    """Yield the deficiencies of a dictionary in a row of the table.
 
     Raises
     ------

@@ -194,9 +194,7 @@ def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
 
 
 def _no_current(
-    dictionary: Dictionary,
-    candidates: tuple[CurrentCandidate, ...],
-    usable: list[CurrentCandidate],
+    dictionary: Dictionary, candidates: tuple[CurrentCandidate, ...], usable: list[CurrentCandidate]
 ) -> Iterator[Finding]:
     if usable:
         return

@@ -88,9 +88,7 @@ class EthercatBus(Fieldbus):
         """Find slaves and their offers (see `drivers.ethercat.scan.scan_line`)."""
         line = self._line()
         return scan_line(
-            line,
-            lambda node: node not in besides and (only is None or node in only),
-            SDO_TIMEOUT,
+            line, lambda node: node not in besides and (only is None or node in only), SDO_TIMEOUT
         )
 
     def wait(self, timeout: float) -> object:

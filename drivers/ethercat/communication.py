@@ -1,4 +1,4 @@
-"""Process data exchange of one drive, as found by set-up (`drivers.commissioning`)."""
+"""Process data exchange of a drive, as found by set-up (`drivers.commissioning`)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class EthercatCommunication(Communication):
-    """Process data of one drive (see `drivers.commissioning.communication`).
+    """Process data of a drive (see `drivers.commissioning.communication`).
 
     Attributes
     ----------

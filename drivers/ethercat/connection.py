@@ -37,7 +37,7 @@ SETTLING = 3
 
 
 class EthercatConnection(Connection):
-    """Services of the drives on one line.
+    """Services of the drives on a line.
 
     Parameters
     ----------
@@ -59,12 +59,7 @@ class EthercatConnection(Connection):
     life_sign: OutputsSent
 
     def __init__(
-        self,
-        line: Line,
-        clock: SyncClock,
-        file: DrivesFile,
-        *,
-        feed_forward: bool,
+        self, line: Line, clock: SyncClock, file: DrivesFile, *, feed_forward: bool
     ) -> None:
         self._line, self._slaves = line, Slaves(line)
         places = places_of(file.axes)
@@ -158,7 +153,7 @@ class EthercatConnection(Connection):
                 drive.refuse_unwatched()
 
     def look_at_limits(self) -> None:
-        """Read back one object of each drive, a different one at each call; no frame shows them."""
+        """Read back an object of every drive, the next one at each call; no frame shows changes."""
         self._looked += 1
         for server in self.servers:
             held = [entry for entry in server.kept if entry.index in WRITTEN_ONCE]
@@ -213,7 +208,7 @@ class EthercatConnection(Connection):
             synchronise(server, clocked=clocked)
 
     def _diagnose(self) -> DriveError | None:
-        """Return an error for drives that are not in OP; None if there are none."""
+        """Return an error for drives that are not in OP; None if absent."""
         problems = []
         for drive in self._drives:
             try:

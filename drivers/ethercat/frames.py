@@ -48,7 +48,7 @@ class Datagram(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Answer to one datagram, with the number of slaves that took part."""
+    """Answer to a datagram, with the number of slaves that took part."""
 
     data: bytes
     counter: int

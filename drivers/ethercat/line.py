@@ -1,4 +1,4 @@
-"""Exchange of frames with the slaves on one line.
+"""Exchange of frames with the slaves on a line.
 
 A lost frame (nothing returns in time) is repeated where that is harmless: writing registers twice
 has the same effect. After a line has failed, a frame is sent once only until one returns, so that
@@ -52,8 +52,7 @@ class Line:
     """
 
     def __init__(self, wire: Wire, patience: float = PATIENCE) -> None:
-        self.wire = wire
-        self.patience = patience
+        self.wire, self.patience = wire, patience
         self.idle: Callable[[], None] = lambda: None
         self.lost = self.foreign = 0
         self._dead = False
@@ -77,7 +76,7 @@ class Line:
         self.wire.send(frame)
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return the frame sent last after its return, None if it does not return in time [s].
+        """Return the frame sent last after its return, None if lost within `timeout` [s].
 
         Raises
         ------
@@ -98,7 +97,7 @@ class Line:
         return None
 
     def exchange(self, *datagrams: Datagram) -> tuple[Answer, ...] | None:
-        """Send datagrams in one frame, once; return the answers, None if lost."""
+        """Send datagrams in a frame, once; return the answers, None if lost."""
         self.send(self.frame(datagrams))
         frame = self.receive(self.patience)
         return None if frame is None else answers_of(frame, datagrams)

@@ -34,7 +34,7 @@ _WHERE = "its firmware, whose mailbox does not answer"
 
 
 class Mailbox:
-    """Mailboxes of one slave, in both directions.
+    """Mailboxes of a slave, in both directions.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class Mailbox:
             self._deliver(found)
 
     def _fetch(self) -> bytes | None:
-        """Receive one new CoE service, None if there is none."""
+        """Receive a new CoE service, None if there is none."""
         place = address_of(self._station.address, self._back.start)
         for _ in range(ATTEMPTS):
             answers = self._line.exchange(Datagram(Command.FPRD, place, bytes(self._back.size)))

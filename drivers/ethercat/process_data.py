@@ -1,4 +1,4 @@
-"""Exchange of process data: one frame with the outputs and inputs of all drives.
+"""Exchange of process data: a frame with the outputs and inputs of the drives.
 
 Each axis has its own datagram, whose working counter shows that the drive took its outputs and gave
 inputs; the AL states are read in the same frame. The inputs were latched at the passage of the
@@ -54,7 +54,7 @@ FOREIGN = 3
 _BOTH, _READ = 3, 1
 """Working counter of a drive that took outputs (2) and gave inputs (1), or that was only read."""
 _ASKED = 20
-"""Number of drives whose watchdogs are read by one frame."""
+"""Number of drives whose watchdogs are read by a frame."""
 _TIMES = 4
 """Number of clock values: time of the reference, and differences, each with its working counter."""
 _VALUES = 5
@@ -178,7 +178,7 @@ class EthercatProcessData(ProcessData):
     # commands
 
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis in the next cycle."""
+        """Send target position [increments] and controlword to an axis in the next cycle."""
         if controlword in _STOPS:
             self._queues.pop(axis, None)
         elif axis in self._fresh:
@@ -195,16 +195,16 @@ class EthercatProcessData(ProcessData):
         self._set(axis, controlword, target)
 
     def lead(self, axis: int, target: int) -> None:
-        """Send a streamed set-point to one axis [increments]."""
+        """Send a streamed set-point to an axis [increments]."""
         self._put(axis, objects.TARGET_POSITION, target)
 
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis."""
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to an axis."""
         self._put(axis, objects.VELOCITY_OFFSET, velocity)
         self._put(axis, objects.TORQUE_OFFSET, torque)
 
     def withdraw(self, axis: int) -> None:
-        """Cancel the feed-forward of one axis; no effect where drives take no offsets."""
+        """Cancel the feed-forward of an axis; no effect where drives take no offsets."""
         self.feed_forward(axis, 0, 0)
 
     def _set(self, axis: int, controlword: int, target: int) -> None:
@@ -321,7 +321,7 @@ class EthercatProcessData(ProcessData):
         self._publish(found)
 
     def _evaluate_states(self, states: Sequence[int]) -> None:
-        """Evaluate AL states, each with its working counter."""
+        """Evaluate AL states and their working counters."""
         pairs = zip(states[::2], states[1::2], strict=True)
         self.fallen = any(state != AlState.OP for state, counter in pairs if counter)
         self.unusual = self.fallen or bool(self._gone)
@@ -346,7 +346,7 @@ class EthercatProcessData(ProcessData):
     # time
 
     def tick(self) -> None:
-        """Let one period pass, also for a plant in lock-step."""
+        """Let a period pass, also for a plant in lock-step."""
         if self._wired:
             self.sync()
             return

@@ -1,4 +1,4 @@
-"""Process data of one drive: communication objects (ETG.1000.6 clause 5.6.7) and layout."""
+"""Process data of a drive: communication objects (ETG.1000.6 clause 5.6.7) and layout."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ ROOM = 1024
 
 @dataclass(frozen=True)
 class Mapped:
-    """Content of one direction of a drive's process data.
+    """Content of a direction of a drive's process data.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Mapped:
         return found
 
     def carries(self, entries: Iterable[Entry]) -> bool:
-        """Return True if the entries are contained, each with its own length."""
+        """Return True if the entries are contained with the right lengths."""
         return all(e.key in self.places and self.places[e.key][1] == e.size for e in entries)
 
 

@@ -28,7 +28,7 @@ _STRAY, _STRAYS = 0.25, 10
 """Deviation as a share of the period, and number of consecutive frames with such deviations of one
 sign after which the reference has jumped, as in a plant whose process was stopped."""
 _MOST = 50e-6
-"""Largest correction of the filter by one frame [s]; a larger deviation is a delay of the computer.
+"""Largest correction of the filter by a frame [s]; a larger deviation is a delay of the computer.
 Within `_TIME` the filter follows clocks that differ by 200 ppm or more, twice as much as
 crystals."""
 

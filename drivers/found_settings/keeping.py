@@ -127,7 +127,7 @@ class SettingsKeeper:
         found: Mapping[Entry, int],
         planned: Mapping[Entry, int],
     ) -> None:
-        """Save the values of one drive and the planned ones; an earlier session's values stay.
+        """Save the values of a drive and the planned ones; an earlier session's values stay.
 
         Raises
         ------

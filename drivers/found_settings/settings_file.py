@@ -114,7 +114,7 @@ class FoundObject(FileModel):
         return self.written is not None and present not in {None, self.value, self.written}
 
     def comparison(self, present: int) -> str:
-        """Describe the value found, the written one and the present one."""
+        """Describe the values: found, written and present."""
         return (
             f"object {self.entry} held {self.value} when it was found and {self.written} in a"
             f" session that was ended; it holds {present}, so it has been set up anew since"

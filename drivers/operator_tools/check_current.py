@@ -52,7 +52,7 @@ _REMEDY = "move farther, or an axis that carries a load; else take it from the d
 
 
 class CurrentReadings:
-    """Simultaneous readings of 6077 and the current object of one axis.
+    """Simultaneous readings of 6077 and the current object of an axis.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ CLOSE = 0.3
 
 
 def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
-    """Judge the sign of one joint.
+    """Judge the sign of a joint.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ class SmallMoves:
     velocity: float = 0.01
 
     def find(self, axis: AxisDrive) -> tuple[float, float]:
-        """Return distance and velocity of one axis."""
+        """Return distance and velocity of an axis."""
         if axis.joint == "prismatic":
             return self.length, self.velocity
         return self.angle, self.angular_velocity
@@ -79,10 +79,7 @@ def check_powered(
     """Yield the powered checks; an error ends them with a verdict, after the axes are off."""
     step = "power-on"
     try:
-        with (
-            bus.timed(drives) as timed,
-            ServoAxes(timed, drives, keeper=keeper) as axes,
-        ):
+        with bus.timed(drives) as timed, ServoAxes(timed, drives, keeper=keeper) as axes:
             step = "holding position"
             # remarks of power-on, except those visible without power
             configured = {str(note): note for server in axes.servers for note in server.notes}

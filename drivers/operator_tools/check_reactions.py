@@ -37,7 +37,7 @@ _WRITTEN = "hil run writes another option over it, every other master meets this
 
 
 def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Judge the reactions of one drive (see `verdict.Check`)."""
+    """Judge the reactions of a drive (see `verdict.Check`)."""
     for entry, check, meanings, when, remedy in (
         (objects.FAULT_REACTION, "fault reaction", _FAULT, "on a fault", _SET),
         (objects.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),

@@ -12,12 +12,7 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.commissioning.consistency import (
-    GEAR,
-    SAME_GEAR,
-    another_gear,
-    comparisons,
-)
+from drivers.commissioning.consistency import GEAR, SAME_GEAR, another_gear, comparisons
 from drivers.commissioning.position_units import PositionFactors
 from drivers.commissioning.ratings import CURRENT, TORQUE, expected_torque
 from drivers.commissioning.verdict import Grade, Verdict, grade_check, unknown
@@ -34,7 +29,7 @@ CONSISTENT = 0.1
 
 
 def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Compare ratings, encoder, gear and units of one drive with the file (see `verdict.Check`)."""
+    """Compare ratings, encoder, gear and units of a drive with the file (see `verdict.Check`)."""
     compared = list(comparisons(server, axis))
     for comparison in compared:
         yield comparison.make_verdict(server.label)

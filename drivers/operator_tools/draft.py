@@ -226,7 +226,7 @@ def _drafted(key: str, drafted: Drafted) -> str:
 
 
 def _line(key: str, value: object, unit: str, hint: str) -> str:
-    """Return a line with a value and its unit or source, or with a hint for a missing one."""
+    """Return a line with a value and the unit or source, or with a hint."""
     if value is None:
         return f"{key}: {UNSTATED} {quoted(one_line(hint, 1000))}"
     return f"{key}: {value}" + (f" {comment(unit)}" if unit else "")

@@ -40,7 +40,7 @@ _HINTS = {
 
 
 def draft_limits(dictionary: Dictionary) -> dict[str, Drafted]:
-    """Return gear ratio, limits and windows, each with its value or a hint."""
+    """Return gear ratio, limits and windows, with values or hints."""
     found = {key: Drafted(None, "", hint) for key, hint in _HINTS.items()}
     if milliseconds := _held(dictionary, objects.FOLLOWING_ERROR_TIME):
         found["following_error_time"] = Drafted(f"{milliseconds / 1000:g}", "s, 6066", "")

@@ -25,7 +25,7 @@ CONSTANT_MAX = 20.0
 
 
 def draft_ratings(dictionary: Dictionary) -> dict[str, Drafted]:
-    """Return the motor ratings by key of the drives file, each with its value or a hint."""
+    """Return the motor ratings by key of the drives file, with values or hints."""
     maker = MAKERS.get(dictionary.vendor or 0)
     present = dictionary.value(objects.RATED_CURRENT)
     hint = "rated current of the motor [A], which the drive's per mille refer to"

@@ -1,4 +1,4 @@
-"""`hil drives home`: homing of one axis by the drive's own homing mode (6).
+"""`hil drives home`: homing of an axis by the drive's own homing mode (6).
 
 The drive does the homing: method (6098), speeds (6099), acceleration (609A), and the position of
 the home position (607C). It is commanded by bit 4 of the controlword and answers in the statusword:
@@ -47,7 +47,7 @@ def home(
     patience: float,
     keeper: SettingsKeeper | None = None,
 ) -> float:
-    """Home one axis and return its position [rad or m]; the axis is off afterwards.
+    """Home an axis and return its position [rad or m]; the axis is off afterwards.
 
     Parameters
     ----------
@@ -142,8 +142,7 @@ class _Session:
 
     def __init__(self, axes: ServoAxes, operator: Operator) -> None:
         self.server = axes.servers[0]
-        self._axes = axes
-        self._operator = operator
+        self._axes, self._operator = axes, operator
 
     def change_mode(self, mode: Mode) -> None:
         """Write a mode and wait until the drive shows it."""

@@ -1,4 +1,4 @@
-"""`hil drives jog`: slow relative motion of one axis, without power on other axes.
+"""`hil drives jog`: slow relative motion of an axis, without power on other axes.
 
 The other axes stay unpowered, held by their brakes. Distance and velocity are checked against the
 limits before anything is powered on, the operator consents to the actual numbers, and the move is
@@ -38,7 +38,7 @@ def jog(
     operator: Operator,
     keeper: SettingsKeeper | None = None,
 ) -> Stroke:
-    """Move one axis and return the observed stroke; the axis is off afterwards.
+    """Move an axis and return the observed stroke; the axis is off afterwards.
 
     Parameters
     ----------

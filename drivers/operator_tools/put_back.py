@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Returned(NamedTuple):
-    """Result for one drive.
+    """Result for a drive.
 
     Attributes
     ----------

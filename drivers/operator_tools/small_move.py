@@ -1,4 +1,4 @@
-"""Small supervised move of one axis, and its observation.
+"""Small supervised move of an axis, and its observation.
 
 A drive with another velocity unit than the file's may run a hundred times too fast. Hence an axis
 twice as fast as commanded is given up at once, which stops it; the corridor between start and
@@ -43,7 +43,7 @@ RAMP = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """Observation of one small move.
+    """Observation of a small move.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ def travel(
     operator: Operator,
     poll: Callable[[float], None] = lambda _time: None,
 ) -> Stroke:
-    """Move one axis under supervision and return the observed stroke.
+    """Move an axis under supervision and return the observed stroke.
 
     Parameters
     ----------

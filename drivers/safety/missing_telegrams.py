@@ -59,8 +59,7 @@ class MissingTelegrams:
         self._silence, self._wiring, self._doubling = silence, wiring, doubling
         self._busy = max(BLIND, math.ceil(BUSY / period))
         self.open = False
-        self._axes = axes
-        self._collect_late = collect_late
+        self._axes, self._collect_late = axes, collect_late
         self._counts = [0] * len(axes)
         self._doubled = [0] * len(axes)
 

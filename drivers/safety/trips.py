@@ -59,8 +59,7 @@ class Trips:
     """
 
     def __init__(self, axes: Sequence[Axis], period: float) -> None:
-        self._axes = axes
-        self._period = period
+        self._axes, self._period = axes, period
         self._velocities = [fastest(axis.drive) / axis.per_count for axis in axes]
         self._steps = [2 * velocity * period for velocity in self._velocities]
         self._half_steps = [step / 2 for step in self._steps]
@@ -136,12 +135,7 @@ class Trips:
         )
 
     def _look(
-        self,
-        time: float,
-        positions: tuple[int, ...],
-        currents: Sequence[float],
-        *,
-        irregular: bool,
+        self, time: float, positions: tuple[int, ...], currents: Sequence[float], *, irregular: bool
     ) -> Tripped | None:
         self._turn = turn = (self._turn + 1) % _TURNS
         if turn & 1:

@@ -1,4 +1,4 @@
-"""Interfaces of a session to its bus: connections to drives, and the open bus itself."""
+"""Interfaces between session and bus: connection to drives, and open bus."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Connection(ABC):
-    """Services of the drives on one bus, in joint order; implemented by each bus.
+    """Services of the drives on a bus, in joint order; implemented by each bus.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class Connection(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Expect the telegrams of each drive as set up, and command the drives to send them."""
+        """Expect the telegrams of the drives as set up, and command the drives to send."""
 
     @abstractmethod
     def await_answers(self) -> None:
@@ -122,7 +122,7 @@ class Connection(ABC):
         """Remove our part from the bus, which stays open."""
 
     def cycle(self) -> None:
-        """Let one SYNC pass.
+        """Let a SYNC pass.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class Connection(ABC):
             raise self.life_sign.trouble
 
     def beating_cycle(self) -> None:
-        """Let one SYNC pass, even without life signs of drives."""
+        """Let a SYNC pass, even without life signs of drives."""
         self.process_data.sync()
         self.life_sign.beat()
 
@@ -243,7 +243,7 @@ class Fieldbus(ABC):
 
     @abstractmethod
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find the nodes with some numbers (by default all) and their offers, without writing.
+        """Find the nodes with some numbers (default: all) and read the offers, without writing.
 
         Raises
         ------

@@ -47,7 +47,7 @@ class Outcome:
 
     @property
     def message(self) -> str:
-        """Failures in one line; empty if there are none."""
+        """Failures in a line; empty if there are none."""
         if not self.problems:
             return ""
         incomplete = "" if self.complete else " is incomplete, press the emergency stop"
@@ -55,10 +55,7 @@ class Outcome:
 
 
 def leave(
-    connection: Connection,
-    session: Session | None,
-    keeper: SettingsKeeper,
-    order: RestoringOrder,
+    connection: Connection, session: Session | None, keeper: SettingsKeeper, order: RestoringOrder
 ) -> Outcome:
     """Stop and switch off the drives, restore their settings, and release the bus.
 

@@ -81,11 +81,9 @@ class ServoAxes:
         feed_forward: bool = False,
     ) -> None:
         self.notes: tuple[str, ...] = ()
-        self._bus = bus
-        self._drives = drives
+        self._bus, self._drives = bus, drives
         self._period = drives.sync_period if period is None else period
-        self._reset_faults = reset_faults
-        self._owns_bus = owns_bus
+        self._reset_faults, self._owns_bus = reset_faults, owns_bus
         self._anywhere = anywhere
         self._keeper = keeper or SettingsKeeper()
         self._feed_forward = feed_forward

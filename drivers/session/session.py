@@ -98,12 +98,8 @@ class Session:
         feed_forward: bool = False,
     ) -> None:
         self._state = SessionState.CHECKED
-        self.connection = connection
-        self.axes = axes
-        self._period = period
-        self._note = note
-        self._anywhere = anywhere
-        self._feed_forward = feed_forward
+        self.connection, self.axes, self._period = connection, axes, period
+        self._note, self._anywhere, self._feed_forward = note, anywhere, feed_forward
         self._planned = any(axis.planned for axis in axes)
         connection.process_data = unwrap_positions(connection.process_data, axes)
         self._process_data = data = connection.process_data
@@ -157,7 +153,7 @@ class Session:
         self.power_on()
 
     def power_on(self) -> None:
-        """Energise all axes together at their present positions."""
+        """Energise the axes together at the present positions."""
         self.connection.refuse_unwatched()
         if not self._anywhere:
             refuse_outside(self.axes, self._process_data.positions)
@@ -367,9 +363,7 @@ class Session:
         return bool(self._profile_position.active) or self._cyclic_position.moving
 
     def _offsets(
-        self,
-        points: NDArray[np.float64],
-        *stated: Sequence[Sequence[float]] | None,
+        self, points: NDArray[np.float64], *stated: Sequence[Sequence[float]] | None
     ) -> NDArray[np.float64] | None:
         """Return the checked feed-forward in the drives' units, None if there is none."""
         if not any(values is not None for values in stated):

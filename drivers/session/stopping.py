@@ -1,4 +1,4 @@
-"""Stop of all axes, for a reason that latches.
+"""Stop of the axes, for a reason that latches.
 
 After a trip nothing moves until it is ended on purpose (`Stopping.end`), and each SYNC commands the
 axes to stay stopped. Speed and deceleration of an axis determine how far it may continue before its
@@ -72,7 +72,7 @@ class Stopping(Shutdown):
         self.begin(speeds, decelerations)
 
     def fail(self, trouble: DriveError) -> NoReturn:
-        """Stop all axes, record the reason, and raise it."""
+        """Stop the axes, record the reason, and raise the error."""
         if self.trip is None:
             self.stop()
             self.trip = trouble
