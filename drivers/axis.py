@@ -13,6 +13,11 @@ sign of the current's count against the drive's position sc = +-1::
 A count may be several mA or per mille (`per_count`). The factor a converts the amplitude of the
 current's readback (rms or peak) to that of the torque constant kt. For a prismatic axis N is in
 rad of the motor per m.
+
+Process data of drives with wrap-around positions (`drivers.axis.Wrap`), as places of the axes.
+
+Received positions are unwrapped and sent targets are wrapped, only here: other modules see no ends
+of a range.
 """
 
 from __future__ import annotations
@@ -20,7 +25,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from drivers.drive_bus import AxisInfo
 from drivers.drives_file import Basis
@@ -32,6 +37,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from drivers.cycle_data import ProcessData
     from drivers.drives_file import AxisDrive
     from drivers.remote_dictionary import RemoteDictionary
 
@@ -261,3 +267,43 @@ def motor_torque_per_count(axis: AxisDrive, basis: Basis) -> float | None:
     # sinusoidal currents: the peak is sqrt(2) times the rms value
     peaks = (axis.torque_constant_amplitude == "peak") - (axis.current.amplitude == "peak")
     return axis.torque_constant * ampere * math.sqrt(2) ** peaks * counted
+
+
+def unwrap_positions(process_data: ProcessData, axes: Sequence[Axis]) -> ProcessData:
+    """Return process data in places of the axes; unchanged where no positions wrap around."""
+    if not any(axis.wrap for axis in axes):
+        return process_data
+    return cast("ProcessData", _Unwrapped(process_data, axes))
+
+
+class _Unwrapped:
+    """Process data with positions and targets converted, and other members passed on."""
+
+    looks_ahead = False
+
+    def __init__(self, process_data: ProcessData, axes: Sequence[Axis]) -> None:
+        self.__dict__.update(_inner=process_data, _wraps=[axis.wrap for axis in axes])
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        setattr(self._inner, name, value)
+
+    @property
+    def positions(self) -> tuple[int, ...]:
+        """Places of the axes [increments]."""
+        pairs = zip(self._wraps, self._inner.positions, strict=True)
+        return tuple(wrap.unwrap(position) if wrap else position for wrap, position in pairs)
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send a place [increments] and controlword to an axis."""
+        self._inner.command(axis, self._wrap(axis, target), controlword)
+
+    def lead(self, axis: int, target: int) -> None:
+        """Send a streamed set-point to an axis [increments]."""
+        self._inner.lead(axis, self._wrap(axis, target))
+
+    def _wrap(self, axis: int, target: int) -> int:
+        wrap = self._wraps[axis]
+        return wrap.wrap(target) if wrap else target

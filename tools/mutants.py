@@ -82,7 +82,7 @@ MUTANTS = (
     Mutant("drivers/cycle_data.py", "math.inf if flag & SampleFlag.MISSING or elapsed <= 0",
            "0.0 if flag & SampleFlag.MISSING or elapsed <= 0"),
     Mutant(_PDO, "self.feed_forward(axis, 0, 0)", "pass"),
-    Mutant("drivers/cia402/unwrapping.py", "self._inner.lead(axis, self._wrapped(axis, target))",
+    Mutant("drivers/axis.py", "self._inner.lead(axis, self._wrapped(axis, target))",
            "self._inner.lead(axis, target)"),
     # what stops all axes
     Mutant(_TRIPS, "[2 * velocity * period", "[20 * velocity * period"),
@@ -104,7 +104,7 @@ MUTANTS = (
     Mutant(_BEAT, "        if self.ceased:\n            return\n", ""),
     Mutant(_BEAT, "node in self.starting and self._now() <= self._start_ends",
            "node in self.starting"),
-    Mutant("drivers/canopen/watch_set_up.py", "if not least <= kept <= most",
+    Mutant("drivers/canopen/set_up.py", "if not least <= kept <= most",
            "if not least <= kept"),
     Mutant("drivers/cia402/supervision.py", "emergency.code & 0xFF00", "emergency.code & 0xFFFF"),
     # estimators

@@ -27,7 +27,7 @@ import can
 
 from checked_files.yaml_file import FileError
 from drivers.can_bus.capabilities import Capabilities, find_capabilities
-from drivers.can_bus.replay_log import SYNC, is_heartbeat
+from drivers.can_bus.replay_bus import SYNC, is_heartbeat
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     import can
 
-    from drivers.dictionary.found_nodes import Scan
+    from drivers.dictionary.review import Scan
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.remote_dictionary import RemoteDictionary

@@ -23,9 +23,14 @@ from drivers.canopen.pdo_mapping import (
     transmitted,
 )
 from drivers.canopen.pdo_set_up import set_up_pdos
-from drivers.canopen.requirements import REQUIREMENTS
-from drivers.canopen.set_up import find_emergency, note_arrival, note_others, set_up_sync
-from drivers.canopen.watch_set_up import set_up_watch
+from drivers.canopen.rules import REQUIREMENTS
+from drivers.canopen.set_up import (
+    find_emergency,
+    note_arrival,
+    note_others,
+    set_up_sync,
+    set_up_watch,
+)
 from drivers.commissioning.communication import Communication
 from drivers.drive_bus import DriveRefused
 

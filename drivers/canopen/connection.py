@@ -17,7 +17,7 @@ from drivers.canopen.heartbeat import START_TIME, Heartbeats, guarding_request
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.pdo_mapping import answers
 from drivers.canopen.process_data import SyncProcessData
-from drivers.canopen.requirements import WATCHDOGS
+from drivers.canopen.rules import WATCHDOGS
 from drivers.canopen.sdo import server_of
 from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
 from drivers.drive_bus import DriveRefused, NodeSilent

@@ -6,6 +6,12 @@ description. Such defects are repaired and noted. Unintelligible sections are ke
 `Dictionary.damaged` and reported with file, line and section when the object is needed, so that
 a wrong section of an unused input hinders nobody. canopen's own reader stops at the first of them,
 and takes types from the file alone.
+
+Abbreviated and missing objects of a data sheet.
+
+CiA 306 allows a long array as one section (CompactSubObj) with names and values of its members in
+two more. Tools also drop sections of objects still listed under [OptionalObjects]; these are
+supplied from the standard if defined there.
 """
 
 from __future__ import annotations
@@ -13,12 +19,87 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
+from drivers.canopen import objects as cia301
 from drivers.canopen.eds_numbers import NoNumber, declared_type, number, real, stated, within
-from drivers.canopen.eds_objects import expand_compact, supply_listed
 from drivers.canopen.eds_sections import Section, sections_of
+from drivers.cia402 import objects
 from drivers.dictionary.dictionary import Declared, Dictionary, Key, mark_mapped
+from drivers.fieldbus import Entry
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
+_STANDARD = {
+    entry.key: entry
+    for standard in (cia301, objects)
+    for entry in vars(standard).values()
+    if isinstance(entry, Entry)
+}
+_NOTHING = Section("", 0)
+
+
+def expand_compact(
+    parents: Mapping[int, Section], sections: Mapping[str, Section]
+) -> dict[Key, Section]:
+    """Return the members of objects in the compact notation."""
+    return dict(
+        member
+        for index, section in parents.items()
+        if section.get("compactsubobj")
+        for member in _members(index, section, sections)
+    )
+
+
+def _members(
+    index: int, section: Section, sections: Mapping[str, Section]
+) -> Iterator[tuple[Key, Section]]:
+    try:
+        count = number(section.get("compactsubobj")) or 0
+    except NoNumber:
+        return
+    names = sections.get(f"{index:04x}name", _NOTHING)
+    values = sections.get(f"{index:04x}value", _NOTHING)
+    for subindex in range(1, min(count, 254) + 1):
+        member = Section(section.name, section.line, dict(section.values))
+        member.values["parametername"] = names.get(str(subindex))
+        member.values["parametervalue"] = values.get(str(subindex))
+        yield (index, subindex), member
+
+
+def supply_listed(
+    sections: Mapping[str, Section],
+    described: Collection[int],
+    entries: dict[Key, Declared],
+    notes: list[str],
+) -> None:
+    """Add objects that are listed without a description from the standard, and note them."""
+    supplied = []
+    for index in sorted(set(_listed(sections)) - set(described)):
+        members = [entry for key, entry in _STANDARD.items() if key[0] == index]
+        for entry in members:
+            entries[entry.key] = Declared(*entry.key, name=entry.name, type=entry.type)
+        if members:
+            supplied.append(f"{index:04X}")
+    if supplied:
+        notes.append(
+            f"lists {', '.join(supplied)} without describing them: taken as the standard has them"
+        )
+
+
+def _listed(sections: Mapping[str, Section]) -> Iterator[int]:
+    for name in _LISTS:
+        section = sections.get(name)
+        for key, text in section.values.items() if section else ():
+            if key.isdigit():
+                try:
+                    yield number(text) or 0
+                except NoNumber:
+                    continue
+
 
 _OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?", re.I)
 _ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}

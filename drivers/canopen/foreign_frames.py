@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import NMT, SYNC
-from drivers.canopen.requirements import WATCHDOGS
+from drivers.canopen.rules import WATCHDOGS
 from drivers.drive_bus import Tripped
 
 if TYPE_CHECKING:

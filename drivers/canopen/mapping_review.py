@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
 from drivers.dictionary.bus_rules import ProcessDataReview
-from drivers.dictionary.missing_objects import Finding, fixed_at
+from drivers.dictionary.review import Finding, fixed_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

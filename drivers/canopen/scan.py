@@ -17,9 +17,8 @@ from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.objects import NMT_STATES, SYNC
 from drivers.canopen.rules import RULES
 from drivers.canopen.sdo import SdoAccess
-from drivers.dictionary.found_nodes import Scan
 from drivers.dictionary.live import read_dictionary
-from drivers.dictionary.review import review
+from drivers.dictionary.review import Scan, review
 from drivers.in_node import find_axes, show_axis
 from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer
 

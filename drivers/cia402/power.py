@@ -3,14 +3,17 @@
 Every drive is first brought to SWITCHED ON, without power at the motor; once all have arrived, they
 proceed to OPERATION ENABLED and hold their position. Moving axes are stopped and switched off by
 `drivers.cia402.shutdown`.
+
+Deadlines by the clock of the bus and by real time.
 """
 
 from __future__ import annotations
 
+import math
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.deadline import Deadline
 from drivers.cia402.states import FAULTS, Command, State, decode_state, name_state, next_command
 from drivers.cia402.stop import NOT_ENERGISED
 from drivers.cia402.supervision import RESET, safe_torque_off
@@ -22,6 +25,33 @@ if TYPE_CHECKING:
     from drivers.cia402.supervision import Supervision
     from drivers.cycle_data import ProcessData
     from drivers.remote_dictionary import RemoteDictionary
+
+
+class Deadline:
+    """Deadline on two clocks, whichever is first: the bus of a dead plant has a slow clock.
+
+    Parameters
+    ----------
+    duration : float
+        Time by `clock` [s].
+    clock : callable, optional
+        Clock [s]; by default real time.
+    real : float
+        Time in real time [s].
+    """
+
+    def __init__(
+        self, duration: float, clock: Callable[[], float] | None = None, *, real: float = math.inf
+    ) -> None:
+        self._clock = clock or monotonic
+        self._ends = self._clock() + duration
+        self._real_ends = monotonic() + real
+
+    @property
+    def passed(self) -> bool:
+        """True after the deadline."""
+        return self._clock() >= self._ends or monotonic() >= self._real_ends
+
 
 STEP_TIME = 3.0
 """Longest time of a drive between two states [s]; brakes and DC links are slow."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.deadline import Deadline
+from drivers.cia402.power import Deadline
 from drivers.cia402.set_point import Standstill
 from drivers.cia402.states import name_state
 from drivers.cia402.stop import AWAITED, AxisStop, StopPhase

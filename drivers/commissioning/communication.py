@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from drivers.commissioning.requirement import Requirement
+    from drivers.commissioning.requirements import Requirement
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.remote_dictionary import RemoteDictionary

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from drivers.commissioning.communication import Communication
     from drivers.commissioning.effective_limits import EffectiveLimits
-    from drivers.commissioning.requirement import Requirement
+    from drivers.commissioning.requirements import Requirement
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.remote_dictionary import Judge, RemoteDictionary

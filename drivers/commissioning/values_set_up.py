@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.commissioning.measures import Quantity, measures
-from drivers.commissioning.requirement import Lack
-from drivers.commissioning.requirements import REQUIREMENTS, reaction_for
+from drivers.commissioning.requirements import REQUIREMENTS, Lack, reaction_for
 from drivers.drive_bus import DriveRefused
 from drivers.remote_dictionary import Aborted
 

@@ -10,10 +10,10 @@ from drivers.found_settings.restoring import RestoringOrder
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from drivers.commissioning.requirement import Requirement
+    from drivers.commissioning.requirements import Requirement
     from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Dictionary
-    from drivers.dictionary.missing_objects import Finding
+    from drivers.dictionary.review import Finding
     from drivers.fieldbus import Entry
 
 

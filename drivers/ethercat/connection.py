@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveError, NodeSilent, Tripped
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import ERROR, MASK, AlState
-from drivers.ethercat.clocks import Clocks
+from drivers.ethercat.clocks import AHEAD, Clocks, ReferenceClock
 from drivers.ethercat.communication import EthercatCommunication, offers_sync0, synchronise
 from drivers.ethercat.drive import make_drives, name_drive
 from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
-from drivers.ethercat.reference_clock import AHEAD, ReferenceClock
+from drivers.ethercat.registers import ERROR, MASK, AlState
 from drivers.ethercat.slaves import Slaves
 from drivers.ethercat.watchdog import OutputsSent
 from drivers.found_settings.settings_file import WRITTEN_ONCE

@@ -16,19 +16,18 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import AlState
 from drivers.ethercat.coe import SdoClient, emergency_of
 from drivers.ethercat.eeprom import Layout, read_layout
 from drivers.ethercat.mailbox import Mailbox
 from drivers.ethercat.process_layout import Mapped
+from drivers.ethercat.registers import AlState
 from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, axis_suffix
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from drivers.ethercat.line import Line
-    from drivers.ethercat.slaves import Slaves
-    from drivers.ethercat.station import Station
+    from drivers.ethercat.slaves import Slaves, Station
     from drivers.session.connection import Place
 
 DIVIDER = 2498

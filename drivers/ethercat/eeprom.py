@@ -11,7 +11,7 @@ from drivers.ethercat import registers as reg
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
-    from drivers.ethercat.station import Station
+    from drivers.ethercat.slaves import Station
 
 _MAILBOXES, _PROTOCOLS, _CATEGORIES = 0x18, 0x1C, 0x40
 """Word addresses: standard mailboxes, protocols, first category."""

@@ -11,16 +11,15 @@ import time
 from typing import TYPE_CHECKING
 
 from drivers.ethercat import registers as reg
-from drivers.ethercat.frames import Command, Datagram, address_of
-from drivers.ethercat.line import ATTEMPTS
-from drivers.ethercat.station import WHERE
+from drivers.ethercat.line import ATTEMPTS, Command, Datagram, address_of
+from drivers.ethercat.slaves import WHERE
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from drivers.ethercat.eeprom import Area
-    from drivers.ethercat.station import Station
+    from drivers.ethercat.slaves import Station
 
 HEADER = struct.Struct("<HHBB")
 COE = 3

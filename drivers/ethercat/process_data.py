@@ -28,12 +28,11 @@ from drivers.cia402.states import Command as Order
 from drivers.cycle_data import ProcessData, make_unpacker
 from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import AlState
-from drivers.ethercat.clocks import OUT_OF_STEP, is_together, size_of
+from drivers.ethercat.clocks import OUT_OF_STEP, ReferenceClock, is_together, size_of
 from drivers.ethercat.drive import GUARDS
-from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, address_of, answers_of
+from drivers.ethercat.line import HEAD, START, TAIL, Command, Datagram, address_of, answers_of
 from drivers.ethercat.process_layout import locate_inputs
-from drivers.ethercat.reference_clock import ReferenceClock
+from drivers.ethercat.registers import AlState
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:

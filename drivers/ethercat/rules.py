@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.commissioning.held_values import ASSIGNMENTS, MAPPINGS, assignment_slot, mapping_count
-from drivers.commissioning.requirement import ROUNDED, Use, refused, silent
-from drivers.commissioning.requirements import add_rows
+from drivers.commissioning.requirements import ROUNDED, Use, add_rows, refused, silent
 from drivers.dictionary.bus_rules import BusRules, ProcessDataReview
 from drivers.ethercat.pdo_set_up import MAPPING_IN, MAPPING_OUT
 from drivers.ethercat.process_layout import ASSIGNED_IN, ASSIGNED_OUT, CYCLES

@@ -13,7 +13,7 @@ import struct
 from typing import Protocol
 
 from drivers.drive_bus import BusUnavailable
-from drivers.ethercat.frames import ETHERTYPE
+from drivers.ethercat.line import ETHERTYPE
 from drivers.sync_clock import LOCK_STEP_WAIT, poll_actively
 
 BUFFER = 2048

@@ -19,8 +19,7 @@ from checked_files.yaml_text import quoted
 from drivers.cia402 import objects
 from drivers.cia402.vendor_objects import VELOCITY_FEED_FORWARDS
 from drivers.commissioning.held_values import ASSIGNMENTS, COMMANDS
-from drivers.commissioning.requirement import Use
-from drivers.commissioning.requirements import REQUIREMENTS
+from drivers.commissioning.requirements import REQUIREMENTS, Use
 from drivers.drives_file import U32, PdoNumber
 from drivers.fieldbus import Entry
 from drivers.in_node import ALONE, AXES, PDOS, InNode

@@ -19,17 +19,15 @@ from drivers.cia402.supervision import Supervision
 from drivers.commissioning.announcement import announce
 from drivers.commissioning.configure import check_identity, find_swap, fits
 from drivers.commissioning.consistency import GEAR, POSITION
-from drivers.commissioning.position_range import range_of, wrap_of
+from drivers.commissioning.effective_limits import range_of, wrap_of
 from drivers.commissioning.ratings import CURRENT, TORQUE
 from drivers.commissioning.verdict import Grade, Verdict, grade_check, refused
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 from drivers.found_settings.keeping import SettingsKeeper
-from drivers.operator_tools.check_limits import check_limits
 from drivers.operator_tools.check_powered import REST_TIME, check_powered
-from drivers.operator_tools.check_reactions import check_reactions
-from drivers.operator_tools.check_scaling import check_scaling
+from drivers.operator_tools.check_scaling import check_limits, check_reactions, check_scaling
 from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.reset_faults import check_state
 from drivers.operator_tools.small_move import format_coordinate
@@ -43,7 +41,7 @@ if TYPE_CHECKING:
     from drivers.dictionary.bus_rules import BusRules
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
-    from drivers.operator_tools.check_gravity import Gravity
+    from drivers.operator_tools.check_motion import Gravity
     from drivers.operator_tools.check_powered import SmallMoves
     from drivers.operator_tools.operator import Operator
     from drivers.remote_dictionary import RemoteDictionary

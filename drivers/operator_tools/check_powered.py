@@ -16,8 +16,7 @@ import numpy as np
 from drivers.commissioning.verdict import Grade, Verdict, grade_check
 from drivers.drive_bus import DriveError, SampleFlag
 from drivers.operator_tools.check_current import CurrentReadings, judge_current_unit
-from drivers.operator_tools.check_gravity import judge_direction
-from drivers.operator_tools.check_motion import Moved, judge_rest, judge_strokes
+from drivers.operator_tools.check_motion import Moved, judge_direction, judge_rest, judge_strokes
 from drivers.operator_tools.operator import StoppedByOperator, answer, supervised_sample
 from drivers.operator_tools.small_move import format_coordinate, small_move, travel
 from drivers.operator_tools.sync_period import judge_period
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.found_settings.keeping import SettingsKeeper
-    from drivers.operator_tools.check_gravity import Gravity
+    from drivers.operator_tools.check_motion import Gravity
     from drivers.operator_tools.operator import Operator
     from drivers.session.connection import Fieldbus
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from drivers.commissioning.communication import Communication
     from drivers.cycle_data import ProcessData
     from drivers.dictionary.bus_rules import BusRules
-    from drivers.dictionary.found_nodes import Scan
+    from drivers.dictionary.review import Scan
     from drivers.drive_bus import DriveRefused
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import LifeSign

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from drivers.cia402.deadline import Deadline
+from drivers.cia402.power import Deadline
 from drivers.drive_bus import Tripped
 from drivers.session.session import SessionState
 

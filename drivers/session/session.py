@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from drivers.axis import unwrap_positions
 from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
@@ -24,7 +25,6 @@ from drivers.cia402.set_point_limits import (
     refuse_outside,
 )
 from drivers.cia402.states import State
-from drivers.cia402.unwrapping import unwrap_positions
 from drivers.drive_bus import LATE_FOR, DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import measure_offsets
 from drivers.safety.missing_telegrams import MissingTelegrams

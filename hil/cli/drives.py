@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from drivers.dictionary.dictionary import Dictionary
-    from drivers.dictionary.found_nodes import FoundNode, Scan
+    from drivers.dictionary.review import FoundNode, Scan
     from drivers.operator_tools.draft import DraftedAxis
 
 commands = typer.Typer()

@@ -13,7 +13,7 @@ from fake_fieldbus import axes_of
 from local_bench import NODES, drives_file
 
 from drivers.axis import AxisScale
-from drivers.canopen.requirements import REQUIREMENTS
+from drivers.canopen.rules import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.cia402.set_point_limits import check_path
 from drivers.commissioning.configure import make_judge

@@ -12,8 +12,7 @@ import pytest
 import yaml
 from personalities import drives_for, plant_file
 
-from drivers.axis import Wrap
-from drivers.cia402.unwrapping import unwrap_positions
+from drivers.axis import Wrap, unwrap_positions
 from drivers.drive_bus import DriveRefused, Move, Tripped
 from drivers.opening import open_drive_bus
 from sim_plant.personality import load_personality

@@ -9,7 +9,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.ethercat.reference_clock import ReferenceClock
+from drivers.ethercat.clocks import ReferenceClock
 from drivers.sync_clock import CERTAIN, LockStep, WallClock
 from sim_plant.plant import load_plant
 from sim_plant.serving import wall_clock

@@ -8,7 +8,7 @@ import pytest
 from local_bench import build, drives_file, never_energised
 
 from drivers.canopen import objects as cia301
-from drivers.canopen.requirements import REQUIREMENTS
+from drivers.canopen.rules import REQUIREMENTS
 from drivers.cia402 import objects
 from drivers.commissioning.configure import make_judge
 from drivers.drive_bus import DriveRefused

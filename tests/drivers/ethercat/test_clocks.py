@@ -16,8 +16,7 @@ from plant_wire import PlantWire
 
 from drivers.drive_bus import Move, NodeSilent, SampleFlag
 from drivers.ethercat.bus import EthercatBus
-from drivers.ethercat.clocks import OUT_OF_STEP, Passage, compute_delays
-from drivers.ethercat.reference_clock import SHIFT, ReferenceClock
+from drivers.ethercat.clocks import OUT_OF_STEP, SHIFT, Passage, ReferenceClock, compute_delays
 from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat import registers as reg
 from sim_plant.ethercat.clock import HOP

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.ethercat.coe import SdoClient
-from drivers.ethercat.frames import Command, Datagram, answers_of
+from drivers.ethercat.line import Command, Datagram, answers_of
 from drivers.remote_dictionary import AccessRefused, NoAnswer
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from drivers.cia402.states import State
 from drivers.drive_bus import DriveRefused, Move, NodeSilent, SampleFlag
 from drivers.drives_file import Homing
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import AlState
 from drivers.ethercat.bus import EthercatBus
-from drivers.ethercat.frames import START, Command
+from drivers.ethercat.line import START, Command
+from drivers.ethercat.registers import AlState
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import load_found_settings
 from drivers.operator_tools.home import home

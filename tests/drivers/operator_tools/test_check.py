@@ -18,9 +18,9 @@ from drivers.canopen.bus import CanopenBus
 from drivers.canopen.sync_rate import StopwatchBus, achievable_rate, cycle_time, frame_bits
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
-from drivers.operator_tools.check_limits import check_limits
 from drivers.operator_tools.check_motion import refresh_period
 from drivers.operator_tools.check_powered import SmallMoves, check_powered
+from drivers.operator_tools.check_scaling import check_limits
 from drivers.operator_tools.operator import StoppedByOperator
 from sim_plant import build
 
