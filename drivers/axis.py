@@ -2,9 +2,8 @@
 
 A drive reports counts of its encoder or parts of a degree, and per mille of a rated value or
 milliamperes; the framework uses SI on the joint side. With counts c of 6064, counts per motor
-revolution R (a
-ratio of integers), gear ratio N (motor angle over joint coordinate), direction s = +-1, zero c0 and
-sign of the current's count against the drive's position sc = +-1::
+revolution R (a ratio of integers), gear ratio N (motor angle over joint coordinate), direction
+s = +-1, zero c0 and sign of the current's count against the drive's position sc = +-1::
 
     q   = s (c - c0) 2 pi / (R N)                                                  [rad or m]
     tau = s sc N kt a i     i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
@@ -14,10 +13,8 @@ A count may be several mA or per mille (`per_count`). The factor a converts the 
 current's readback (rms or peak) to that of the torque constant kt. For a prismatic axis N is in
 rad of the motor per m.
 
-Process data of drives with wrap-around positions (`drivers.axis.Wrap`), as places of the axes.
-
-Received positions are unwrapped and sent targets are wrapped, only here: other modules see no ends
-of a range.
+Positions that wrap around (`Wrap`) become places of the axes: received positions are unwrapped and
+sent targets are wrapped, only here, so that other modules see no ends of a range.
 """
 
 from __future__ import annotations

@@ -9,12 +9,11 @@ A log of lock-step is replayed in lock-step. For a real bus, time is that of the
 the instant of each frame, and waiting without a frame takes exactly the timeout. Hence SYNCs keep
 their instants, and a late telegram is late again.
 
-Reader of frame logs: frames in order, their sender, and the kind of time.
-
-Formats differ in content. Where none of the first frames is marked as sent (.csv, .db, or a log of
-`candump`), the predefined connection set (CiA 301) identifies the sender: NMT, SYNC, RPDOs and SDO
-requests are the master's, and so is the heartbeat of a node that answers no SDO. In lock-step the
-plant's time does not advance while the master sends; a log with this property is one of lock-step.
+Log formats differ in content. Where none of the first frames is marked as sent (.csv, .db, or a log
+of `candump`), the predefined connection set (CiA 301) identifies the sender: NMT, SYNC, RPDOs and
+SDO requests are the master's, and so is the heartbeat of a node that answers no SDO. In lock-step
+the plant's time does not advance while the master sends; a log with this property is one of
+lock-step.
 """
 
 from __future__ import annotations

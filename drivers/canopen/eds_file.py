@@ -7,8 +7,6 @@ description. Such defects are repaired and noted. Unintelligible sections are ke
 a wrong section of an unused input hinders nobody. canopen's own reader stops at the first of them,
 and takes types from the file alone.
 
-Abbreviated and missing objects of a data sheet.
-
 CiA 306 allows a long array as one section (CompactSubObj) with names and values of its members in
 two more. Tools also drop sections of objects still listed under [OptionalObjects]; these are
 supplied from the standard if defined there.

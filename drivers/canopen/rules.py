@@ -1,10 +1,9 @@
 """Rules of CANopen for object dictionaries (`drivers.dictionary.bus_rules.BusRules`).
 
-Requirements on communication objects (CiA 301), and the complete table for CANopen.
-
-Time-outs of heartbeats follow from the drives file: a drive may send its heartbeat less often if
-two fit into `heartbeat_timeout`, and may wait for ours somewhat longer, but neither for ever nor
-for less than two beats.
+The requirements on communication objects (CiA 301) complete the table of the profile. Time-outs of
+heartbeats follow from the drives file: a drive may send its heartbeat less often if two fit into
+`heartbeat_timeout`, and may wait for ours somewhat longer, but neither for ever nor for less than
+two beats.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Set-up of SYNC and emergencies in a drive, and notes on its PDOs.
+"""Set-up of SYNC, emergencies and mutual supervision in a drive, and notes on PDOs.
 
-Set-up of mutual supervision: the drive stops when this process dies, and we notice its end.
-
-The drive supervises our heartbeat (1016) and sends its own (1017). A drive that cannot do both may
+Mutual supervision: the drive stops when this process dies, and we notice the end of the drive. It
+supervises our heartbeat (1016) and sends its own (1017). A drive that cannot do both may
 supervise our guarding requests instead: without one for the life time (guard time 100C times life
 time factor 100D) it reacts as to a lost heartbeat (6007). Its own heartbeat has to be off then,
 since a node does either. A drive without either supervision is refused unless the drives file

@@ -3,8 +3,6 @@
 Every drive is first brought to SWITCHED ON, without power at the motor; once all have arrived, they
 proceed to OPERATION ENABLED and hold their position. Moving axes are stopped and switched off by
 `drivers.cia402.shutdown`.
-
-Deadlines by the clock of the bus and by real time.
 """
 
 from __future__ import annotations

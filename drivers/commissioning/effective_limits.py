@@ -6,11 +6,10 @@ computed in the drive's own unit, so that its own limit stays exactly; the resul
 axis is computed in SI on the joint side, and set-points are checked against it. A limit of 0 or of
 all ones is not set; position limits are off unless the lower one is below the upper one.
 
-Positions that wrap around at the ends of a range (607B), as in drives of rotary axes.
-
-If the range is wider than the travel of the axis, a position belongs to one place, wherever the
-drive wraps around, and no missed telegram can make it wrong. On both sides of the axis's limits
-there must be room for an axis that leaves them, until that is detected.
+Positions may wrap around at the ends of a range (607B), as in drives of rotary axes. If the range
+is wider than the travel of the axis, a position belongs to one place, wherever the drive wraps
+around, and no missed telegram can make it wrong. On both sides of the axis's limits there must be
+room for an axis that leaves them, until that is detected.
 
 A target of profile position is in the same turn, or in the shortest direction, by option and maker;
 the checked path may be neither. Hence the driver leads the axis by cyclic position, with the

@@ -6,8 +6,6 @@ table, and the tables of `docs/reference/can.md` and `docs/reference/drives.md` 
 it. Rules on more than one object, the range and the comparison of units, are code with sentences of
 this module. Communication and supervision belong to the bus, whose rows are inserted (`add_rows`).
 
-Requirements on an object of a drive: the columns of the table of requirements.
-
 A drive may round a written value to its resolution or clip it, without an error. That is acceptable
 if the kept value protects as well: a lower speed, a smaller following error. Slower braking
 lengthens a stop, and less torque lets a braking arm sink, so decelerations and torques may be

@@ -5,13 +5,9 @@ One review serves data sheets, drives found by a scan and drives about to be use
 A `fatal` one excludes the drive; objects that a live drive left unanswered only have to be looked
 up.
 
-Comparison of a dictionary with one row of the requirements.
-
 An object may be missing, have a non-standard type, or refuse the value to be written. For an object
 that cannot be written, its fixed value decides on the drive; if unstated or dependent on the axis,
-start-up will show it.
-
-Nodes on a bus, as found by a scan.
+start-up will show it. A `Scan` collects the reviews of the nodes on a bus.
 """
 
 from __future__ import annotations

@@ -4,12 +4,11 @@ Each slave latches the passage of a frame at each port, which gives the cable de
 the local times of the slaves into one system time. From then on each frame carries the time of the
 reference, the first slave with a clock, to all others, which are adjusted to the reference.
 
-Clock of EtherCAT: the wall clock, or the reference of the distributed clocks.
-
-Each frame with process data returns the time of its passage at the reference. A second-order filter
-estimates that time and its rate, so that a frame sent late has little influence. Deadlines are then
-in the time of the reference: frames pass half a period before SYNC0, at which drives apply outputs
-and latch inputs. Both sides may be late by as much.
+`ReferenceClock` makes the reference the driver's clock: each frame with process data returns the
+time of its passage at the reference. A second-order filter estimates that time and its rate, so
+that a frame sent late has little influence. Deadlines are then in the time of the reference: frames
+pass half a period before SYNC0, at which drives apply outputs and latch inputs. Both sides may be
+late by as much.
 """
 
 from __future__ import annotations

@@ -6,10 +6,9 @@ the end of a session does not wait for a dead line. Process data are not repeate
 be obsolete. Every frame has a number in its first datagram and our source address, so that a late
 frame is not mistaken for its successor, nor a frame of another master for ours.
 
-EtherCAT frames of a master (ETG.1000.4): datagrams and their answers.
-
-Slaves process a frame during its passage and return it in the same form, so a frame of another form
-is no answer. The working counter of each datagram shows how many slaves took part.
+A frame consists of datagrams (ETG.1000.4). Slaves process a frame during its passage and return it
+in the same form, so a frame of another form is no answer. The working counter of each datagram
+shows how many slaves took part.
 """
 
 from __future__ import annotations

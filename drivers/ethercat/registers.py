@@ -1,7 +1,4 @@
-"""Registers of a slave controller used by the driver (ETG.1000.4 clause 6).
-
-States of the application layer (AL), and error codes of a refused or lost state (ETG.1020).
-"""
+"""Registers of a slave controller (ETG.1000.4 clause 6), AL states and error codes (ETG.1020)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Slaves on the line, by position, from 1, or by alias.
-
-Slave on the line: registers and AL state, by station address.
-"""
+"""Slaves on the line, by position or alias: registers and AL states."""
 
 from __future__ import annotations
 

@@ -26,8 +26,8 @@ from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 from drivers.found_settings.keeping import SettingsKeeper
+from drivers.operator_tools.check_objects import check_limits, check_reactions, check_scaling
 from drivers.operator_tools.check_powered import REST_TIME, check_powered
-from drivers.operator_tools.check_scaling import check_limits, check_reactions, check_scaling
 from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.reset_faults import check_state
 from drivers.operator_tools.small_move import format_coordinate

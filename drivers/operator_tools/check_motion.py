@@ -9,11 +9,10 @@ friction::
 Friction dissipates power, whatever the axis and the load: tau_f > 0, or the current has the wrong
 sign.
 
-Check of a joint's direction by the gravity torque of a robot's model.
-
-A stroke in both directions over the same path cancels friction: half the sum of the two mean
-torques is gravity. A joint with a wrong `sign` shows angle and torque with the wrong sign, so the
-measurement at q is the negative prediction at -q::
+Gravity gives the direction of a joint, by the model of a robot. A stroke in both directions over
+the same path cancels friction: half the sum of the two mean torques is gravity. A joint with a
+wrong `sign` shows angle and torque with the wrong sign, so the measurement at q is the negative
+prediction at -q::
 
     sign right    tau(q) =  g(q)
     sign wrong    tau(q) = -g(-q)

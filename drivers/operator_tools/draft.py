@@ -25,7 +25,7 @@ from drivers.operator_tools.draft_hints import (
     meaning_of,
     velocity_unit,
 )
-from drivers.operator_tools.draft_limits import draft_limits, draft_ratings
+from drivers.operator_tools.draft_values import draft_limits, draft_ratings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

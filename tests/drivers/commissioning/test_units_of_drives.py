@@ -23,7 +23,7 @@ from drivers.commissioning.verdict import Grade, Verdict
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import DrivesFile
-from drivers.operator_tools.check_scaling import check_scaling
+from drivers.operator_tools.check_objects import check_scaling
 from drivers.operator_tools.draft import DraftedAxis, draft_drives
 
 NAMES = tuple(HABITS)

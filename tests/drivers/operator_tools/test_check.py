@@ -19,8 +19,8 @@ from drivers.canopen.sync_rate import StopwatchBus, achievable_rate, cycle_time,
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_motion import refresh_period
+from drivers.operator_tools.check_objects import check_limits
 from drivers.operator_tools.check_powered import SmallMoves, check_powered
-from drivers.operator_tools.check_scaling import check_limits
 from drivers.operator_tools.operator import StoppedByOperator
 from sim_plant import build
 

@@ -1,10 +1,8 @@
-"""Gear, limits and following error in a draft of a drives file, from a live drive.
+"""Gear, limits, following error and motor ratings in a draft of a drives file.
 
 A drive states its limits on the motor side or in counts; they give values of the joint once its
 gear (6091) and the counts of a revolution are certain. No drive knows the direction and the zero of
 a joint, so a range (607D) is only mentioned. The values hold for a revolute joint.
-
-Motor ratings in a draft of a drives file.
 
 Rated current and torque constant come from 6075 and from manufacturer objects. They also show the
 unit of the rated torque in a drive: mN m by the standard, uN m with some makers. If nothing proves

@@ -1,23 +1,19 @@
-"""Check of a drive's motor, encoder and gear against the drives file.
+"""Checks of the objects of a drive without power: scaling, reactions and limits.
 
-Torques are proportional to the rated values, positions to encoder and gear: an error of these is an
-error of every result of the axis and shows in no residual. So each is read by SDO, nothing is
-written, and a contradiction is refused. Values not stated by a drive are taken on trust, with a
-remark.
+Scaling: torques are proportional to the rated values, positions to encoder and gear: an error of
+these is an error of every result of the axis and shows in no residual. So each is read by SDO,
+nothing is written, and a contradiction is refused. Values not stated by a drive are taken on trust,
+with a remark.
 
-Check of a drive's own reactions: option codes, brake and interlock.
+Reactions: three reactions are the drive's own, without influence of the driver: on a fault (605E),
+when disabled (605C) and when shut down (605B). Option 0 removes the torque at once, so that the
+axis coasts, and a hanging one falls until its brake has closed. Quick stop (605A) and the reaction
+to a lost connection (6007) are written before a run; the values found apply to every other master.
 
-Three reactions are the drive's own, without influence of the driver: on a fault (605E), when
-disabled (605C) and when shut down (605B). Option 0 removes the torque at once, so that the axis
-coasts, and a hanging one falls until its brake has closed. Quick stop (605A) and the reaction to a
-lost connection (6007) are written before a run; the values found apply to every other master.
-
-Check of the drives' own limits against those of the drives file.
-
-At power-on the driver writes the file's limits to the drives, but never wider ones than the drive's
-own (`drivers.commissioning.effective_limits`), which have a reason. A verdict states which limit is
-in force; limits that are off in the drive become those of the file. The comparison is on the joint
-side, by reading only.
+Limits: at power-on the driver writes the file's limits to the drives, but never wider ones than the
+drive's own (`drivers.commissioning.effective_limits`), which have a reason. A verdict states which
+limit is in force; limits that are off in the drive become those of the file. The comparison is on
+the joint side, by reading only.
 """
 
 from __future__ import annotations
