@@ -21,8 +21,16 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from drivers.canopen import objects as cia301
-from drivers.canopen.eds_numbers import NoNumber, declared_type, number, real, stated, within
-from drivers.canopen.eds_sections import Section, sections_of
+from drivers.canopen.eds_text import (
+    NoNumber,
+    Section,
+    declared_type,
+    number,
+    real,
+    sections_of,
+    stated,
+    within,
+)
 from drivers.cia402 import objects
 from drivers.dictionary.dictionary import Declared, Dictionary, Key, mark_mapped
 from drivers.fieldbus import Entry

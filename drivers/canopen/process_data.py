@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 
 import can
 
-from drivers.can_bus.capabilities import find_capabilities
-from drivers.can_bus.frame_block import FrameBlock
+from drivers.can_bus.capabilities import FrameBlock, find_capabilities
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.cia402.set_point import ENABLED

@@ -26,11 +26,10 @@ import numpy as np
 
 from drivers.cia402 import objects
 from drivers.cia402.feed_forward import FeedForward
-from drivers.cia402.path import MEMORY, STILL, Path
+from drivers.cia402.path import MEMORY, STILL, Path, Trapezoid
 from drivers.cia402.set_point import ENABLED, standstill_of
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.cia402.stop import STOP_MARGIN
-from drivers.cia402.trapezoid import Trapezoid
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.cia402.vendor_objects import own_feed_forward
+from drivers.cia402.objects import own_feed_forward
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

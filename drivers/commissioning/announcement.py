@@ -15,7 +15,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import own_feed_forward
+from drivers.cia402.objects import own_feed_forward
 from drivers.commissioning.configure import check_identity, commission
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.effective_limits import effective_limits

@@ -13,7 +13,7 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import MAKERS
+from drivers.cia402.objects import MAKERS
 from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.commissioning.verdict import compare_values, unsettled
 from drivers.drives_file import Basis, TorqueUnit
@@ -21,7 +21,7 @@ from drivers.drives_file import Basis, TorqueUnit
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.cia402.vendor_objects import VendorObject
+    from drivers.cia402.objects import VendorObject
     from drivers.commissioning.verdict import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.foreign_text import one_line
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import MAKERS
+from drivers.cia402.objects import MAKERS
 from drivers.commissioning.held_values import mapping_slot
 from drivers.dictionary.dictionary import Declared, Dictionary, Key, mark_mapped
 from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer, axis_suffix

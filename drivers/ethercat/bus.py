@@ -30,8 +30,8 @@ from drivers.ethercat.communication import EthercatCommunication
 from drivers.ethercat.connection import EthercatConnection
 from drivers.ethercat.drive import EthercatDrive, make_drives
 from drivers.ethercat.line import HEAD, LOCK_STEP_PATIENCE, PATIENCE, START, TAIL, Command, Line
+from drivers.ethercat.pdo_set_up import inputs_of, outputs_of
 from drivers.ethercat.process_data import EthercatProcessData
-from drivers.ethercat.process_layout import inputs_of, outputs_of
 from drivers.ethercat.rules import RULES
 from drivers.ethercat.slaves import Slaves
 from drivers.remote_dictionary import NoAnswer

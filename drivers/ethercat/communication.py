@@ -7,20 +7,23 @@ from typing import TYPE_CHECKING
 
 from drivers.commissioning.communication import Communication
 from drivers.commissioning.held_values import assignment_slot
-from drivers.ethercat.pdo_set_up import MAPPING_IN, MAPPING_OUT, others, set_up_process_data
-from drivers.ethercat.process_layout import (
+from drivers.ethercat.pdo_set_up import (
     ASSIGNED_IN,
     ASSIGNED_OUT,
     BY_FRAMES,
     BY_SYNC0,
     CYCLES,
+    MAPPING_IN,
+    MAPPING_OUT,
     OFFERS_SYNC0,
     SYNC_TYPES,
     SYNC_TYPES_OFFERED,
     Mapped,
     inputs_of,
+    others,
     ours,
     outputs_of,
+    set_up_process_data,
 )  # fmt: skip
 from drivers.ethercat.rules import REQUIREMENTS
 from drivers.remote_dictionary import FIXED_CODES, Aborted

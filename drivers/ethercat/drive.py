@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.ethercat import registers as reg
-from drivers.ethercat.coe import SdoClient, emergency_of
 from drivers.ethercat.eeprom import Layout, read_layout
-from drivers.ethercat.mailbox import Mailbox
-from drivers.ethercat.process_layout import Mapped
+from drivers.ethercat.mailbox import Mailbox, SdoClient, emergency_of
+from drivers.ethercat.pdo_set_up import Mapped
 from drivers.ethercat.registers import AlState
 from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, axis_suffix
 

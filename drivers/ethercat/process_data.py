@@ -31,7 +31,7 @@ from drivers.ethercat import registers as reg
 from drivers.ethercat.clocks import OUT_OF_STEP, ReferenceClock, is_together, size_of
 from drivers.ethercat.drive import GUARDS
 from drivers.ethercat.line import HEAD, START, TAIL, Command, Datagram, address_of, answers_of
-from drivers.ethercat.process_layout import locate_inputs
+from drivers.ethercat.pdo_set_up import locate_inputs
 from drivers.ethercat.registers import AlState
 from drivers.remote_dictionary import NoAnswer
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from drivers.ethercat.clocks import Clocks
     from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
-    from drivers.ethercat.process_layout import Place
+    from drivers.ethercat.pdo_set_up import Place
     from drivers.fieldbus import Entry
     from drivers.sync_clock import SyncClock
 

@@ -17,7 +17,7 @@ from checked_files.names import ShownName
 from checked_files.yaml_file import FileModel, load_yaml
 from checked_files.yaml_text import quoted
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import VELOCITY_FEED_FORWARDS
+from drivers.cia402.objects import VELOCITY_FEED_FORWARDS
 from drivers.commissioning.held_values import ASSIGNMENTS, COMMANDS
 from drivers.commissioning.requirements import REQUIREMENTS, Use
 from drivers.drives_file import U32, PdoNumber

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
+from drivers.cia402.objects import MAKERS
 from drivers.cia402.supervision import safe_torque_off
-from drivers.cia402.vendor_objects import MAKERS
 from drivers.commissioning.consistency import GEAR, SAME_GEAR, another_gear, comparisons
 from drivers.commissioning.effective_limits import SLACK, Bound, bounds, range_of, wrap_of
 from drivers.commissioning.measures import Quantity, measures

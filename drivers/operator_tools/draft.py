@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED
 from checked_files.yaml_text import comment, quoted
-from drivers.cia402.vendor_objects import MAKERS
+from drivers.cia402.objects import MAKERS
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import TorqueUnit
 from drivers.in_node import ALONE, InNode

@@ -16,7 +16,7 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import MAKERS
+from drivers.cia402.objects import MAKERS
 from drivers.commissioning.consistency import gear_is_electronic
 from drivers.commissioning.position_units import PositionFactors
 from drivers.commissioning.ratings import NEWTON_METRE, torque_unit
@@ -26,7 +26,7 @@ from drivers.operator_tools.draft_hints import Drafted, also_named, default_of, 
 from drivers.rate_units import ratio
 
 if TYPE_CHECKING:
-    from drivers.cia402.vendor_objects import VendorObject
+    from drivers.cia402.objects import VendorObject
     from drivers.dictionary.dictionary import Dictionary
     from drivers.fieldbus import Entry
 

@@ -2,7 +2,7 @@
 
 A `Session` is built once every drive has passed. Time passes in `sample` only: one SYNC, its
 answers, set-point handshakes, heartbeats, statuswords and emergencies. A failure stops all axes
-before it is raised, and latches. The end of a session is in `drivers.session.leaving`.
+before it is raised, and latches. The end of a session is in `drivers.session.servo_axes`.
 """
 
 from __future__ import annotations

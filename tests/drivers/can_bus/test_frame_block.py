@@ -7,8 +7,7 @@ import struct
 import can
 import pytest
 
-from drivers.can_bus.capabilities import find_capabilities
-from drivers.can_bus.frame_block import FrameBlock
+from drivers.can_bus.capabilities import FrameBlock, find_capabilities
 
 FRAME = struct.Struct("=IB3x8s")
 LAYOUTS = "Hih", "xxb"
