@@ -1,6 +1,6 @@
 """Choice and opening of a fieldbus by interface name.
 
-Other modules see `drivers.session.connection.Fieldbus` and `drivers.dictionary.bus_rules.BusRules`.
+Other modules see `drivers.session.connection.Fieldbus` and `drivers.dictionary.review.BusRules`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from drivers.dictionary.bus_rules import BusRules
+    from drivers.dictionary.review import BusRules
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.found_settings.keeping import SettingsKeeper

@@ -89,7 +89,7 @@ MUTANTS = (
     Mutant(_TRIPS, "if abs(current) <= bound", "if current <= bound"),
     Mutant(_TRIPS, "self._since.pop(axis.index, None)", "pass"),
     Mutant(_TRIPS, "min(low, self._lows[axis]) if moving else low", "low"),
-    Mutant("drivers/safety/missing_telegrams.py", "+ 1 if gone else 0",
+    Mutant("drivers/safety/trips.py", "+ 1 if gone else 0",
            "+ 1 if gone else self._counts[axis.index]"),
     Mutant(_STOP, "(STOP_DELAY + age + braking / 2)", "(STOP_DELAY + braking / 2)"),
     Mutant(_STOP, "_ENDS | _UNUSED | {Shown.ENABLED: StopPhase.DISABLING}", "_ENDS | _UNUSED"),

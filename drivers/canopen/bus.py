@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 from drivers.can_bus.capabilities import find_capabilities
 from drivers.canopen.communication import CanopenCommunication
 from drivers.canopen.connection import CanopenConnection
-from drivers.canopen.monitor import BusPicture, questions
+from drivers.canopen.monitor import NODES, BusPicture, questions, scan_bus
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.rules import RULES
-from drivers.canopen.scan import NODES, scan_bus
 from drivers.canopen.sdo import SDO_TIMEOUT, server_of
 from drivers.canopen.sync_clock import choose_sync_clock
 from drivers.canopen.sync_rate import MAX_LOAD, StopwatchBus, achievable_rate, cycle_time
@@ -76,7 +75,7 @@ class CanopenBus(Fieldbus):
         return tuple(server_of(network, at, timeout) for at in places)
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find nodes and their offers (see `drivers.canopen.scan.scan_bus`)."""
+        """Find nodes and their offers (see `drivers.canopen.monitor.scan_bus`)."""
         asked = [node for node in NODES if node not in besides and (only is None or node in only)]
         return scan_bus(self._bus, only=asked)
 

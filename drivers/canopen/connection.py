@@ -12,8 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen.communication import CanopenCommunication, find_collisions
-from drivers.canopen.foreign_frames import ForeignFrames
-from drivers.canopen.heartbeat import START_TIME, Heartbeats, guarding_request
+from drivers.canopen.heartbeat import START_TIME, ForeignFrames, Heartbeats, guarding_request
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.pdo_mapping import answers
 from drivers.canopen.process_data import SyncProcessData

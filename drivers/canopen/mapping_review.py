@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
-from drivers.dictionary.bus_rules import ProcessDataReview
-from drivers.dictionary.review import Finding, fixed_at
+from drivers.dictionary.review import Finding, ProcessDataReview, fixed_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -64,7 +63,7 @@ _Tpdos = tuple[PdoOffer | None, PdoOffer | None]
 
 
 def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -> ProcessDataReview:
-    """Review the capacity of the PDOs (see `drivers.dictionary.bus_rules.ProcessDataReview`)."""
+    """Review the capacity of the PDOs (see `drivers.dictionary.review.ProcessDataReview`)."""
     tpdos = _offer(dictionary, "TPDO 1", 0x1800), _offer(dictionary, "TPDO 2", 0x1801)
     receiving = tuple(_obstacles(_offer(dictionary, "RPDO 1", 0x1400), "RPDO 1", _COMMAND))
     attempts = [(current, tuple(_sending(tpdos, current))) for current in usable]

@@ -1,4 +1,4 @@
-"""Rules of CANopen for object dictionaries (`drivers.dictionary.bus_rules.BusRules`).
+"""Rules of CANopen for object dictionaries (`drivers.dictionary.review.BusRules`).
 
 The requirements on communication objects (CiA 301) complete the table of the profile. Time-outs of
 heartbeats follow from the drives file: a drive may send its heartbeat less often if two fit into
@@ -28,8 +28,7 @@ from drivers.commissioning.requirements import (
     refused,
     silent,
 )
-from drivers.dictionary.bus_rules import BusRules
-from drivers.dictionary.review import Finding
+from drivers.dictionary.review import BusRules, Finding
 from drivers.fieldbus import Entry
 from drivers.found_settings.restoring import holds, put_if_taken, restore, restore_mapping
 from drivers.remote_dictionary import Aborted

@@ -18,7 +18,7 @@ from drivers.dictionary.dictionary import Declared, Dictionary, Key, mark_mapped
 from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer, axis_suffix
 
 if TYPE_CHECKING:
-    from drivers.dictionary.bus_rules import BusRules
+    from drivers.dictionary.review import BusRules
     from drivers.fieldbus import Entry
     from drivers.remote_dictionary import Access
 

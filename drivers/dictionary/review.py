@@ -8,12 +8,13 @@ up.
 An object may be missing, have a non-standard type, or refuse the value to be written. For an object
 that cannot be written, its fixed value decides on the drive; if unstated or dependent on the axis,
 start-up will show it. A `Scan` collects the reviews of the nodes on a bus.
+`BusRules` are the rules of a bus for the object dictionaries of its drives; no open bus is needed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Mode
@@ -28,20 +29,63 @@ from drivers.commissioning.requirements import (
     reaction_for,
 )
 from drivers.dictionary.current_candidates import current_candidates
+from drivers.found_settings.restoring import RestoringOrder
 from drivers.in_node import ALONE, InNode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from drivers.commissioning.requirements import Requirement
+    from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Declared, Dictionary
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
 
     Table = Mapping[Entry, Requirement]
 
-    from drivers.dictionary.bus_rules import BusRules
-    from drivers.dictionary.current_candidates import CurrentCandidate
+
+class ProcessDataReview(NamedTuple):
+    """Capacity of the process data.
+
+    Attributes
+    ----------
+    current : CurrentCandidate or None
+        The first current object that fits, or the first of all if none does.
+    words : tuple of tuple of int or None
+        Value for `tpdos` of the drives file; None for the preferred mapping.
+    obstacles : tuple of Finding
+        Obstacles to the needed process data.
+    """
+
+    current: CurrentCandidate | None
+    words: tuple[tuple[int, ...], ...] | None
+    obstacles: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BusRules(RestoringOrder):
+    """Rules of a bus for reading, review and drafts of dictionaries.
+
+    Attributes
+    ----------
+    requirements : mapping of Entry to Requirement
+        Requirements on a drive's dictionary, in the order of reading.
+    asked : tuple of Entry
+        Further objects to read from a live drive, besides the objects in `mappings`.
+    review_process_data : callable
+        Reviews the capacity of the process data, for the usable current objects.
+    remarks : callable
+        Yields further findings on objects of the bus.
+    unwatched : callable
+        Returns why a drive cannot supervise us; None if it can, or if that is unknown.
+    """
+
+    requirements: Mapping[Entry, Requirement]
+    asked: tuple[Entry, ...]
+    mappings: tuple[int, ...]
+    review_process_data: Callable[[Dictionary, Sequence[CurrentCandidate]], ProcessDataReview]
+    remarks: Callable[[Dictionary], Iterable[Finding]] = lambda _: ()
+    unwatched: Callable[[Dictionary], str | None] = lambda _: None
 
 
 @dataclass(frozen=True, slots=True)

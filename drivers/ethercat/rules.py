@@ -1,4 +1,4 @@
-"""Rules of EtherCAT for object dictionaries (`drivers.dictionary.bus_rules.BusRules`)."""
+"""Rules of EtherCAT for object dictionaries (`drivers.dictionary.review.BusRules`)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from drivers.commissioning.held_values import ASSIGNMENTS, MAPPINGS, assignment_slot, mapping_count
 from drivers.commissioning.requirements import ROUNDED, Use, add_rows, refused, silent
-from drivers.dictionary.bus_rules import BusRules, ProcessDataReview
+from drivers.dictionary.review import BusRules, ProcessDataReview
 from drivers.ethercat.pdo_set_up import ASSIGNED_IN, ASSIGNED_OUT, CYCLES, MAPPING_IN, MAPPING_OUT
 from drivers.found_settings.restoring import holds, put_if_taken, restore_mapping
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from drivers.commissioning.communication import Communication
     from drivers.commissioning.verdict import Check
-    from drivers.dictionary.bus_rules import BusRules
+    from drivers.dictionary.review import BusRules
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.operator_tools.check_motion import Gravity

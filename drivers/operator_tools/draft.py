@@ -19,21 +19,21 @@ from drivers.cia402.objects import MAKERS
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import TorqueUnit
 from drivers.in_node import ALONE, InNode
-from drivers.operator_tools.draft_hints import (
+from drivers.operator_tools.draft_values import (
     acceleration_unit,
+    draft_limits,
+    draft_ratings,
     increments,
     meaning_of,
     velocity_unit,
 )
-from drivers.operator_tools.draft_values import draft_limits, draft_ratings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from drivers.dictionary.bus_rules import BusRules
     from drivers.dictionary.dictionary import Dictionary
-    from drivers.dictionary.review import Review
-    from drivers.operator_tools.draft_hints import Drafted
+    from drivers.dictionary.review import BusRules, Review
+    from drivers.operator_tools.draft_values import Drafted
 
 HIGHEST_NODE = 126
 WIDTH = 100

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from drivers.cia402.picture import Picture
     from drivers.commissioning.communication import Communication
     from drivers.cycle_data import ProcessData
-    from drivers.dictionary.bus_rules import BusRules
-    from drivers.dictionary.review import Scan
+    from drivers.dictionary.review import BusRules, Scan
     from drivers.drive_bus import DriveRefused
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import LifeSign

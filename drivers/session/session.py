@@ -27,8 +27,7 @@ from drivers.cia402.set_point_limits import (
 from drivers.cia402.states import State
 from drivers.drive_bus import LATE_FOR, DriveError, DriveRefused, MoveFailed, Tripped
 from drivers.safety.current_offset import measure_offsets
-from drivers.safety.missing_telegrams import MissingTelegrams
-from drivers.safety.trips import Trips
+from drivers.safety.trips import MissingTelegrams, Trips
 from drivers.session.stopping import Stopping
 
 if TYPE_CHECKING:

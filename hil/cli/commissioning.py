@@ -102,7 +102,7 @@ def jog(
     yes: Yes = False,
 ) -> None:
     """Move one axis by a small distance, slowly; no other axis is powered."""
-    from drivers.operator_tools import jog as jogging
+    from drivers.operator_tools import home as jogging
     from drivers.operator_tools.small_move import format_coordinate
     from hil.cli import bus_access
 

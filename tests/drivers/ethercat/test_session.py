@@ -20,8 +20,7 @@ from drivers.ethercat.line import START, Command
 from drivers.ethercat.registers import AlState
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import load_found_settings
-from drivers.operator_tools.home import home
-from drivers.operator_tools.jog import jog
+from drivers.operator_tools.home import home, jog
 from drivers.operator_tools.put_back import put_back
 from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat.al_states import AlState as PlantState

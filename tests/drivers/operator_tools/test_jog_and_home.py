@@ -13,8 +13,7 @@ from drivers.canopen.bus import CanopenBus
 from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused, LimitExceeded, Move, MoveFailed
 from drivers.drives_file import Homing
-from drivers.operator_tools.home import home
-from drivers.operator_tools.jog import jog
+from drivers.operator_tools.home import home, jog
 from drivers.operator_tools.operator import StoppedByOperator
 from drivers.operator_tools.small_move import _Watch
 
