@@ -75,7 +75,7 @@ REGISTRIES = {
         Registry("benchmarks/rivals/__init__.py", RIVALS.values()),
     ),
     "a drive's deviation": (
-        Registry("drivers/commissioning/requirements.py", [requirements.with_rows]),
+        Registry("drivers/commissioning/requirements.py", [requirements.add_rows]),
         Registry("drivers/commissioning/kept_values.py", [kept_values.Kept]),
         Registry("sim_plant/personality.py", [personality.Personality]),
     ),
