@@ -14,9 +14,9 @@ the motor lacks the link's torque, and the impact brings back the momentum. Both
 same derivative: the torque of all axes changes by that of a motion changed by :math:`\delta`,
 :math:`\dot\delta` and :math:`\ddot\delta`. In contact :math:`\delta = -b \operatorname{sign} T_k`.
 
-The column per unit of :math:`b` depends on :math:`b`, so there is one for each of `HALF_GAPS`, which
-stands for gaps from half to twice of it. Torques of rotors must be known apart from those of the
-links, for the rotor does not cross the gap.
+The column per unit of :math:`b` depends on :math:`b`, so there is one for each of `HALF_GAPS`. It
+stands for gaps from half to twice of it. The inertia of the rotor must be known apart from that of
+the link, since the rotor does not cross the gap.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ size that a column shows hardly depends on the gap that it is of."""
 def half_gap(robot: Robot, key: Key) -> float | None:
     """Half gap that a column is of, in the unit of the cause; None where it is of another cause."""
     cause, *microns = key[0].split()
-    if cause != "play":
+    if cause != "play" or not microns:
         return None
     return float(microns[0]) * (1e-6 * 180.0 / np.pi if robot.revolute[key[1]] else 1e-3)
 
@@ -63,7 +63,7 @@ def half_gap(robot: Robot, key: Key) -> float | None:
 def nearest(key: Key) -> Key:
     """Return the test of `HALF_GAPS` that is of the nearest gap; another cause as it is."""
     cause, *microns = key[0].split()
-    if cause != "play":
+    if cause != "play" or not microns:
         return key
     gap = min(HALF_GAPS, key=lambda each: abs(np.log(1e6 * each / float(microns[0]))))
     return f"play {1e6 * gap:.0f}", key[1]
@@ -87,7 +87,8 @@ class Driven(NamedTuple):
     def of(cls, robot: Robot, p: Array, s: Signals) -> Driven:
         """Compute both from recorded motion and base parameters."""
         torque = s.smoothed(inverse_dynamics(robot, p, *s.link))
-        n, some = len(torque), np.arange(0, len(torque) + SPARSE - 1, SPARSE).clip(max=len(torque) - 1)
+        n = len(torque)
+        some = np.append(np.arange(0, n - 1, SPARSE), n - 1)
         inertia = np.einsum("nii->ni", mass_matrix(robot, p, s.q[some]))
         every = [np.interp(np.arange(n), some, own) for own in inertia.T]
         return cls(torque, np.column_stack(every))
@@ -121,9 +122,7 @@ def displacements(
     rate = np.concatenate([
         (d.torque[:, axis] / d.inertia[:, axis])[at] for d, at in zip(driven, pieces, strict=True)
     ])  # fmt: skip
-    period = np.concatenate([
-        np.full(len(at), s.period) for s, at in zip(signals, pieces, strict=True)
-    ])
+    period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
     simulated = _crossed(-rate.T, period, np.array(half_gaps)[:, None])
     found, first = [], 0
     for s, at, wanted in zip(signals, pieces, places, strict=True):

@@ -154,7 +154,8 @@ class _Rows:
         if any((each.inertia[:, axis] <= 0.0).any() for each in self._driven):
             return [np.zeros(len(e.axis))] * len(half_gaps)
         order = np.argsort(e.source, kind="stable")
-        places = np.split(e.sample[order], np.searchsorted(e.source[order], range(1, len(e.signals))))
+        first = np.searchsorted(e.source[order], range(1, len(e.signals)))
+        places = np.split(e.sample[order], first)
         moved = np.empty((len(half_gaps), 3, len(order)))
         moved[..., order] = displacements(e.signals, self._driven, axis, places, half_gaps)
         return [self.along(axis, *each)[0] for each in moved]
@@ -292,9 +293,7 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
     yield from _load(rows)
 
 
-def _of_gaps(
-    rows: _Rows, axis: int, half_gaps: Sequence[float]
-) -> Iterator[tuple[Column, Array]]:
+def _of_gaps(rows: _Rows, axis: int, half_gaps: Sequence[float]) -> Iterator[tuple[Column, Array]]:
     unit = np.pi / 180 if rows.robot.revolute[axis] else 1e-3
     for half_gap, column in zip(half_gaps, rows.within_gap(axis, half_gaps), strict=True):
         yield Column(f"play {1e6 * half_gap:.0f}", axis), unit / half_gap * column
