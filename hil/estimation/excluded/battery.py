@@ -66,6 +66,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
+from hil.estimation.excluded.backlash import nearest
 from hil.least_squares.regression import Regression
 from hil.least_squares.solving import inverse_root
 from hil.least_squares.uncertainty import ALMOST_NONE, effective_degrees
@@ -365,6 +366,7 @@ class Battery:
         at, B = self._basis(columns)
         if not len(at):
             return None
+        same = self._same(at)
         U = self._left[:, at] @ B
         along, rank, axis = U.T @ self._residual, U.shape[1], int(self._axis[at[0]])
         rest = self._residual - U @ along
@@ -374,17 +376,17 @@ class Battery:
             self._by_group(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
         )
         if itself:
-            common, white = self._beside(axis, at, U, enlarged), self._white(rest, U)
+            common, white = self._beside(axis, same, U, enlarged), self._white(rest, U)
         else:
             common, white = self.common[axis], 1.0
-        others = self._others(axis, at, U if itself else None)
+        others = self._others(axis, same, U if itself else None)
         degrees = max(float(common.degrees + d[0]), ALMOST_NONE)
         phi = (common.degrees * common.dispersion + d[0] * each.mean()) / degrees
         # noise that wanders is one and the same in all columns of a group
         degrees = min(degrees, max(self._axes[axis].n_groups - 1.0, ALMOST_NONE))
         noise = Common(max(float(phi), white), degrees)
         # over what is left, of which a change is no part
-        omega = self.unchanged.get(self.columns.names[at[0]][:2])
+        omega = self.unchanged.get(nearest(self.columns.names[at[0]][:2]))
         parts = noise if omega is None else Common(white * omega.dispersion, omega.degrees)
         # the greatest, with the quantile that its degrees of freedom ask for
         level = 1.0 - self.level / len(self.columns.tests)
@@ -404,6 +406,12 @@ class Battery:
             dispersion=phi,
             white=white,
         )
+
+    def _same(self, at: Indices) -> Indices:
+        """Return the columns of a cause, of other gaps too where it is backlash."""
+        names = [self.columns.names[k] for k in at]
+        gaps = names[0].cause.startswith("play ")
+        return np.array(self.columns.gaps(names[0].axis)) if gaps else at
 
     def _white(self, rest: Array, U: Array) -> float:
         """Dispersion along orthonormal columns `U` of white noise that leaves `rest`."""

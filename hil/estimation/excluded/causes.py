@@ -190,7 +190,7 @@ CAUSES = {
     ),
     # one arc minute, as data sheets of precision gears state
     "play": Cause(
-        "the link lags by the play of its gear, half of which is", "degrees", "mm", 1 / 120,
+        "its gear has backlash, half of which is", "degrees", "mm", 1 / 120,
         "nothing to be corrected: positions of the link differ from those of the motor so far",
         least=0.0,
     ),

@@ -12,7 +12,7 @@ the estimate says, and e_k the axis k, the column of axis i is, per unit of
     rotor inertia of k     H qdd_i where i = k
     late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
-    play of k              minus d tau_i / d q_k by the sign of the torque that its gear transmits
+    backlash of k          d tau_i by the displacement of the link within the gap (`backlash`)
     slip of k              d tau_i / d q_k from an instant on
     direction of gravity   d tau_i by a turn about either axis across it
     a load                 the regressor's columns of the last link's parameters that are left out
@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.estimation.excluded.backlash import FINER, HALF_GAPS, Driven, displacements
 from hil.estimation.excluded.causes import CAUSES, FITTED
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics, regressor
@@ -38,7 +39,7 @@ from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
@@ -87,6 +88,13 @@ class Columns:
         for k, name in enumerate(self.names):
             found.setdefault((name.cause, name.axis), []).append(k)
         return found
+
+    def gaps(self, axis: int) -> list[int]:
+        """Columns of the backlash of an axis, of any gap."""
+        return [
+            k for k, name in enumerate(self.names)
+            if name.axis == axis and name.cause.startswith("play ")
+        ]  # fmt: skip
 
     @property
     def fitted(self) -> list[int]:
@@ -137,6 +145,22 @@ class _Rows:
         return found
 
     @cached_property
+    def _driven(self) -> list[Driven]:
+        return [Driven.of(self.robot, self.p, s) for s in self.evidence.signals]
+
+    def within_gap(self, axis: int, half_gaps: Sequence[float]) -> list[Array]:
+        """Return the change of the torque by the backlash of an axis, of each half gap."""
+        e = self.evidence
+        if any((each.inertia[:, axis] <= 0.0).any() for each in self._driven):
+            return [np.zeros(len(e.axis))] * len(half_gaps)
+        order = np.argsort(e.source, kind="stable")
+        first = np.searchsorted(e.source[order], range(1, len(e.signals)))
+        places = np.split(e.sample[order], first)
+        moved = np.empty((len(half_gaps), 3, len(order)))
+        moved[..., order] = displacements(e.signals, self._driven, axis, places, half_gaps)
+        return [self.along(axis, *each)[0] for each in moved]
+
+    @cached_property
     def by_time(self) -> Array:
         """Change by time of the torque, where all motion is later."""
         later, earlier = self.whole(*self.after), self.whole(*self.before)
@@ -183,11 +207,29 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
     p : ndarray, shape (n_base,)
         Base parameters by which torques are calculated.
     """
-    found = list(_columns(_Rows(robot, p, evidence)))
-    values = np.column_stack([x for _, x in found])
+    return _gathered(_columns(_Rows(robot, p, evidence)), evidence, free)
+
+
+def finer(robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key) -> Columns:
+    """Return the same with gaps close to that of `key` in place of the other gaps of its axis."""
+    axis, microns = key[1], float(key[0].split()[1])
+    of_gaps = _of_gaps(_Rows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist())
+    new, at = _gathered(of_gaps, evidence, every.free), every.gaps(axis)
+    names, values = list(every.names), every.values.copy()
+    for k, name in zip(at, new.names, strict=True):
+        names[k] = name
+    values[:, at] = new.values
+    return Columns(tuple(names), values, every.free)
+
+
+def _gathered(
+    found: Iterable[tuple[Column, Array]], evidence: Evidence, free: Sequence[str]
+) -> Columns:
+    names, values = zip(*found, strict=True)
+    table = np.column_stack(values)
     if evidence.later is not None:
-        values *= evidence.later[:, np.newaxis]
-    return Columns(tuple(name for name, _ in found), values, free)
+        table *= evidence.later[:, np.newaxis]
+    return Columns(names, table, free)
 
 
 def late(robot: Robot, p: Array, evidence: Evidence) -> Array:
@@ -232,7 +274,7 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         yield at["rotor inertia"], 0.01 * mine * rows.motor
         yield at["late torque"], -1e-3 * mine * rows.by_time
         yield at["late position"], 1e-3 * rows.by_time_of(axis)
-        yield at["play"], -by_position * np.sign(rows.bodies[:, axis])
+        yield from _of_gaps(rows, axis, HALF_GAPS)
         for instant in instants(evidence):
             part = f"{instant:.0f}"
             yield Column("slip", axis, part), by_position * (evidence.time >= instant)
@@ -249,6 +291,12 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         for part, column in zip("xy", rows.turned().T, strict=True):
             yield Column("gravity", -1, part), np.pi / 180 * column
     yield from _load(rows)
+
+
+def _of_gaps(rows: _Rows, axis: int, half_gaps: Sequence[float]) -> Iterator[tuple[Column, Array]]:
+    unit = np.pi / 180 if rows.robot.revolute[axis] else 1e-3
+    for half_gap, column in zip(half_gaps, rows.within_gap(axis, half_gaps), strict=True):
+        yield Column(f"play {1e6 * half_gap:.0f}", axis), unit / half_gap * column
 
 
 def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:

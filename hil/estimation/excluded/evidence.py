@@ -76,6 +76,10 @@ class Evidence:
         Rows that share their friction, and an orthonormal basis of what that can be.
     finest : ndarray, shape (n_channels,)
         Torque below which no model is true [N m].
+    signals : sequence of Signals
+        Recordings that the rows are of.
+    source, sample : ndarray of int, shape (n,)
+        Which of `signals`, and which of its samples.
     later : ndarray of bool, shape (n,), optional
         Rows of recordings that causes are looked for in, if the others are without any.
     """
@@ -92,6 +96,9 @@ class Evidence:
     time: Array
     parts: tuple[tuple[slice, Array], ...]
     finest: Array
+    signals: Sequence[Signals]
+    source: Indices
+    sample: Indices
     later: Mask | None = None
 
     def without_friction(self, x: Array) -> Array:
@@ -188,7 +195,9 @@ class Evidence:
         )
 
 
-COLUMNS = ("axis", "group", "torque", "recorded", "rate", "X", "own", "period", "time")
+COLUMNS = (
+    "axis", "group", "torque", "recorded", "rate", "X", "own", "period", "time", "source", "sample",
+)  # fmt: skip
 """Attributes of `Evidence` with a row each."""
 
 
@@ -257,7 +266,8 @@ def rows_of(
     ]
     # torques that are zero throughout show nothing, and rounding of the others even there
     rounding = np.finfo(float).eps * (np.abs(evidence.recorded).max(initial=0.0) or 1.0)
-    return replace(evidence, finest=np.maximum(FINEST * np.array(limits), rounding))
+    finest = np.maximum(FINEST * np.array(limits), rounding)
+    return replace(evidence, finest=finest, signals=tuple(place))
 
 
 def _unasked(robot: Robot, s: Signals, axis: int) -> Iterator[Stacked]:
@@ -312,6 +322,9 @@ def _part(
         time=time,
         parts=((slice(0, len(index)), Q),),
         finest=np.zeros(robot.n_joints),
+        signals=(),
+        source=np.full(len(index), place),
+        sample=index,
     )
 
 
@@ -328,6 +341,7 @@ def gathered(parts: Sequence[Evidence]) -> Evidence:
         **stacked,
         motion=np.concatenate([each.motion for each in parts], axis=2),
         finest=parts[0].finest,
+        signals=parts[0].signals,
         parts=tuple(
             (slice(a + rows.start, a + rows.stop), Q)
             for a, each in zip(first, parts, strict=True)

@@ -22,9 +22,10 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.excluded.alternatives import ROWS, Reading, alternatives, explained
+from hil.estimation.excluded.backlash import WITHIN, half_gap
 from hil.estimation.excluded.battery import LEVEL, Battery
 from hil.estimation.excluded.causes import CAUSES, FITTED
-from hil.estimation.excluded.columns import columns, late
+from hil.estimation.excluded.columns import columns, finer, late
 from hil.estimation.excluded.departure import Departure, parts_of
 from hil.estimation.excluded.friction_change import friction_changes
 from hil.estimation.excluded.limits import limits
@@ -32,7 +33,7 @@ from hil.estimation.excluded.result import Excluded, Found, located
 from hil.estimation.excluded.words import axes_of, name_of, of_reading, rank_of, with_size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.alternatives import Explained
@@ -53,6 +54,9 @@ LARGE = 0.95
 """Share of the sum of squares that is left beside a cause, below which it may be too large for a
 column of the first order, and other readings are tried. 0.5 and 0.99 have the same outcome: clean
 runs 1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
+BOUNCES = 0.25
+"""Share of what a backlash explains that its column may leave: it holds one impact without a
+rebound, and links that rebound with a restitution of 0.5 come back with as much of the energy."""
 CONTRADICTS = 4.0
 """Dispersion that most causes have from which on groups contradict each other, whatever the reason:
 they scatter twice as much as noise within them explains. Then nothing may be significant, since all
@@ -93,6 +97,12 @@ def excluded(
     unchanged = scales_of_parts(robot, p, evidence) if evidence.later is not None else None
     battery = first = Battery(evidence, every, every.fitted, unchanged)
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
+    level = battery.level / max(len(tests), 1)
+    if gaps := list(_best_gaps(robot, battery, tests, level)):
+        for key in gaps:
+            every = finer(robot, p, evidence, every, key)
+        battery = first = Battery(evidence, every, every.fitted, unchanged)
+        tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[Step] = []
     while len(found) < MOST:
         level = battery.level / max(len(tests) - len(found), 1)
@@ -100,9 +110,12 @@ def excluded(
         if likely is None:
             break
         key, test = likely
-        step = Step(robot, key, test, battery, battery.beside(test.columns.tolist()), tests)
-        if found and step.taken < (1.0 - SAME**2) * found[0].taken:
-            break  # what a column of the first order leaves of the first
+        of_gaps = half_gap(robot, key) is not None  # with gaps in between, and their like
+        given = every.gaps(key[1]) if of_gaps else test.columns.tolist()
+        beside = battery.beside([k for k in given if battery.visible[k]])
+        step = Step(robot, key, test, battery, beside, tests)
+        if found and step.taken < found[0].unexplained * found[0].taken:
+            break  # what a column leaves of the first
         found.append(step)
         battery = step.beside
     instead = _Instead(robot, evidence, first, battery, tests, tuple(step.found for step in found))
@@ -162,6 +175,11 @@ class Step:
         return float((self.beside.left / self.battery.left).min())
 
     @property
+    def unexplained(self) -> float:
+        """Share of what is explained that the column may leave, being no more exact."""
+        return (1.0 - SAME**2) if half_gap(self.robot, self.key) is None else BOUNCES
+
+    @property
     def taken(self) -> float:
         """Chi square that is explained."""
         return self.battery.misfit - self.beside.misfit
@@ -182,6 +200,9 @@ class Step:
             for key in sorted(may_be, key=lambda k: rank_of(*k))
             # a slip before an axis shows anything is a zero that is off
             if key[0] != "slip" or ("zero", key[1]) not in may_be
+            # of several gaps of an axis that which explains most
+            if half_gap(self.robot, key) is None
+            or explains[key] == max(explains[k] for k in may_be if _is_gap(self.robot, k, key[1]))
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
@@ -204,6 +225,20 @@ class Step:
         return tuple((beside.solution - self.battery.solution).tolist())
 
 
+def _is_gap(robot: Robot, key: Key, axis: int) -> bool:
+    return key[1] == axis and half_gap(robot, key) is not None
+
+
+def _best_gaps(robot: Robot, battery: Battery, tests: Tests, level: float) -> Iterator[Key]:
+    """Yield the gap that explains most of each axis whose backlash is significant."""
+    for axis in range(robot.n_joints):
+        own = [key for key in tests if _is_gap(robot, key, axis)]
+        key = max(own, key=lambda key: battery.drop(tests[key])[0], default=None)
+        test = battery.test(tests[key], itself=True) if key else None
+        if key and test and test.p < level and test.size[0] > 0.0:
+            yield key
+
+
 def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> dict[Key, Common]:
     """Return what each cause explains of parts of the earlier recordings, see `battery`."""
     early = evidence.only(~evidence.is_later)
@@ -213,9 +248,12 @@ def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> dict[Key, Com
 
 
 def possible(robot: Robot, evidence: Evidence, key: Key, test: Test) -> bool:
-    """Return True if mechanics allows a size, and it is small enough for a first-order column."""
+    """Return True if mechanics allows a size, and it is one that its column stands for."""
     cause = CAUSES[name_of(key)]
     if (test.size < cause.least).any():
+        return False
+    gap = half_gap(robot, key)
+    if gap is not None and not gap / WITHIN <= test.size[0] <= gap * WITHIN:
         return False
     hours = float(np.ptp(evidence.time)) / 3600.0
     return bool(np.abs(test.size).max() <= cause.largest(robot, key[1], hours))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import optimize, special
 
+from hil.estimation.excluded.backlash import WITHIN, half_gap
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.result import Limit
 from hil.estimation.excluded.words import name_of, rank_of, unit_of
@@ -61,7 +62,9 @@ def limits(
     hardest: dict[tuple[str, int, str], Limit] = {}  # of a torque that repeats, of all orders
     for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
         at = each.cause, each.axis, each.part
-        if at not in hardest or _hard(each) > _hard(hardest[at]):
+        # the gap that shows shows whatever the larger ones do
+        rank = -1.0 if each.cause == "play" else 1.0
+        if at not in hardest or rank * _hard(each) > rank * _hard(hardest[at]):
             hardest[at] = each
     return tuple(hardest.values())
 
@@ -73,7 +76,9 @@ def _of_any_order(robot: Robot, battery: Battery, key: Key, size: float) -> floa
     other. What is too large for its column is taken for none (`finding.possible`), so no such size
     is found.
     """
-    cause = CAUSES[name_of(key)]
+    cause, gap = CAUSES[name_of(key)], half_gap(robot, key)
+    if gap is not None:
+        return max(size, gap / WITHIN) if size <= gap * WITHIN else np.inf
     hours = float(np.ptp(battery.evidence.time)) / 3600.0
     largest = cause.largest(robot, key[1], hours)
     if cause.unit_of(robot, key[1]) == "%":

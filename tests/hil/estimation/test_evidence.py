@@ -31,6 +31,9 @@ def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
         time=0.01 * np.arange(n),
         parts=parts,
         finest=np.zeros(2),
+        signals=(),
+        source=np.zeros(n, dtype=int),
+        sample=np.arange(n),
     )
 
 

@@ -54,6 +54,7 @@ def evidence(
         own=np.zeros((n, 0)),
         motion=np.zeros((3, 3, n, N_AXES)), period=np.ones(n), time=np.arange(float(n)),
         parts=parts, finest=np.full(N_AXES, 1e-9),
+        signals=(), source=np.zeros(n, dtype=int), sample=np.arange(n),
     )  # fmt: skip
     return made, Columns(tuple(names), values)
 

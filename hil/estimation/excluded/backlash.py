@@ -1,0 +1,179 @@
+r"""Backlash: displacement of a link within the gap of its gear, from the motor's recorded motion.
+
+The motor of axis k is recorded, its link is not. Let :math:`\delta` be the angle of the link beyond
+that of the motor, at most half the gap :math:`b` in either direction. A gear in contact transmits
+the torque :math:`T_k` that rigid bodies need, and it can only push: where :math:`T_k` changes sign
+the gear lets go, and the link moves freely,
+
+.. math:: M_{kk} \ddot\delta = -T_k , \qquad |\delta| < b ,
+
+until it meets the other side. It stays there, since the motor and the gear's losses take up the
+impact (restitution of 0). So the gap is crossed in :math:`\sqrt{4 b M_{kk} / |T_k|}` after a step
+of the torque, in :math:`(12 b M_{kk} / |\dot T_k|)^{1/3}` after a steady change of sign; meanwhile
+the motor lacks the link's torque, and the impact brings back the momentum. Both are one and the
+same derivative: the torque of all axes changes by that of a motion changed by :math:`\delta`,
+:math:`\dot\delta` and :math:`\ddot\delta`. In contact :math:`\delta = -b \operatorname{sign} T_k`.
+
+The column per unit of :math:`b` depends on :math:`b`, so there is one for each of `HALF_GAPS`. It
+stands for gaps from half to twice of it. The inertia of the rotor must be known apart from that of
+the link, since the rotor does not cross the gap.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.least_squares.differences import FIRST, SECOND
+from hil.least_squares.window import weights
+from hil.model.dynamics import inverse_dynamics, mass_matrix
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.arrays import Array, Indices
+    from hil.estimation.excluded.columns import Key
+    from hil.estimation.signals import Signals
+    from hil.model.robot import Robot
+
+HALF_GAPS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
+"""Half gaps that are tried, each twice the one before [rad or m]: 0.3 to 5.5 arc minutes."""
+WITHIN = 2.0
+"""Times its half gap, or part of it, that a column shows at most: the next one is nearer there."""
+PIECE, LEAD = 768, 256
+"""Samples of a piece of a recording, and those before it: pieces are simulated beside each other,
+and the first change of sign makes each forget where it began."""
+SPARSE = 8
+"""Samples from one mass matrix to the next: it changes as slowly as the arm turns."""
+
+FINER = 2.0 ** np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
+"""Times the half gap that explains most of `HALF_GAPS`: those that are tried beside it, since the
+size that a column shows hardly depends on the gap that it is of."""
+
+
+def half_gap(robot: Robot, key: Key) -> float | None:
+    """Half gap that a column is of, in the unit of the cause; None where it is of another cause."""
+    cause, *microns = key[0].split()
+    if cause != "play" or not microns:
+        return None
+    return float(microns[0]) * (1e-6 * 180.0 / np.pi if robot.revolute[key[1]] else 1e-3)
+
+
+def nearest(key: Key) -> Key:
+    """Return the test of `HALF_GAPS` that is of the nearest gap; another cause as it is."""
+    cause, *microns = key[0].split()
+    if cause != "play" or not microns:
+        return key
+    gap = min(HALF_GAPS, key=lambda each: abs(np.log(1e6 * each / float(microns[0]))))
+    return f"play {1e6 * gap:.0f}", key[1]
+
+
+class Driven(NamedTuple):
+    """Torque that links need as long as they follow their motors, and their own inertia.
+
+    Attributes
+    ----------
+    torque : ndarray, shape (n, n_joints)
+        Smoothed as all rows are [N m].
+    inertia : ndarray, shape (n, n_joints)
+        Diagonal of the mass matrix without rotors.
+    """
+
+    torque: Array
+    inertia: Array
+
+    @classmethod
+    def of(cls, robot: Robot, p: Array, s: Signals) -> Driven:
+        """Compute both from recorded motion and base parameters."""
+        torque = s.smoothed(inverse_dynamics(robot, p, *s.link))
+        n = len(torque)
+        some = np.append(np.arange(0, n - 1, SPARSE), n - 1)
+        inertia = np.einsum("nii->ni", mass_matrix(robot, p, s.q[some]))
+        every = [np.interp(np.arange(n), some, own) for own in inertia.T]
+        return cls(torque, np.column_stack(every))
+
+
+def displacements(
+    signals: Sequence[Signals],
+    driven: Sequence[Driven],
+    axis: int,
+    places: Sequence[Indices],
+    half_gaps: Sequence[float],
+) -> Array:
+    """Simulate the link of an axis, and return how much it moves beyond its motor.
+
+    Parameters
+    ----------
+    signals : sequence of Signals
+    driven : sequence of Driven
+        Of each of them.
+    places : sequence of ndarray of int
+        Samples of each that are wanted.
+    half_gaps : sequence of float
+        [rad or m].
+
+    Returns
+    -------
+    ndarray, shape (n_half_gaps, 3, n)
+        Displacement, speed and acceleration, smoothed, one after the other of `places`.
+    """
+    pieces = [_pieces(len(s.time)) for s in signals]
+    rate = np.concatenate([
+        (d.torque[:, axis] / d.inertia[:, axis])[at] for d, at in zip(driven, pieces, strict=True)
+    ])  # fmt: skip
+    period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
+    simulated = _crossed(-rate.T, period, np.array(half_gaps)[:, None])
+    found, first = [], 0
+    for s, at, wanted in zip(signals, pieces, places, strict=True):
+        own = simulated[LEAD:, :, first : first + len(at)]
+        whole = own.transpose(1, 2, 0).reshape(len(half_gaps), -1)[:, : len(s.time)]
+        first += len(at)
+        found.append(np.stack([_correlated(whole, taps, wanted) for taps in _taps(s.period)], 1))
+    return np.concatenate(found, axis=2)
+
+
+def _pieces(n: int) -> Indices:
+    """Samples of each piece and of what leads to it, shape (n_pieces, LEAD + PIECE)."""
+    starts = np.arange(0, n, PIECE)
+    at: Indices = np.clip(starts[:, None] + np.arange(-LEAD, PIECE), 0, n - 1)
+    return at
+
+
+def _crossed(acceleration: Array, period: Array, gap: Array) -> Array:
+    """Positions of links in their gaps, shape (n, n_half_gaps, n_pieces).
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n, n_pieces)
+        Of a link that nothing pushes, relative to its motor.
+    period : ndarray, shape (n_pieces,)
+    gap : ndarray, shape (n_half_gaps, 1)
+    """
+    x, v = gap * np.sign(acceleration[0]), np.zeros((len(gap), len(period)))
+    found = np.empty((len(acceleration), *x.shape))
+    for n, a in enumerate(acceleration):
+        x = x + period * (v + 0.5 * period * a)
+        v = v + period * a
+        v[np.abs(x) >= gap] = 0.0
+        np.clip(x, -gap, gap, out=x)
+        found[n] = x
+    return found
+
+
+def _taps(period: float) -> tuple[Array, Array, Array]:
+    """Weights of the smoothed value, first and second derivative."""
+    window = weights(period)
+    return (
+        window,
+        np.convolve(window, FIRST / period),
+        np.convolve(window, SECOND / period**2),
+    )
+
+
+def _correlated(x: Array, taps: Array, wanted: Indices) -> Array:
+    """Sums of samples and their neighbours times `taps`, shape (len(x), len(wanted))."""
+    reach = len(taps) // 2
+    at = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, x.shape[1] - 1)
+    found: Array = x[:, at] @ taps
+    return found

@@ -1,0 +1,94 @@
+"""Backlash is found by what a link does within the gap; an axis without a gap is not accused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import PERIOD, TRUTH, arm, recorded, some_motion
+
+from hil.estimation.excluded.backlash import half_gap, nearest
+from hil.estimation.excluded.proof import proved
+from hil.model.dynamics import inverse_dynamics, mass_matrix
+
+if TYPE_CHECKING:
+    from free_run import FreeRecorded
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+STEP = 1e-4
+"""Of the simulation [s]; a sample is the mean over as many as fit in a period."""
+
+
+def torque_of_gap(seed: int, axis: int, gap: float) -> Array:
+    """Change of the torques by a gap with walls that are stiff and damped, shape (n, 2)."""
+    robot, t = arm(), np.arange(0.0, 12.0, STEP)
+    q, qd, qdd = some_motion(t, seed)
+    rigid = inverse_dynamics(robot, TRUTH, q, qd, qdd)
+    M = mass_matrix(robot, TRUTH, q)[:, axis, axis]
+    stiffness, damping = 4e5, 2.0 * np.sqrt(4e5 * M.max())
+    x, v = -gap * np.sign(rigid[0, axis]), 0.0
+    moved = np.zeros((3, len(t), 2))
+    for n in range(len(t)):
+        depth = x - np.clip(x, -gap, gap)
+        wall = stiffness * depth + damping * v if depth else 0.0
+        if wall * depth < 0.0:
+            wall = 0.0  # walls only push
+        a = (-rigid[n, axis] - wall) / M[n]
+        v += STEP * a
+        x += STEP * v
+        moved[:, n, axis] = x, v, a
+    change = inverse_dynamics(robot, TRUTH, q + moved[0], qd + moved[1], qdd + moved[2]) - rigid
+    each = round(PERIOD / STEP)
+    mean = change[: len(t) // each * each].reshape(-1, each, 2).mean(axis=1)
+    # the mean is of the samples' middle, half a period later
+    at = np.arange(len(mean))
+    return np.column_stack([np.interp(at - 0.5, at, x) for x in mean.T])
+
+
+def with_gap(data: FreeRecorded, axis: int, gap: float) -> FreeRecorded:
+    found = []
+    for seed, (motion, recording) in enumerate(data):
+        change = torque_of_gap(seed, axis, gap)[: len(recording.tau)]
+        found.append((motion, replace(recording, tau=recording.tau + change)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def good() -> FreeRecorded:
+    return recorded(arm(), TRUTH, n=3, duration=12.0)
+
+
+@pytest.mark.parametrize(("axis", "gap"), [(0, 7e-4), (1, 5e-4), (1, 1e-3)])
+def test_backlash_is_named_with_its_axis_and_its_size(
+    good: FreeRecorded, axis: int, gap: float
+) -> None:
+    proof = proved(arm(), with_gap(good, axis, gap))
+    assert proof is not None
+    first, *_ = proof.found
+    assert (first.cause, first.axes) == ("play", (axis + 1,))
+    assert first.size == pytest.approx(np.degrees(gap), rel=0.25)
+
+
+def test_a_gear_without_a_gap_is_not_accused(good: FreeRecorded) -> None:
+    proof = proved(arm(), good)
+    assert proof is not None
+    assert not proof.found
+
+
+def test_the_smallest_backlash_is_stated_of_each_axis_once(good: FreeRecorded) -> None:
+    proof = proved(arm(), good)
+    assert proof is not None
+    own = [limit for limit in proof.limits if limit.cause == "play"]
+    assert [limit.axis for limit in own] == [1, 2]
+    assert all(limit.size is not None and 0.0 < limit.size < 0.2 for limit in own)
+
+
+def test_a_gap_is_stated_in_the_unit_of_its_joint() -> None:
+    assert half_gap(arm(), ("play 400", 0)) == pytest.approx(np.degrees(4e-4))
+    assert half_gap(arm(), ("zero", 0)) is None
+    assert nearest(("play 420", 1)) == ("play 400", 1)
+    assert nearest(("repeats 3", 1)) == ("repeats 3", 1)
