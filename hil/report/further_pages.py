@@ -19,6 +19,7 @@ from hil.report.carried import first_pose, packed_recordings
 from hil.report.charts.arm import arm
 from hil.report.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points, chart
 from hil.report.page import when, write_html
+from hil.report.pictures import replay as replay_chart
 from hil.report.pictures import tracking as tracking_chart
 from hil.report.pictures import watch as watch_chart
 from hil.report.section import Plot
@@ -54,11 +55,13 @@ if TYPE_CHECKING:
     from hil.results.watch import Alarm, Watched
     from hil.runs.recording import Recording
     from hil.runs.run import Run
+    from hil.simulation.replay import Replay
     from hil.view.along_motion import Shown
     from hil.watching.trace import Trace
 
 NOT_KNOWN = "not stated"
 VALIDATION, TRACKING, WATCH = "validation.html", "tracking.html", "watch.html"
+REPLAY = "replay.html"
 PAYLOAD = "payload.html"
 """Names of pages in the folders of what they are about."""
 FIRST = 3
@@ -240,6 +243,23 @@ def write_watch_page(
         torques,
         simulated=run is not None and run.journal.simulated,
     )
+
+
+def write_replay_page(
+    run: Run, found: Replay, verdicts: Sequence[tuple[str, str, str]] = ()
+) -> Path:
+    """Write the page of a replay into the folder of the run that was simulated."""
+    plot = Plot(
+        "positions",
+        lambda: replay_chart(found),
+        "Recorded and simulated position of every axis over time, and their difference below.",
+        "Recorded and simulated positions of the recording with the largest error of each axis;"
+        " below, simulated less recorded position.",
+    )
+    return _write(
+        run.path / REPLAY, run.robot, "replay", verdicts, (plot,), (found.table(),),
+        simulated=run.journal.simulated,
+    )  # fmt: skip
 
 
 def _around(run: Run, raised: Sequence[Alarm]) -> Run:

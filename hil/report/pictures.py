@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from hil.report.charts.chart import Item
     from hil.runs.run import Run
+    from hil.simulation.replay import Replay
     from hil.watching.trace import Trace, TraceStretch
 
 PASS_LINES = {
@@ -80,3 +81,35 @@ def _watched(stretch: TraceStretch) -> Iterator[Item]:
     yield Line(stretch.time, stretch.predicted, MODEL, "predicted", "5 3")
     if np.isfinite(stretch.alarm):
         yield Rule(stretch.alarm, upright=True, label="alarm", dash="4 3")
+
+
+def replay(found: Replay) -> Chart:
+    """Recorded and simulated positions of each axis, of the recording with its largest error."""
+    return chart(_replayed(found, axis) for axis in range(found.robot.n_joints))
+
+
+def _replayed(found: Replay, axis: int) -> Panel:
+    shown = max(found.recordings, key=lambda each: np.nanmax(np.abs(each.error[:, axis])))
+    every = slice(None, None, max(1, len(shown.time) // 700))
+    time = shown.time[every]
+    recorded, simulated, error = (
+        x[every, axis] for x in (shown.recorded, shown.simulated, shown.error)
+    )
+    unit = found.robot.position_unit(axis)
+    return Panel(
+        (
+            Line(time, recorded, MEASURED, "recorded"),
+            Line(time, simulated, MODEL, "simulated", "5 3"),
+        ),
+        title=f"axis {axis + 1}, {shown.measurement}",
+        x_label="time [s]",
+        y_label=f"position [{unit}]",
+        below=Panel(
+            (Rule(0.0), Line(time, 1e3 * error, MODEL, width=0.9)),
+            y_label=f"Δ [m{unit}]",
+            height=42.0,
+        ),
+        width=357.0,
+        height=112.0,
+        recording=shown.measurement,
+    )
