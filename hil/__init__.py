@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from hil.results.problem import regression
     from hil.results.validation import validate
     from hil.runs.run import Run
+    from hil.simulation.replay import replay
     from hil.tasks.exporting import export
     from hil.tasks.measuring import dry_run, measure
     from hil.tasks.plans import plan
@@ -79,6 +80,7 @@ __all__ = [
     "plot_torque",
     "regression",
     "regressor",
+    "replay",
     "report",
     "validate",
 ]
@@ -110,6 +112,7 @@ _LATER = {
     "plot_torque": "hil.report.figure",
     "regression": "hil.results.problem",
     "regressor": "hil.model.dynamics",
+    "replay": "hil.simulation.replay",
     "report": "hil.report.page",
     "validate": "hil.results.validation",
 }

@@ -50,6 +50,7 @@ PANELS = {
     },
     "Use a model": {
         "export": "Export an identified model, or the recordings of a run, to other tools.",
+        "replay": "Simulate the recordings of a run with a model, and state the position error.",
         "track": "Measure the tracking error without and with feed-forward; the robot moves.",
         "watch": "Detect external forces while a plan moves the robot.",
     },
@@ -70,8 +71,8 @@ MODULES = {
     "twin": "robots", "drives": "drives", "run": "measuring", "import": "exchanging",
     "identify": "results", "validate": "judging", "report": "results", "friction": "results",
     "payload": "payload", "diagnose": "results", "export": "exchanging", "track": "beside_model",
-    "watch": "beside_model", "accept": "judging", "history": "judging", "doctor": "doctor",
-    "try": "trying",
+    "watch": "beside_model", "replay": "replaying", "accept": "judging", "history": "judging",
+    "doctor": "doctor", "try": "trying",
 }  # fmt: skip
 """Module of each command, or group of them, in this package."""
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}

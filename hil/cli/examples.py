@@ -78,6 +78,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil export runs/first --to c -o code",
         "hil export runs/first --to mjcf --urdf arm.urdf -o sim",
     ),
+    "replay": (
+        "hil replay runs/other --model runs/first --max-error 2deg",
+        "hil replay runs/other --model runs/first --simulator mujoco --restart 0.5",
+    ),
     "track": (
         "hil track fast.yaml --model runs/first -o runs/track",
         f"hil track fast.yaml --model runs/first -o runs/track --drives drives.yaml {_CAN}",

@@ -67,6 +67,11 @@ class SimpleFriction:
     stribeck: Stribeck
 
     @property
+    def offset(self) -> float:
+        """Mean of the law over both directions, which is no friction [N m or N]."""
+        return float(np.mean([self.forward, self.backward]))
+
+    @property
     def size(self) -> float:
         """Root mean square of the law itself [N m or N]."""
         return float(np.sqrt(np.mean(np.square([self.forward, self.backward]))))

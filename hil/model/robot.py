@@ -21,10 +21,11 @@ import yaml
 from pydantic import ValidationError
 
 from checked_files.near import did_you_mean
+from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError, parse_yaml, place, problems, read_text, refuse
 from hil.errors import InvalidValue, UnknownName
 from hil.model.drive_train_file import UNKNOWN
-from hil.model.readers.robot_draft import robot_as_stated
+from hil.model.readers.robot_draft import mjcf_as_stated, robot_as_stated
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot_arrays import RobotArrays
 from hil.model.robot_file import EARTH, LINK_PARAMETERS, RobotFile, split_tie
@@ -64,21 +65,22 @@ class Robot(RobotArrays):
         tip: str | None = None,
         gravity: Sequence[float] | None = None,
     ) -> Robot:
-        """Load a robot file, a URDF, or a built-in robot by its name.
+        """Load a robot file, a URDF, an MJCF, or a built-in robot by its name.
 
-        Units are SI, joint side. What a URDF does not state, such as rotor inertias, is unknown,
-        and is identified where recordings show it. MJCF and SDF are not read.
+        Units are SI, joint side. What a URDF or an MJCF does not state, such as rotor inertias, is
+        unknown, and is identified where recordings show it. MJCF needs MuJoCo. SDF is not read.
 
         Parameters
         ----------
         path : str or Path
-            Robot file (``.yaml``), URDF (``.urdf``, ``.xml``), or one of `available_robots`.
+            Robot file (``.yaml``), URDF (``.urdf``, ``.xml``), MJCF (``.xml``), or one of
+            `available_robots`.
         base, tip : str, optional
-            Links of the URDF between which the robot is, by default those of the chain with most
-            joints that move.
+            Links of the URDF, or bodies of the MJCF, between which the robot is, by default those
+            of the chain with most joints that move.
         gravity : sequence of three floats, optional
             In the link `base` of the URDF [m/s^2]; by default that of the earth along -z of its
-            root.
+            root. In the world of the MJCF; by default that of the file.
 
         Raises
         ------
@@ -96,11 +98,11 @@ class Robot(RobotArrays):
         """
         path = Path(path)
         if path.suffix.lower() in DESCRIPTIONS:
-            return robot_from_urdf(path, base, tip, gravity)
+            return _described(path, base, tip, gravity)
         if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
             path = _of_name(str(path))
         if (text := read_text(path)).lstrip().startswith("<"):
-            return robot_from_urdf(path, base, tip, gravity)  # or states what else it is
+            return _described(path, base, tip, gravity)  # or states what else it is
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
                 f"{path}: is no URDF, and states its chain itself; leave base, tip and gravity out"
@@ -224,6 +226,18 @@ class Robot(RobotArrays):
 
 load_robot = Robot.load
 """Name of `Robot.load` until version 0.2."""
+
+
+def _described(
+    path: Path, base: str | None, tip: str | None, gravity: Sequence[float] | None
+) -> Robot:
+    """Make a robot of a URDF or an MJCF, whichever the file's root says."""
+    if XmlFile(path).root.tag != "mujoco":
+        return robot_from_urdf(path, base, tip, gravity)
+    from hil.model.readers.mjcf import read_mjcf  # noqa: PLC0415 - MuJoCo is an extra
+
+    chain = read_mjcf(path, base, tip)
+    return parse_robot(mjcf_as_stated(chain, gravity), str(path))
 
 
 def robot_from_urdf(

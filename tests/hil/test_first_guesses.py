@@ -82,8 +82,8 @@ class TestRobot:
     @pytest.mark.parametrize(
         ("name", "text", "why"),
         [
-            ("a.xml", "<mujoco/>", r"a\.xml:1: .* this is an MJCF; robots are read from a URDF"),
-            ("a.mjcf", "<mujoco/>", r"a\.mjcf:1: .* this is an MJCF"),
+            ("a.xml", "<sdf/>", r"a\.xml:1: .* this is an SDF; robots are read from a URDF"),
+            ("a.mjcf", "<mujoco/>", r"a\.mjcf: the chains with most joints end at none"),
             ("a.sdf", "<sdf/>", r"a\.sdf:1: .* this is an SDF"),
             ("a.urdf", None, r"a\.urdf: cannot be read: No such file"),
         ],

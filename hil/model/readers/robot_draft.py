@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from hil.model.readers.axes_to_frames import Frames
     from hil.model.readers.dh_table import DhRobot
+    from hil.model.readers.mjcf import MjcfChain
     from hil.model.readers.urdf import LimitedJoint
 
     _Rest = Callable[[LimitedJoint], Iterator[str]]
@@ -73,7 +74,9 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     return _text(source, gravity, title, _to_be_stated)
 
 
-def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) -> str:
+def robot_as_stated(
+    chain: UrdfChain, gravity: Sequence[float] | None = None, format_: str = "URDF"
+) -> str:
     """Text of a robot file that states no more than the URDF: enough to identify what was recorded.
 
     Parameters
@@ -81,6 +84,8 @@ def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) ->
     chain : UrdfChain
     gravity : sequence of three floats, optional
         As of `draft_robot`.
+    format_ : str
+        What the chain was read from.
 
     Raises
     ------
@@ -88,10 +93,25 @@ def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) ->
         As of `draft_robot`.
     """
     title = [
-        comment(f"Robot {_ends(chain)}, as its URDF says."),
+        comment(f"Robot {_ends(chain)}, as its {format_} says."),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
     return _text(chain, gravity, title, _left_open)
+
+
+def mjcf_as_stated(chain: MjcfChain, gravity: Sequence[float] | None = None) -> str:
+    """Text of a robot file that states no more than an MJCF; what it leaves out is a comment.
+
+    Parameters
+    ----------
+    chain : MjcfChain
+    gravity : sequence of three floats, optional
+        In the world [m/s^2]; that of the file by default.
+    """
+    text = robot_as_stated(chain, chain.stated_gravity if gravity is None else gravity, "MJCF")
+    left_out = "".join(comment(f"not taken: {each}") + "\n" for each in chain.not_taken)
+    springs = ", ".join(f"{{joint: {joint}}}" for joint in chain.springs)
+    return left_out + text + (f"springs: [{springs}]\n" if springs else "")
 
 
 def _ends(chain: UrdfChain) -> str:

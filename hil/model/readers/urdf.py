@@ -205,8 +205,8 @@ class UrdfReader:
             kind = {"mujoco": "an MJCF", "sdf": "an SDF"}.get(root.tag, "no URDF")
             raise self.file.wrong(
                 root,
-                f"<{root.tag}> must be <robot>: this is {kind}; robots are read from a URDF, or"
-                " from a robot file ending in .yaml",
+                f"<{root.tag}> must be <robot>: this is {kind}; robots are read from a URDF, an"
+                " MJCF (hil.Robot.load, --robot), or a robot file ending in .yaml",
             )
         self._refuse_xacro()
         self.links = self.file.named("link")

@@ -1,0 +1,108 @@
+"""`hil replay`: a model driven as the robot was, and its motion beside the recorded one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from hil.cli.arguments import ModelPath, RunPath, Without
+from hil.cli.outputs import Status, refuse_unwritable, show, write_page
+from hil.terminal.console import give, working
+
+if TYPE_CHECKING:
+    from hil.model.robot import Robot
+    from hil.simulation.replay import Controller
+
+commands = typer.Typer()
+
+
+Gains = Annotated[
+    list[float] | None,
+    typer.Option(min=0.0, help="Gain of a PD controller; once for all axes, or once an axis."),
+]
+
+
+@commands.command()
+def replay(
+    folder: RunPath,
+    model_path: ModelPath,
+    simulator: Annotated[
+        Literal["builtin", "mujoco"],
+        typer.Option(help="builtin: exact stick-slip; mujoco: needs that package."),
+    ] = "builtin",
+    friction: Annotated[
+        Literal["law", "plain", "exported"] | None,
+        typer.Option(
+            help="law: the model's law, the default of builtin; plain: its offset, Coulomb and"
+            " viscous terms; exported: as simulators get it, which mujoco always has."
+        ),
+    ] = None,
+    max_error: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LIMIT",
+            help="Limit of the largest position error, such as 2deg, 0.03rad, 5mm or 0.005m; may"
+            " be repeated.",
+        ),
+    ] = None,
+    restart: Annotated[
+        float | None,
+        typer.Option(
+            min=0.05, help="Time after which a simulation restarts from the recording \\[s]."
+        ),
+    ] = None,
+    kp: Gains = None,
+    kd: Gains = None,
+    without: Without = None,
+) -> None:
+    """Simulate the recordings of a run with a model, and state the position error.
+
+    Drives repeat the recorded torques; with --kp and --kd they hold the recorded positions.
+    Exit status 3 where an error passes its limit.
+    """
+    with working("reading the model") as now:
+        from hil.commands import replay as command
+        from hil.results.model import loaded
+        from hil.runs.run import Run
+        from hil.simulation import replay as simulated
+
+        refuse_unwritable(folder / command.PAGE)
+        limits = simulated.limits(max_error or ())
+        run = Run.open(folder).without(without or ())
+        model = loaded(model_path, run.robot)
+        found = simulated.replay(
+            run,
+            model,
+            simulator=simulator,
+            friction=friction,
+            controller=_controller(run.robot, kp, kd),
+            restart=restart,
+            progress=lambda name: now(f"simulating {name}"),
+        )
+        outcome = command.replay(run, found, limits)
+    show(outcome)
+    give(rms=found.rms.tolist(), largest=found.largest.tolist())
+    write_page(folder / command.PAGE, outcome)
+    if any(each.kind == "failed" for each in outcome.verdicts):
+        raise typer.Exit(Status.REFUSED)
+
+
+def _controller(robot: Robot, kp: list[float] | None, kd: list[float] | None) -> Controller | None:
+    """Return the PD controller that is stated, None without one."""
+    import numpy as np
+
+    from hil.simulation.replay import Controller
+
+    if not kp and not kd:
+        return None
+    gains = []
+    for name, given in (("kp", kp), ("kd", kd)):
+        if not given or len(given) not in (1, robot.n_joints):
+            raise typer.BadParameter(
+                f"{len(given or ())} values; a controller needs --kp and --kd, each once or"
+                f" {robot.n_joints} times",
+                param_hint=f"--{name}",
+            )
+        gains.append(np.broadcast_to(np.array(given), robot.n_joints).copy())
+    return Controller(*gains)

@@ -1,0 +1,77 @@
+"""`hil replay`: recorded and simulated positions of a run, shown."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.show.charts.chart import MEASURED, MODEL, Chart, Line, Panel, Rule, chart
+from hil.show.outcome import Outcome
+from hil.show.section import Plot
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from hil.runs.run import Run
+    from hil.simulation.replay import Replay
+
+PAGE = "replay.html"
+
+
+def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
+    """Return the position errors of a simulated run as they are shown.
+
+    Parameters
+    ----------
+    limits : mapping of bool to float
+        Limits of the largest error of revolute (True) and prismatic (False) joints [rad], [m].
+    """
+    verdict = found.verdict(limits)
+    plot = Plot(
+        "positions",
+        partial(positions, found),
+        "Recorded and simulated position of every axis over time, and their difference below.",
+        "Recorded and simulated positions of the recording with the largest error of each axis;"
+        " below, simulated less recorded position.",
+    )
+    return Outcome(
+        (found.table(),),
+        verdicts=() if verdict is None else (verdict,),
+        plots=(plot,),
+        title=f"{run.robot.name}: replay",
+        simulated=run.journal.simulated,
+    )
+
+
+def positions(found: Replay) -> Chart:
+    """Recorded and simulated positions of each axis, of the recording with its largest error."""
+    return chart(_panel(found, axis) for axis in range(found.robot.n_joints))
+
+
+def _panel(found: Replay, axis: int, most: int = 700) -> Panel:
+    shown = max(found.recordings, key=lambda each: np.nanmax(np.abs(each.error[:, axis])))
+    every = slice(None, None, max(1, len(shown.time) // most))
+    time = shown.time[every]
+    recorded, simulated, error = (
+        x[every, axis] for x in (shown.recorded, shown.simulated, shown.error)
+    )
+    unit = found.robot.position_unit(axis)
+    return Panel(
+        (
+            Line(time, recorded, MEASURED, "recorded"),
+            Line(time, simulated, MODEL, "simulated", "5 3"),
+        ),
+        title=f"axis {axis + 1}, {shown.measurement}",
+        x_label="time [s]",
+        y_label=f"position [{unit}]",
+        below=Panel(
+            (Rule(0.0), Line(time, 1e3 * error, MODEL, width=0.9)),
+            y_label=f"Δ [m{unit}]",
+            height=42.0,
+        ),
+        width=357.0,
+        height=112.0,
+        recording=shown.measurement,
+    )

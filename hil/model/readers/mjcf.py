@@ -1,0 +1,320 @@
+"""A chain of joints from an MJCF file of MuJoCo, as its own compiler understands it.
+
+Defaults, classes, frames, angles in degrees and all orientations are the compiler's work. Axes come
+from the compiled model; names of files and lines come from the text, whose bodies and joints stand
+in the compiler's order: depth first, includes in their place. The chain is that of a URDF
+(`hil.model.readers.urdf`): the frame of a joint has its origin at the joint's anchor and the body's
+directions; bodies without joints count with the link below them.
+
+Positions count as MuJoCo counts them: at `ref` a body is where the file places it. Links between
+two joints of one body have no body of their own.
+
+The format: mujoco.readthedocs.io, XML reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from checked_files.xml_file import XmlFile
+from checked_files.yaml_file import FileError
+from hil.model.frames import inverse
+from hil.model.readers.urdf import PARALLELOGRAM, ROUNDED, UrdfChain, UrdfJoint
+from hil.model.robot_file import MOST_JOINTS
+from hil.optional_packages import needed_for
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from xml.etree.ElementTree import Element
+
+    from hil.arrays import Array
+
+WRITTEN_OUT = {"replicate", "attach", "composite", "flexcomp"}
+"""Elements that stand for bodies that the file does not name one by one."""
+MOST_INCLUDES = 100
+"""Maximum number of files in a model."""
+_REFUSED = {
+    "freejoint": "a robot with a free base is not modelled: fix its base for the recording, and"
+    " remove the joint",
+    "free": "a robot with a free base is not modelled: fix its base for the recording, and remove"
+    " the joint",
+    "ball": "a ball joint has no single motor: replace it by three hinge joints, or end the chain"
+    " before it with --to (tip of hil.Robot.load)",
+}
+
+
+class Placed(NamedTuple):
+    """An element and the file that it is in."""
+
+    file: XmlFile
+    element: Element
+
+    def wrong(self, what: str) -> FileError:
+        """Return an error about the element, with file and line."""
+        return self.file.wrong(self.element, what)
+
+
+class MjcfText:
+    """The files of an MJCF model: bodies, joints of each, and equalities, in the compiler's order.
+
+    Attributes
+    ----------
+    files : dict of Path to XmlFile
+    bodies : list of (Placed, list of Placed)
+        Each body with its joints; the world is the first, without an element of its own.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.files = path, {path: XmlFile(path)}
+        self.equalities: list[Placed] = []
+        root = self.files[path].root
+        if root.tag != "mujoco":
+            raise self.files[path].wrong(root, f"<{root.tag}> must be <mujoco>: this is no MJCF")
+        self.bodies: list[tuple[Placed, list[Placed]]] = [(Placed(self.files[path], root), [])]
+        for each in self._children(Placed(self.files[path], root)):
+            if each.element.tag == "worldbody":
+                self._walk(each, self.bodies[0][1])
+            elif each.element.tag == "equality":
+                self.equalities += self._children(each)
+
+    def _children(self, parent: Placed) -> Iterator[Placed]:
+        """Yield the children of an element, those of included files in their place."""
+        for element in parent.element:
+            here = Placed(parent.file, element)
+            if element.tag != "include":
+                yield here
+                continue
+            name = element.get("file") or ""
+            places = [folder / name for folder in (self.path.parent, parent.file.path.parent)]
+            found = next((place for place in places if place.is_file()), None)
+            if found is None or found in self.files or len(self.files) >= MOST_INCLUDES:
+                raise here.wrong(f"includes {name!r}, which is not there, or is included before")
+            self.files[found] = XmlFile(found)
+            yield from self._children(Placed(self.files[found], self.files[found].root))
+
+    def _walk(self, parent: Placed, joints: list[Placed]) -> None:
+        for each in self._children(parent):
+            tag = each.element.tag
+            if tag in WRITTEN_OUT:
+                raise each.wrong(
+                    f"<{tag}> stands for bodies that are not written out; compile the file and save"
+                    " it, with mujoco.mj_saveLastXML"
+                )
+            if tag == "body":
+                own: list[Placed] = []
+                self.bodies.append((each, own))
+                self._walk(each, own)
+            elif tag == "frame":
+                self._walk(each, joints)
+            elif tag in ("joint", "freejoint"):
+                joints.append(each)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MjcfChain(UrdfChain):
+    """Joints of a serial chain, and what else the file says of them.
+
+    Attributes
+    ----------
+    text : MjcfText
+    model : mujoco.MjModel
+    bodies, dofs : tuple of int
+        Number of the body and of the degree of freedom of each joint, as compiled.
+    stated_gravity : tuple of float
+        In the world [m/s^2].
+    springs : tuple of int
+        Joints, from 1, with a stiffness.
+    not_taken : tuple of str
+        What of the file is left out, with line.
+    """
+
+    text: MjcfText
+    model: Any
+    bodies: tuple[int, ...]
+    dofs: tuple[int, ...]
+    stated_gravity: tuple[float, ...]
+    springs: tuple[int, ...]
+    not_taken: tuple[str, ...]
+
+
+def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None) -> MjcfChain:
+    """Read the chain between two bodies.
+
+    Parameters
+    ----------
+    path : path
+    base, tip : str, optional
+        Names of bodies; by default the world, and the body at the end of the longest chain.
+
+    Raises
+    ------
+    FileError
+        No MJCF, a file that MuJoCo does not compile, no such body, a closed loop, a free or ball
+        joint, or MuJoCo is not installed.
+    """
+    path = Path(path)
+    text = MjcfText(path)
+    with needed_for(path, "mujoco"):
+        import mujoco  # noqa: PLC0415 - optional, and slow to load
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise FileError(f"{path}: MuJoCo does not compile it: {why}") from error
+    if len(text.bodies) != model.nbody:
+        raise FileError(
+            f"{path}: {len(text.bodies) - 1} bodies are written out, MuJoCo makes {model.nbody - 1}"
+            " of them; save the compiled file with mujoco.mj_saveLastXML"
+        )
+    return _Reader(text, model).chain(base, tip)
+
+
+class _Reader:
+    """Chains of a compiled model."""
+
+    def __init__(self, text: MjcfText, model: Any) -> None:
+        self.text, self.model = text, model
+
+    def name(self, body: int) -> str:
+        return str(self.model.body(body).name) or f"body{body}"
+
+    def chain(self, base: str | None, tip: str | None) -> MjcfChain:
+        above = self._above(base, tip)
+        for each in self.text.equalities:
+            if each.element.tag in ("connect", "weld") and each.element.get("active") != "false":
+                raise each.wrong(f"<{each.element.tag}> closes a loop; {PARALLELOGRAM}")
+        joints, bodies, dofs, notes = [], [], [], []
+        here = np.eye(4)
+        for body in above:
+            here = here @ _pose(self.model.body_pos[body], self.model.body_quat[body])
+            placed = self.text.bodies[body][1]
+            first, number = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
+            for k in range(number):
+                joint, before = self._joint(first + k, placed[k], body, here, last=k + 1 == number)
+                joints.append(joint)
+                bodies.append(body)
+                dofs.append(int(self.model.jnt_dofadr[first + k]))
+                here = before
+            if self.model.body_gravcomp[body]:
+                notes.append(
+                    str(self.text.bodies[body][0].wrong("gravcomp: torques are to hold gravity"))
+                )
+        if not 1 <= len(joints) <= MOST_JOINTS:
+            raise FileError(
+                f"{self.text.path}: {len(joints)} joints in a chain must be 1 to {MOST_JOINTS};"
+                " name its last body with --to (tip of hil.Robot.load)"
+            )
+        stiff = np.atleast_2d(self.model.jnt_stiffness.reshape(self.model.njnt, -1))
+        springs = [
+            k for k, dof in enumerate(dofs, start=1) if stiff[int(self.model.dof_jntid[dof])].any()
+        ]
+        return MjcfChain(
+            robot=_model_name(self.text), base=base or "world", tip=self.name(above[-1]),
+            joints=tuple(joints), after=np.eye(4), rounded=0.0, mount=np.eye(3), tilting="",
+            text=self.text, model=self.model, bodies=tuple(bodies), dofs=tuple(dofs),
+            stated_gravity=tuple(self.model.opt.gravity.tolist()), springs=tuple(springs),
+            not_taken=tuple(notes),
+        )  # fmt: skip
+
+    def _above(self, base: str | None, tip: str | None) -> list[int]:
+        """Bodies from below the base to the tip."""
+        parents = self.model.body_parentid
+        names = {self.name(body): body for body in range(self.model.nbody)}
+        for each in filter(None, (base, tip)):
+            if each not in names:
+                known = ", ".join(names)
+                raise FileError(f"{self.text.path}: no body {each!r}; bodies are {known}")
+        counts = np.zeros(self.model.nbody, dtype=int)
+        for body in range(1, self.model.nbody):
+            counts[body] = counts[parents[body]] + self.model.body_jntnum[body]
+        if tip is None:
+            ends = [b for b in range(1, len(counts)) if self.model.body_jntnum[b]]
+            longest = [b for b in ends if counts[b] == counts.max()]
+            if len(longest) != 1:
+                tips = ", ".join(map(self.name, longest)) or "none"
+                raise FileError(
+                    f"{self.text.path}: the chains with most joints end at {tips}; name one with"
+                    " --to (tip of hil.Robot.load); trees are identified branch by branch"
+                )
+            tip = self.name(longest[0])
+        here = names[tip]
+        found: list[int] = []
+        stop = names[base] if base else 0
+        while here != stop:
+            if here == 0:
+                raise FileError(
+                    f"{self.text.path}: {tip!r} does not hang on {base!r}; name a body above it"
+                )
+            found.insert(0, here)
+            here = int(parents[here])
+        if base and counts[stop]:
+            raise FileError(
+                f"{self.text.path}: {base!r} moves by {counts[stop]} joints above it, and tilts the"
+                " chain; leave --from out"
+            )
+        if not found:
+            raise FileError(f"{self.text.path}: no joints between {base!r} and {tip!r}")
+        return found
+
+    def _joint(
+        self, k: int, placed: Placed, body: int, here: Array, *, last: bool
+    ) -> tuple[UrdfJoint, Array]:
+        """A joint, and the pose of the body seen from it."""
+        model = self.model
+        kind = placed.element.get("type", "free" if placed.element.tag == "freejoint" else "hinge")
+        kind = {0: "free", 1: "ball"}.get(int(model.jnt_type[k]), kind)
+        if kind in _REFUSED:
+            name = model.jnt(k).name
+            raise placed.wrong(f"joint {name!r} of body {self.name(body)!r}: {_REFUSED[kind]}")
+        turns = int(model.jnt_type[k]) == 3
+        axis = _snapped(np.array(model.jnt_axis[k]))
+        anchor = np.eye(4)
+        anchor[:3, 3] = model.jnt_pos[k]
+        joint = UrdfJoint(
+            name=str(model.jnt(k).name) or f"joint{k + 1}",
+            type="revolute" if turns else "prismatic",
+            lower=_limit(model.jnt_limited[k], model.jnt_range[k, 0]),
+            upper=_limit(model.jnt_limited[k], model.jnt_range[k, 1]),
+            velocity=np.nan,
+            acceleration=np.nan,
+            effort=_limit(model.jnt_actfrclimited[k], model.jnt_actfrcrange[k, 1]),
+            link=self.name(body) if last else f"{self.name(body)}/{k}",
+            before=np.eye(4),
+            axis=axis,
+            place=str(placed.wrong(f"joint {model.jnt(k).name!r}")),
+        )
+        before = here @ anchor @ joint.motion(-float(model.qpos0[model.jnt_qposadr[k]]))
+        return _with_before(joint, before), inverse(anchor)
+
+
+def _with_before(joint: UrdfJoint, before: Array) -> UrdfJoint:
+    exact = before.copy()
+    exact[:3, :3] = _snapped(before[:3, :3])
+    return replace(joint, before=exact)
+
+
+def _snapped(directions: Array) -> Array:
+    """Directions, exact where they are those of the coordinate axes but for rounding."""
+    nearest = np.round(directions)
+    return nearest + 0.0 if np.abs(directions - nearest).max() < ROUNDED else directions
+
+
+def _pose(position: Array, quaternion: Array) -> Array:
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - takes long to load
+
+    found = np.eye(4)
+    found[:3, :3] = Rotation.from_quat(np.roll(quaternion, -1)).as_matrix()
+    found[:3, 3] = position
+    return found
+
+
+def _limit(limited: int, value: float) -> float:
+    return float(value) if limited else np.nan
+
+
+def _model_name(text: MjcfText) -> str:
+    return text.files[text.path].root.get("model") or text.path.stem

@@ -1,0 +1,325 @@
+"""A recorded motion simulated anew: a model's arm, driven as the recorded arm was.
+
+Drives repeat their recorded torques, or hold the recorded positions with a stated PD controller.
+A stretch of a recording begins with `INITIAL` samples, whose parabola of least squares is the state
+that the simulation starts from, in their middle; what comes after them is scored. So EMPS is scored
+by its benchmark: the whole record from the command and its first 20 samples, root mean square of
+the position. Errors of a free simulation add up, and an arm that gravity turns over falls: a
+recording may be simulated in several stretches, each of which starts from what was recorded.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from hil.errors import InvalidValue, NotEnoughData
+from hil.results.model import loaded
+from hil.results.recorded_torque import in_si, processing_of
+from hil.runs.run import opened
+from hil.runs.set_points import set_points
+from hil.show.outcome import Verdict
+from hil.show.rounding import significant
+from hil.show.table import figures, table
+from hil.simulation.arm import Arm, Drive
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from hil.arrays import Array, Indices
+    from hil.model.robot import Robot
+    from hil.planning.measurement import RecordedMotion
+    from hil.results.model import Model
+    from hil.runs.recording import Recording
+    from hil.runs.recording_file import Measured
+    from hil.runs.run import Run
+    from hil.show.table import Table
+    from hil.simulation.arm import Friction
+
+INITIAL = 20
+"""Samples that a stretch starts from, as nonlinearbenchmark.org has it for EMPS."""
+LOST = {True: 2 * np.pi, False: 1.0}
+"""Error at which a stretch ends, of revolute and of prismatic joints [rad], [m]: a motion that has
+nothing more to do with the recorded one."""
+UNITS = {"rad": (True, 1.0), "deg": (True, np.pi / 180), "m": (False, 1.0), "mm": (False, 1e-3)}
+"""Units of a greatest error: whether of revolute joints, and the factor to SI."""
+
+
+class Controller(NamedTuple):
+    """Position controller at the joints: kp (q_recorded - q) + kd (qd_recorded - qd).
+
+    [N m/rad, N m s/rad; N/m, N s/m], shape (n_joints,) each.
+    """
+
+    kp: Array
+    kd: Array
+
+
+class Simulator(Protocol):
+    """An arm that can be simulated, as `hil.simulation.arm.Arm.run`."""
+
+    def run(
+        self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
+    ) -> Array:
+        """Return positions at `time`, shape (n, n_joints)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replayed:
+    """A simulated recording.
+
+    Attributes
+    ----------
+    measurement : str
+    time : ndarray, shape (n,)
+        Of the samples that are scored [s].
+    recorded, simulated : ndarray, shape (n, n_joints)
+        Positions; NaN after a stretch was lost [rad or m].
+    lost : tuple of float
+        Instants at which stretches were lost [s].
+    """
+
+    measurement: str
+    time: Array
+    recorded: Array
+    simulated: Array
+    lost: tuple[float, ...] = ()
+
+    @property
+    def error(self) -> Array:
+        """Simulated less recorded position, shape (n, n_joints) [rad or m]."""
+        return self.simulated - self.recorded
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """All recordings of a run, simulated.
+
+    Attributes
+    ----------
+    robot : Robot
+    recordings : tuple of Replayed
+    how : str
+        What drove the arm, and which simulator and friction it had.
+    """
+
+    robot: Robot
+    recordings: tuple[Replayed, ...]
+    how: str
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square of the error over all scored samples, shape (n_joints,) [rad or m]."""
+        error = np.vstack([each.error for each in self.recordings])
+        return np.asarray(np.sqrt(np.nanmean(error**2, axis=0)))
+
+    @property
+    def largest(self) -> Array:
+        """Largest error, shape (n_joints,) [rad or m]."""
+        errors = np.abs(np.vstack([each.error for each in self.recordings]))
+        return np.asarray(np.nanmax(errors, axis=0))
+
+    @property
+    def lost(self) -> str:
+        """States which stretches were lost; empty where none was."""
+        found = [
+            f"{each.measurement} at {', '.join(f'{t:.2f}' for t in each.lost[:3])} s"
+            for each in self.recordings
+            if each.lost
+        ]
+        return (
+            f"the simulation left the recording: {'; '.join(found)}; what follows is not scored;"
+            " restart it more often, with --restart 0.5 (restart=0.5)"
+            if found
+            else ""
+        )
+
+    def verdict(self, limits: Mapping[bool, float]) -> Verdict | None:
+        """Judge the largest errors by limits of revolute (True) and prismatic (False) joints.
+
+        None without a limit.
+        """
+        wide = [limits.get(bool(turns), np.inf) for turns in self.robot.revolute]
+        if not np.isfinite(wide).any():
+            return None
+        past = np.flatnonzero(self.largest > wide).tolist()
+        if self.lost or past:
+            axes = ", ".join(f"{axis + 1} ({self._shown(axis, self.largest)})" for axis in past)
+            reason = f"largest error of axis {axes} passes its limit" if past else self.lost
+            return Verdict("failed", "failed", reason)
+        return Verdict("good", "good", "all position errors are within their limits")
+
+    def _shown(self, axis: int, values: Array) -> str:
+        unit, factor = ("deg", 180 / np.pi) if self.robot.revolute[axis] else ("mm", 1e3)
+        return f"{significant(factor * float(values[axis]), 3)} {unit}"
+
+    def table(self) -> Table:
+        """Errors of all axes."""
+        covered = np.ptp(np.vstack([each.recorded for each in self.recordings]), axis=0)
+        rows = [
+            (
+                str(axis + 1),
+                *(self._shown(axis, values) for values in (self.rms, self.largest, covered)),
+                significant(100 * self.rms[axis] / covered[axis], 2) if covered[axis] else "",
+            )
+            for axis in range(self.robot.n_joints)
+        ]
+        return table(
+            "Simulated positions beside the recorded ones",
+            ("axis", *figures("rms error", "largest error", "range", "rms, % of the range")),
+            rows,
+            "Errors of the positions over all scored samples, and range of the recorded positions.",
+            (self.how, *filter(None, (self.lost,))),
+        )
+
+
+def limits(stated: Sequence[str]) -> dict[bool, float]:
+    """Limits as they are written, ``2deg`` or ``5mm``: by revolute (True) and prismatic joints.
+
+    Raises
+    ------
+    InvalidValue
+        No number with a unit.
+    """
+    found: dict[bool, float] = {}
+    for text in stated:
+        match = re.fullmatch(r"\s*([0-9.]+(?:e-?[0-9]+)?)\s*(deg|rad|mm|m)\s*", text)
+        try:
+            value = float(match[1]) if match else 0.0
+        except ValueError:
+            value = 0.0
+        if match is None or not 0 < value < np.inf:
+            raise InvalidValue(
+                f"--max-error {text}: must be a number above 0 and one of {', '.join(UNITS)}, such"
+                " as 2deg"
+            )
+        revolute, factor = UNITS[match[2]]
+        found[revolute] = value * factor
+    return found
+
+
+def replay(
+    run: Run | Path | str,
+    model: Model | Path | str,
+    *,
+    simulator: Literal["builtin", "mujoco"] = "builtin",
+    friction: Friction | None = None,
+    controller: Controller | None = None,
+    restart: float | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Replay:
+    """Simulate the recordings of a run with a model of the robot.
+
+    Parameters
+    ----------
+    run : Run or path
+    model : Model or path
+    simulator : {"builtin", "mujoco"}
+        MuJoCo has the bodies and the friction that `hil.export` gives it.
+    friction : {"law", "plain", "exported"}, optional
+        Friction of the builtin simulator (`hil.simulation.arm.Arm`); the law by default.
+    controller : Controller, optional
+        Follow the recorded positions; by default drives repeat the recorded torques.
+    restart : float, optional
+        Time after which a simulation restarts from what was recorded [s]; by default it never does.
+    progress : callable
+        Takes the id of each measurement before it is simulated.
+
+    Raises
+    ------
+    NotEnoughData
+        No recording is long enough, or the model cannot be simulated.
+    Mismatch
+        A model of another robot.
+    """
+    run = opened(run)
+    model = loaded(model, run.robot)
+    arm: Simulator
+    if simulator == "mujoco":
+        from hil.simulation.mujoco_arm import MujocoArm  # noqa: PLC0415 - needs an extra
+
+        if friction not in (None, "exported"):
+            raise InvalidValue(
+                f"friction {friction}: MuJoCo has the exported friction; leave it out"
+            )
+        friction, arm = "exported", MujocoArm(model)
+    else:
+        friction = friction or "law"
+        arm = Arm(model, friction)
+    found: list[Replayed] = []
+    for each in run:
+        progress(each.measurement.id)
+        found += _replayed(arm, model, each, controller, restart)
+    if not found:
+        raise NotEnoughData(
+            f"{run.path}: no recording has {2 * INITIAL} samples in a row, which a simulation needs"
+        )
+    drives = "recorded torques" if controller is None else "positions held by a PD controller"
+    often = "" if restart is None else f", restarted every {restart:g} s"
+    return Replay(run.robot, tuple(found), f"{drives}; {simulator}, friction: {friction}{often}")
+
+
+def _replayed(
+    arm: Simulator,
+    model: Model,
+    each: Measured,
+    controller: Controller | None,
+    restart: float | None,
+) -> Iterator[Replayed]:
+    """Yield a recording simulated, nothing of one that is too short."""
+    recording = in_si(model, each.measurement, each.recording)
+    drive = _drive(model, each.measurement, recording, controller)
+    parts = [
+        _simulated(arm, model, recording.time[stretch], recording.q[stretch], drive)
+        for stretch in _stretches(recording, restart)
+    ]
+    if parts:
+        time, q, found = (np.concatenate(each) for each in zip(*parts, strict=True))
+        gone = np.flatnonzero(np.diff(np.isnan(found[:, 0]).astype(int), prepend=0) == 1)
+        yield Replayed(each.measurement.id, time, q, found, tuple(time[gone].tolist()))
+
+
+def _stretches(recording: Recording, restart: float | None) -> Iterator[Indices]:
+    """Yield the samples of each stretch, with those that it starts from."""
+    kept = np.flatnonzero(recording.fresh)
+    steps = np.diff(recording.time[kept])
+    gaps = np.flatnonzero(steps > INITIAL * np.median(steps)) + 1
+    for piece in np.split(kept, gaps):
+        many = len(piece) if restart is None else max(1, round(restart / recording.period))
+        for first in range(0, len(piece) - 2 * INITIAL + 1, many):
+            yield piece[first : first + INITIAL + many]
+
+
+def _simulated(
+    arm: Simulator, model: Model, time: Array, q: Array, drive: Drive
+) -> tuple[Array, Array, Array]:
+    """Scored instants of a stretch, recorded and simulated positions."""
+    middle = INITIAL // 2
+    powers = np.vander(time[:INITIAL] - time[middle], 3, increasing=True)
+    at, speed, _ = np.linalg.lstsq(powers, q[:INITIAL], rcond=None)[0]
+    wide = np.array([LOST[bool(turns)] for turns in model.robot.revolute])
+
+    def lost(k: int, now: Array) -> bool:
+        return not (np.abs(now - q[middle + k]) <= wide).all()
+
+    found = arm.run(at, speed, time[middle:], drive, lost)
+    return time[INITIAL:], q[INITIAL:], found[INITIAL - middle :]
+
+
+def _drive(
+    model: Model, motion: RecordedMotion, recording: Recording, controller: Controller | None
+) -> Drive:
+    """What drives the arm through a recording; torques with their lag taken back."""
+    fresh, none = recording.fresh, np.zeros(model.robot.n_joints)
+    time, q, tau = recording.time[fresh], recording.q[fresh], recording.tau[fresh]
+    if controller is not None:
+        wanted = set_points(motion, recording)
+        return Drive(time, 0.0 * tau, q if wanted is None else wanted[fresh], *controller)
+    lag = none if model.friction is None else processing_of(model).lag
+    columns = zip(lag, tau.T, strict=True)
+    torque = np.column_stack([np.interp(time + late, time, column) for late, column in columns])
+    return Drive(time, torque, q, none, none)

@@ -1,0 +1,78 @@
+"""`hil replay`: recorded commands into the simulated arm, errors, page and exit status."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from carriage_run import carriage, carriage_run
+from real_recordings import DATA, at_hand
+
+import hil
+from hil.errors import InvalidValue
+from hil.simulation.replay import INITIAL, Controller, limits, replay
+
+if TYPE_CHECKING:
+    from hil.runs.run import Run
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    """A recording of the carriage, made by its own simulation."""
+    return carriage_run()
+
+
+def test_the_model_that_made_a_recording_simulates_it_and_another_mass_does_not(run: Run) -> None:
+    right, wrong = replay(run, carriage()), replay(run, carriage(6.0))
+    covered = np.ptp(run[run.ids[0]].recording.q)
+    assert right.largest[0] < 0.01 * covered
+    assert wrong.largest[0] > 10 * right.largest[0]
+    assert len(right.recordings[0].time) == run[run.ids[0]].recording.n_samples - INITIAL
+
+
+def test_restarts_bound_what_errors_add_up_to(run: Run) -> None:
+    free, restarted = (replay(run, carriage(6.0), restart=each) for each in (None, 0.25))
+    assert restarted.rms[0] < free.rms[0] / 3
+
+
+def test_a_controller_follows_the_recorded_positions_whatever_the_torques_were(run: Run) -> None:
+    gains = Controller(np.array([2e4]), np.array([400.0]))
+    held = replay(run.mapped(lambda each: replace(each.recording, tau=0 * each.recording.tau)),
+                  carriage(6.0), controller=gains)  # fmt: skip
+    assert held.largest[0] < 2e-3
+
+
+def test_a_motion_that_leaves_the_recording_ends_and_fails_every_limit(run: Run) -> None:
+    pushed = run.mapped(lambda each: replace(each.recording, tau=each.recording.tau + 40.0))
+    found = replay(pushed, carriage())
+    assert "the simulation left the recording" in found.lost
+    verdict = found.verdict({False: 1e9})
+    assert verdict is not None
+    assert verdict[0] == "failed"
+    assert np.isfinite(found.rms).all()
+
+
+def test_limits_have_units_of_revolute_or_of_prismatic_joints() -> None:
+    assert limits(["2deg", "5mm"]) == {True: pytest.approx(np.pi / 90), False: 0.005}
+    for wrong in ("2", "deg", "-1deg", "0mm", "1e999rad", "1..2m"):
+        with pytest.raises(InvalidValue, match="must be a number above 0"):
+            limits([wrong])
+
+
+@at_hand
+@pytest.mark.long
+def test_emps_is_simulated_from_the_command_and_its_first_samples(tmp_path: Path) -> None:
+    from hil.imports.importing import import_recordings
+
+    for name in ("estimation", "pulses"):
+        text = Path(f"examples/emps/{name}.yaml").read_text()
+        (tmp_path / f"{name}.yaml").write_text(text)
+        (tmp_path / f"{name}.csv.gz").write_bytes((DATA / f"emps/{name}.csv.gz").read_bytes())
+        import_recordings([tmp_path / f"{name}.yaml"], tmp_path / name)
+    model = hil.identify(hil.Run.open(tmp_path / "estimation"))
+    found = {each: replay(tmp_path / "pulses", model, friction=each) for each in ("law", "plain")}
+    assert 1e3 * found["plain"].rms[0] < 8.8  # mm: published least squares
+    assert 1e3 * found["law"].rms[0] < 14.5

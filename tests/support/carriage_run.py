@@ -1,0 +1,33 @@
+"""A carriage of known mass and friction, and a recording that its own simulation makes."""
+
+from dataclasses import replace
+
+import numpy as np
+from possible_models import model_of
+
+import hil
+from hil.friction.law import AxisLaw, FrictionLaw, TermValue
+from hil.results.model import Model
+from hil.runs.run import Run
+from hil.simulation.arm import Arm, Drive
+
+PERIOD = 0.005
+
+
+def carriage(mass: float = 5.0) -> Model:
+    """A carriage with Coulomb friction, as if it had been identified."""
+    terms = {"Coulomb": TermValue(value=4.0, standard_error=0.1)}
+    plain = terms | {"viscous": TermValue(value=0.0, standard_error=0.1)}
+    law = AxisLaw(law="Coulomb", speed=1.0, terms=terms, plain=plain, held_out={})
+    robot = hil.Robot.load("emps")
+    model = model_of(robot, np.array([mass]), np.array([0.01]), friction=False)
+    return replace(model, friction_law=FrictionLaw(axes=(law,)))
+
+
+def carriage_run() -> Run:
+    """The carriage at rest, and then back and forth for two seconds."""
+    time, none = np.arange(0.0, 2.2, PERIOD), np.zeros(1)
+    force = 15.0 * np.sin(2 * np.pi * np.maximum(time - 0.2, 0.0))[:, None]
+    drive = Drive(time, force, 0.0 * force, none, none)
+    q = Arm(carriage()).run(none, none, time, drive, lambda *_: False)
+    return hil.Run.from_arrays(hil.Robot.load("emps"), time, q, force, accept=["friction"])
