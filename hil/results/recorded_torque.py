@@ -21,6 +21,7 @@ from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.least_squares.solving import orthonormal, projected_out
 from hil.least_squares.uncertainty import TWICE
+from hil.least_squares.window import APART
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 
-DRAWN = 0.028
-"""Between samples of strokes that are drawn, beside extremes [s]: 700 in 20 s."""
 OF_SAMPLES = ("qd", "measured", "predicted", "standard_error", "parameter_error", "stated")
 """What a `PredictedTorque` has of each sample, whether friction was fitted or not."""
 
@@ -109,9 +108,13 @@ class PredictedTorque:
         return replace(self, axes=(axis,), information=shown, **own)
 
     def part(self, begin: float, end: float, most: int) -> PredictedTorque:
-        """Samples from `begin` to `end` [s], about `most`, where nothing was fitted."""
+        """Samples from `begin` to `end` [s], where nothing was fitted.
+
+        About `most`, and beside them the extremes of torque and residual.
+        """
         kept = np.flatnonzero((begin <= self.time) & (self.time <= end))
-        kept = kept[with_extremes(self.measured[kept], round(len(kept) / most))]
+        drawn = np.column_stack([self.measured, np.nan_to_num(self.residual)])[kept]
+        kept = kept[with_extremes(drawn, round(len(kept) / most))]
         return replace(self, **{name: getattr(self, name)[kept] for name in ("time", *OF_SAMPLES)})
 
     @property
@@ -193,12 +196,12 @@ def along(model: Model, recording: Recording) -> Along:
     )  # fmt: skip
 
 
-def _thinned(recording: Recording, axes: Sequence[int]) -> Along:
-    """A recording for a model from strokes: smoothed, in the samples that are drawn."""
+def _thinned(recording: Recording) -> Along:
+    """A recording for a model from strokes: smoothed, in samples that this leaves different."""
     s = signals(recording)
-    q, qd, qdd, tau = (s.smoothed(each)[s.valid] for each in (s.q, s.qd, s.qdd, s.tau))
-    kept = with_extremes(tau[:, axes], round(DRAWN / s.period))
-    return Along(s.time[s.valid][kept], q[kept], qd[kept], qdd[kept], tau[kept], *2 * (np.asarray,))
+    kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
+    q, qd, qdd, tau = (s.smoothed(each)[kept] for each in (s.q, s.qd, s.qdd, s.tau))
+    return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray)
 
 
 def with_extremes(x: Array, every: int) -> NDArray[np.intp]:
@@ -251,12 +254,11 @@ def predict_whole(
     """Predict as `predict_recording`, by a model of any method, the whole recording.
 
     Of a model from strokes that is with the friction that it states, none where it states none; and
-    near reversals, where friction is no function of velocity, no more than a law says there. Its
-    samples are those that are drawn, with the extremes of the torques of `axes` (by default all);
-    friction, errors and information are of these axes, and 0 of others.
+    near reversals, where friction is no function of velocity, no more than a law says there.
+    Friction, errors and information are of `axes` (by default all), and 0 of others.
     """
     axes = range(model.robot.n_joints) if axes is None or model.friction else axes
-    motion = along(model, recording) if model.friction else _thinned(recording, axes)
+    motion = along(model, recording) if model.friction else _thinned(recording)
     A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
     rigid = A @ model.values
     torque = rigid + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
@@ -281,14 +283,14 @@ def predict_whole(
 def _information(model: Model, motion: Along, axes: Sequence[int], A: Array) -> Array:
     """See `PredictedTorque`; the scatter that the fit left counts as that of one second."""
     A, qd = motion.used(A), motion.used(motion.qd)
-    apart = np.ptp(motion.time) / len(motion.time)
-    noise = np.where(model.residual > 0, model.residual, 1.0) / np.sqrt(apart)
+    apart = np.ptp(motion.time) / len(qd) if len(qd) else 0.0
+    noise = np.where(model.residual > 0, model.residual, 1.0)
     found = np.zeros((len(noise), A.shape[2], A.shape[2]))
     for axis in axes:
         v = qd[:, axis]
         friction, _ = orthonormal(np.column_stack([np.ones(len(v)), np.sign(v), v]))
         left = projected_out(friction, A[:, axis]) / noise[axis]
-        found[axis] = left.T @ left
+        found[axis] = apart * left.T @ left
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.results.recorded_torque import with_extremes
+from hil.results.recorded_torque import PredictedTorque, with_extremes
 
 
 @pytest.mark.parametrize("n", [1, 7, 55, 56, 57, 4001])
@@ -31,3 +31,16 @@ def test_a_spike_of_one_sample_is_drawn_and_few_others() -> None:
 def test_no_more_samples_than_there_are_and_none_of_none() -> None:
     assert with_extremes(np.zeros((4, 1)), 0).tolist() == [0, 1, 2, 3]
     assert with_extremes(np.empty((0, 6)), 7).tolist() == []
+
+
+def test_a_part_shows_peaks_of_the_torque_and_of_what_the_model_leaves() -> None:
+    n = 4000
+    measured, predicted = np.zeros(n), np.full(n, np.nan)
+    predicted[500:3500] = 0.0
+    measured[1001], predicted[2003] = 30.0, 12.0
+    of = np.zeros(n)
+    whole = PredictedTorque("m", (0,), np.arange(n) * 0.01, of, measured, predicted, of, of, of)
+    shown = whole.part(0.0, 40.0, 400)
+    assert len(shown.time) < 600
+    assert shown.measured.max() == 30.0
+    assert np.nanmin(shown.residual) == -12.0
