@@ -55,9 +55,9 @@ class Output(Console):
         if not self.messages and not how.get("style") and all(type(o) is str for o in objects):
             return
         if self.given is not None:
-            tables, objects = _parted(objects)
-            self.given["tables"] += [_as_data(table) for table in tables]
-            if tables and not objects:
+            self.given["tables"] += [_as_data(each) for each in objects if hasattr(each, "columns")]
+            objects = tuple(each for each in objects if not hasattr(each, "columns"))
+            if not objects:
                 return
         super().print(*objects, **how)
 
@@ -83,20 +83,6 @@ def give_each(key: str, value: Any) -> None:
     """State one of several results, which JSON holds as a list, where it is wanted."""
     if out.given is not None and value:
         out.given.setdefault(key, []).append(value)
-
-
-def _parted(objects: tuple[Any, ...]) -> tuple[list[Any], tuple[Any, ...]]:
-    """Tables among what is printed, and the rest."""
-    tables = [
-        table
-        for each in objects
-        for table in ([each] if hasattr(each, "columns") else getattr(each, "tables", ()))
-    ]
-    rest = tuple(
-        each for each in objects if not hasattr(each, "columns") and not hasattr(each, "tables")
-    )
-    remarks = [remark for each in objects for remark in getattr(each, "remarks", ())]
-    return tables, (*rest, *remarks)
 
 
 def _as_data(table: Any) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 from small_run import as_on_hardware, identified_model, write_run
 from synthetic import TABLE_3_A
 
@@ -48,11 +47,6 @@ def run(manutec, tmp_path_factory):
 def found(run):
     opened = Run.open(run)
     return estimate(opened.robot, recorded(opened))
-
-
-@pytest.fixture
-def console():
-    return Console(width=120, record=True)
 
 
 class TestTruth:
