@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 Vector = list[Expression]
+At = tuple[int, Expression, Expression, Expression]
+"""An axis, from 0, with its position, velocity and load."""
 
 
 class Function(NamedTuple):
@@ -186,12 +188,10 @@ class _Equations:
                 continue
             at = axis, q[axis], qd[axis], load[axis]
             if directions is None or not own.presliding:
-                direction = self._graph.function(
-                    "direction", qd[axis] * (1.0 / (STILL * own.speed))
-                )
-                level, other = self._axis(own, *at, direction, direction)
+                u = qd[axis] * (1.0 / (STILL * own.speed))
+                level, other = self._axis(own, at, *2 * (self._graph.function("direction", u),))
             else:
-                level, other = self._presliding(own, *at, *(each[axis] for each in directions))
+                level, other = self._presliding(own, at, *(each[axis] for each in directions))
             if warmth is not None and own.warmth is not None:
                 # no further than was seen
                 seen = self._clipped(warmth[axis], *own.warmth.seen)
@@ -274,28 +274,19 @@ class _Equations:
         return found
 
     def _presliding(
-        self,
-        law: AxisLaw,
-        axis: int,
-        q: Expression,
-        qd: Expression,
-        load: Expression,
-        turned: Expression,
-        later: Expression,
-        sooner: Expression,
+        self, law: AxisLaw, at: At, turned: Expression, later: Expression, sooner: Expression
     ) -> tuple[Expression, Expression]:
         """Return level and rest as `_axis`, with a direction that follows the motion.
 
         The level is bounded by that of sliding, as in `hil.friction.law.friction_torque`.
         """
-        graph, one = self._graph, self._graph.number(1.0)
-        sign = graph.function("sign", turned)
-        level, other = self._axis(law, axis, q, qd, load, turned, sign)
+        (axis, q, qd, load), graph, one = at, self._graph, self._graph.number(1.0)
+        level, other = self._axis(law, at, turned, graph.function("sign", turned))
         level = level + (later - sooner) * (law.bend.value / (2.0 * math.log(STEP)))
         speed = graph.function("abs", qd)
         slowest = law.speeds[0] if law.speeds else SLOWEST * law.speed
         a, b = (
-            graph.function("abs", self._axis(law, axis, q, sliding, load, one, one)[0])
+            graph.function("abs", self._axis(law, (axis, q, sliding, load), one, one)[0])
             for sliding in (speed, self._larger(speed, graph.number(slowest)))
         )
         most = self._larger(a, b)
@@ -306,17 +297,10 @@ class _Equations:
         return (a + b + self._graph.function("abs", a - b)) * 0.5
 
     def _axis(
-        self,
-        law: AxisLaw,
-        axis: int,
-        q: Expression,
-        qd: Expression,
-        load: Expression,
-        direction: Expression,
-        sign: Expression,
+        self, law: AxisLaw, at: At, direction: Expression, sign: Expression
     ) -> tuple[Expression, Expression]:
         """Level of an axis's friction, which changes its sign with the direction, and the rest."""
-        graph = self._graph
+        (axis, q, qd, load), graph = at, self._graph
         u, level, other = qd * (1.0 / law.speed), graph.number(0.0), graph.number(0.0)
         if law.speeds is not None:
             speed = graph.function("abs", qd)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +38,26 @@ ROBOTS = {
     "SCARA": str(ROOT / "tests/robots/scara.yaml"),
 }
 STATES = 10_000
+STRUCPP = shutil.which("strucpp")
+STAND_INS = """\
+TYPE AXISPOS_REF : STRUCT
+    a0 : LREAL; a1 : LREAL; a2 : LREAL; a3 : LREAL; a4 : LREAL; a5 : LREAL;
+END_STRUCT; END_TYPE
+TYPE DynamicsParams : STRUCT unused : LREAL; END_STRUCT; END_TYPE
+TYPE SMC_ERROR : (SMC_NO_ERROR := 0, SMC_OTHER := 1); END_TYPE
+INTERFACE ISMDynamics
+METHOD AxesStateToTorque : SMC_ERROR
+VAR_IN_OUT CONSTANT
+    position : AXISPOS_REF; velocity : AXISPOS_REF; acceleration : AXISPOS_REF;
+    params : DynamicsParams;
+END_VAR
+VAR_IN_OUT
+    torque : AXISPOS_REF;
+END_VAR
+END_METHOD
+END_INTERFACE
+"""
+"""For what CODESYS's own libraries declare; the method's arguments are those of the wrapper."""
 each_robot = pytest.mark.parametrize("kind", ROBOTS)
 
 
@@ -173,6 +195,21 @@ def test_the_block_for_softmotion_takes_units_of_the_axes_and_says_what_is_not_v
             assert f"    {array}[{k}] := {given}.a{k} * unit[{k}];\n" in body
     assert "    arm(q := q, qd := qd, qdd := qdd);\n" in body
     assert all(f"    torque.a{k} := arm.out[{k}];\n" in body for k in range(n))
+
+
+@pytest.mark.skipif(STRUCPP is None, reason="there is no STruC++ (strucpp)")
+@pytest.mark.parametrize("kind", ["SCARA", "six axes"])
+def test_strucpp_compiles_both_files_beside_stand_ins_for_the_types_of_codesys(
+    kind: str, tmp_path: Path
+) -> None:
+    dynamics, wrapper = files(model_of(kind)).values()
+    text = STAND_INS + dynamics + wrapper.replace("SMDYN.", "")
+    # STruC++ has no VAR_IN_OUT CONSTANT, which CODESYS has for structures that are not changed
+    (tmp_path / "all.st").write_text(text.replace("VAR_IN_OUT CONSTANT", "VAR_IN_OUT"))
+    command = [str(STRUCPP), "all.st", "-o", "all.cpp"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "AXESSTATETOTORQUE" in (tmp_path / "all.cpp").read_text().upper()
 
 
 def test_a_robot_of_seven_axes_has_no_block_for_softmotion_and_the_remarks_say_so() -> None:
