@@ -31,6 +31,7 @@ class XmlFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lines: dict[int, int] = {}
+        self._offsets: dict[int, int] = {}
         self.root = self._tree(read_text(path))
 
     def wrong(self, element: Element, what: str) -> FileError:
@@ -40,6 +41,10 @@ class XmlFile:
     def line(self, element: Element) -> int:
         """Return the first line of an element, from 1."""
         return self._lines[id(element)]
+
+    def offset(self, element: Element) -> int:
+        """Return where the start tag of an element begins, in bytes of UTF-8 without a mark."""
+        return self._offsets[id(element)]
 
     def named(self, tag: str) -> dict[str, Element]:
         """Return the children of the root with a tag, by their names.
@@ -81,7 +86,9 @@ class XmlFile:
 
         def start(tag: str, attributes: dict[str, str]) -> None:
             lines = {name: whole_line(value) for name, value in attributes.items()}
-            self._lines[id(builder.start(tag, lines))] = parser.CurrentLineNumber
+            element = builder.start(tag, lines)
+            self._lines[id(element)] = parser.CurrentLineNumber
+            self._offsets[id(element)] = parser.CurrentByteIndex
 
         def refused(*_: object) -> None:
             raise FileError(

@@ -76,7 +76,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "diagnose": ("hil diagnose runs/first", "hil diagnose runs/first --without g07"),
     "export": (
         "hil export runs/first --to c -o code",
-        "hil export runs/first --to mjcf --urdf arm.urdf -o sim",
+        "hil export runs/first --to mjcf --patch arm.xml -o sim",
     ),
     "replay": (
         "hil replay runs/other --model runs/first --max-error 2deg",

@@ -150,6 +150,13 @@ def export(
             help="URDF of the robot: urdf and mjcf keep its shapes and names, mcap its names."
         ),
     ] = None,
+    patch: Annotated[
+        Path | None,
+        typer.Option(
+            help="Your own URDF or MJCF: the same file with the model's values, all else as it is.",
+            autocompletion=files,
+        ),
+    ] = None,
     masses: Masses = None,
     without: Without = None,
     force: Annotated[
@@ -162,17 +169,17 @@ def export(
 
     refuse_unknown(to)
     if to in RECORDINGS:
-        _refuse(to, urdf=None if to == "mcap" else urdf, mass=masses, force=force)
+        _refuse(to, urdf=None if to == "mcap" else urdf, patch=patch, mass=masses, force=force)
         paths = _recordings_written(source, to, output, urdf, without)
-    elif to not in SIMULATORS and (urdf or masses):
+    elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
-            f"--urdf and --mass are about bodies, which {to} has not; they go with"
+            f"--urdf, --patch and --mass are about bodies, which {to} has not; they go with"
             f" {' and '.join(SIMULATORS)}",
             param_hint="--to",
         )
     else:
         _refuse(to, without=without)
-        paths = _model_written(source, to, output, urdf, masses, force)
+        paths = _model_written(source, to, output, urdf, patch, masses, force)
     for path in paths:
         say(f"written: {path}")
 
@@ -187,7 +194,13 @@ def _refuse(to: str, **given: object) -> None:
 
 
 def _model_written(
-    source: Path, to: str, output: Path, urdf: Path | None, masses: list[str] | None, force: bool
+    source: Path,
+    to: str,
+    output: Path,
+    urdf: Path | None,
+    patch: Path | None,
+    masses: list[str] | None,
+    force: bool,
 ) -> tuple[Path, ...]:
     with working("reading the model") as now:
         from hil.cli.results import show_bodies
@@ -203,7 +216,7 @@ def _model_written(
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")
         bounds = body_bounds(masses) if masses else None
-        model, exported = exported_model(model, to, source, urdf, bounds)
+        model, exported = exported_model(model, to, source, urdf, bounds, patch)
         if to in SIMULATORS:
             show_bodies(model)
         paths = write_exported(exported, output)

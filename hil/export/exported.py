@@ -51,9 +51,9 @@ def write_exported(exported: Exported, folder: Path) -> tuple[Path, ...]:
     for path in paths:
         if path.exists():
             raise FileError(f"{path}: is there already; remove it or choose another folder with -o")
-    with file_errors(folder, "made"):
-        folder.mkdir(parents=True, exist_ok=True)
     for path, text in paths.items():
+        with file_errors(path.parent, "made"):
+            path.parent.mkdir(parents=True, exist_ok=True)
         write_file(path, text.encode())
     return tuple(paths)
 

@@ -41,7 +41,7 @@ STEP = 0.001
 IMPEDANCE = 0.999
 """Share of the wanted acceleration that dry friction reaches before it slips; MuJoCo allows 0.9999,
 and 0.9 by default leaves a tenth: a joint that friction holds would creep."""
-_FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
@@ -64,9 +64,9 @@ def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None
 
 
 def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Element:
-    place = {"pos": numbers(joint.before[:3, 3]), "quat": numbers(_quaternion(joint.before))}
+    place = {"pos": numbers(joint.before[:3, 3]), "quat": numbers(quaternion(joint.before[:3, :3]))}
     body = ET.SubElement(parent, "body", {"name": joint.link, **place})
-    inertia = numbers(joint.inertia[at] for at in _FULL)
+    inertia = numbers(joint.inertia[at] for at in FULL)
     ET.SubElement(
         body,
         "inertial",
@@ -93,10 +93,11 @@ def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Ele
     return body
 
 
-def _quaternion(pose: Array) -> Array:
+def quaternion(rotation: Array) -> Array:
+    """Quaternion of a rotation as MuJoCo orders it, w x y z."""
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - takes long to load
 
-    return np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
+    return np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
 
 
 def _tendons(root: ET.Element, robot: SimulatedRobot) -> None:

@@ -187,12 +187,13 @@ def body_of(reader: UrdfReader, link: str) -> Array | None:
     FileError
         An inertial without numbers.
     """
-    parts = [(_stated(reader, name), pose) for name, pose in reader.attached(link, np.eye(4))]
+    parts = [(stated_body(reader, name), pose) for name, pose in reader.attached(link, np.eye(4))]
     known = [parameter_map(pose) @ body for body, pose in parts if body is not None]
     return np.sum(known, axis=0) if known else None
 
 
-def _stated(reader: UrdfReader, link: str) -> Array | None:
+def stated_body(reader: UrdfReader, link: str) -> Array | None:
+    """Standard parameters of a link alone, in its frame; None where it states none."""
     element = reader.links[link].find("inertial")
     if element is None:
         return None
@@ -238,7 +239,7 @@ def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None
     """Return the model as a URDF: one of its own, or the given one with its bodies."""
     robot = simulated_robot(model, None if given is None else given.chain)
     root, more = _own(robot) if given is None else _with_bodies(robot, given)
-    remarks = (*_remarks(model, robot), *more)
+    remarks = (*urdf_remarks(model, robot), *more)
     root.insert(0, ET.Comment(comment((*origin, *remarks))))
     ET.indent(root)
     text = '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
@@ -341,8 +342,8 @@ def _upright(gravity: Array) -> Array | None:
     return np.array([x, np.cross(z, x), z])
 
 
-def _remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
-    """What a URDF has not, or what is to be stated beside it."""
+def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
+    """Yield what a URDF has not, or what is to be stated beside it."""
     if robot.rotors.any():
         each = ", ".join(f"{joint.name} {number(joint.armature)}" for joint in robot.joints)
         yield (

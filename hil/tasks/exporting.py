@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from checked_files.xml_file import XmlFile
 from hil.errors import InvalidValue
 from hil.estimation.consistent.conditions import BodyBounds
 from hil.estimation.consistent.nearest import SHAPES
 from hil.export.exported import origin, write_exported
 from hil.export.formats import RECORDINGS, SIMULATORS, export_recordings, refuse_unknown
 from hil.export.formats import export as formatted
+from hil.export.patch import patched_file, with_bodies_near, write_patched
 from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
 from hil.results.consistency import with_consistent_robot
 from hil.results.model import Model
@@ -33,6 +35,7 @@ def export(
     output: Path | str,
     *,
     urdf: Path | str | None = None,
+    patch: Path | str | None = None,
     masses: dict[int, tuple[float, float]] | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
@@ -49,6 +52,9 @@ def export(
         Folder to write into.
     urdf : path, optional
         URDF of the robot, whose shapes and names ``urdf`` and ``mjcf`` keep, ``mcap`` its names.
+    patch : path, optional
+        URDF for ``urdf``, or MJCF for ``mjcf``, of the robot: the same file with the model's
+        values, all else as it is.
     masses : dict, optional
         Bounds on masses of links, from 1, for ``urdf`` and ``mjcf`` [kg].
     force : bool
@@ -83,11 +89,17 @@ def export(
     if model.failed and not force:
         raise InvalidValue(f"its identification {model.verdict}; force=True exports it anyway")
     bounds = BodyBounds(masses=masses) if masses else None
-    return write_exported(exported_model(model, to, source, urdf, bounds)[1], output)
+    patch = None if patch is None else Path(patch)
+    return write_exported(exported_model(model, to, source, urdf, bounds, patch)[1], output)
 
 
 def exported_model(
-    model: Model, to: str, source: Path, urdf: Path | None = None, bounds: BodyBounds | None = None
+    model: Model,
+    to: str,
+    source: Path,
+    urdf: Path | None = None,
+    bounds: BodyBounds | None = None,
+    patch: Path | None = None,
 ) -> tuple[Model, Exported]:
     """Return a model in a format, and with the bodies that it was given; nothing is written.
 
@@ -97,7 +109,19 @@ def exported_model(
         Its file, or the folder of the run that gave it.
     bounds : BodyBounds, optional
         Of its bodies, where they are to be found anew.
+    patch : path, optional
+        File of the format whose values are to be changed.
+
+    Raises
+    ------
+    InvalidValue
+        A `patch` of another format, beside a `urdf`, or a model whose identification failed.
     """
+    if patch is not None:
+        _refuse_patch(model, to, urdf, patch)
+        file = patched_file(patch, model.robot)
+        model = with_bodies_near(model, file, bounds or BodyBounds())
+        return model, write_patched(model, file)
     given = None if urdf is None else given_urdf(urdf, model.robot)
     about = origin(model, source)
     if to not in SIMULATORS:
@@ -106,6 +130,21 @@ def exported_model(
     model = _with_bodies(model, source, given, bounds)
     found = formatted(model, to, (*about, *unused), given)
     return model, found._replace(remarks=(*unused, *found.remarks))
+
+
+def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None:
+    """Refuse a file that cannot be patched in this way."""
+    kind = {"mujoco": "mjcf", "robot": "urdf"}.get(XmlFile(patch).root.tag, "no simulator's file")
+    if urdf is not None or kind != to:
+        raise InvalidValue(
+            f"{patch}: is {kind}, to be patched as {to}; a URDF is patched with --to urdf, an MJCF"
+            " with --to mjcf, both without --urdf"
+        )
+    if model.failed:
+        raise InvalidValue(
+            f"its identification {model.verdict}; a patched file could not say so: export without"
+            " --patch"
+        )
 
 
 def _unused_inertials(given: Given, model: Model) -> Iterator[str]:

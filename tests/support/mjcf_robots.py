@@ -1,5 +1,7 @@
 """MJCF arms: defaults, classes, includes, degrees, joints off the body's origin, two in a body."""
 
+import re
+
 ARM = """<!-- an arm,   oddly formatted -->
 <mujoco model="test arm">
   <compiler angle="degree" autolimits="true"/>
@@ -41,6 +43,8 @@ WRIST = """<mujoco>
   </body>
 </mujoco>
 """
+ONE_JOINT = re.sub(r" *<joint name=\"slide\".*\n", "", WRIST)
+"""The wrist without its second joint."""
 
 
 def write_arm(folder, arm=ARM, wrist=WRIST):

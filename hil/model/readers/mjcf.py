@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from xml.etree.ElementTree import Element
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Indices
 
 WRITTEN_OUT = {"replicate", "attach", "composite", "flexcomp"}
 """Elements that stand for bodies that the file does not name one by one."""
@@ -156,7 +156,17 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
         No MJCF, a file that MuJoCo does not compile, no such body, a closed loop, a free or ball
         joint, or MuJoCo is not installed.
     """
-    path = Path(path)
+    return _reader(Path(path)).chain(base, tip)
+
+
+def chains_of(path: Path, n_joints: int) -> Iterator[MjcfChain]:
+    """Yield every chain from the world with so many joints; errors as of `read_mjcf`."""
+    reader = _reader(path)
+    for tip in reader.tips(n_joints):
+        yield reader.chain(None, tip)
+
+
+def _reader(path: Path) -> _Reader:
     text = MjcfText(path)
     with needed_for(path, "mujoco"):
         import mujoco  # noqa: PLC0415 - optional, and slow to load
@@ -170,7 +180,7 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
             f"{path}: {len(text.bodies) - 1} bodies are written out, MuJoCo makes {model.nbody - 1}"
             " of them; save the compiled file with mujoco.mj_saveLastXML"
         )
-    return _Reader(text, model).chain(base, tip)
+    return _Reader(text, model)
 
 
 class _Reader:
@@ -220,6 +230,18 @@ class _Reader:
             not_taken=tuple(notes),
         )  # fmt: skip
 
+    def _counts(self) -> Indices:
+        """Joints from the world to each body."""
+        counts = np.zeros(self.model.nbody, dtype=np.intp)
+        for body in range(1, self.model.nbody):
+            counts[body] = counts[self.model.body_parentid[body]] + self.model.body_jntnum[body]
+        return counts
+
+    def tips(self, n_joints: int) -> list[str]:
+        """Names of bodies with joints that so many joints lead to."""
+        there = (self._counts() == n_joints) & (self.model.body_jntnum > 0)
+        return [self.name(body) for body in np.flatnonzero(there).tolist()]
+
     def _above(self, base: str | None, tip: str | None) -> list[int]:
         """Bodies from below the base to the tip."""
         parents = self.model.body_parentid
@@ -228,19 +250,16 @@ class _Reader:
             if each not in names:
                 known = ", ".join(names)
                 raise FileError(f"{self.text.path}: no body {each!r}; bodies are {known}")
-        counts = np.zeros(self.model.nbody, dtype=int)
-        for body in range(1, self.model.nbody):
-            counts[body] = counts[parents[body]] + self.model.body_jntnum[body]
+        counts = self._counts()
         if tip is None:
-            ends = [b for b in range(1, len(counts)) if self.model.body_jntnum[b]]
-            longest = [b for b in ends if counts[b] == counts.max()]
+            longest = self.tips(max(1, int(counts.max())))
             if len(longest) != 1:
-                tips = ", ".join(map(self.name, longest)) or "none"
+                tips = ", ".join(longest) or "none"
                 raise FileError(
                     f"{self.text.path}: the chains with most joints end at {tips}; name one with"
                     " --to (tip of hil.Robot.load); trees are identified branch by branch"
                 )
-            tip = self.name(longest[0])
+            tip = longest[0]
         here = names[tip]
         found: list[int] = []
         stop = names[base] if base else 0

@@ -1,0 +1,451 @@
+"""A user's own URDF or MJCF with the values of a model: all else stays byte for byte.
+
+Changed are attributes of inertials and of joints: armature, damping and dry friction. A number that
+says the same as before keeps its text. What no torque depends on keeps its value:
+
+- Standard parameters with a column of zeros in the base parameters' matrix.
+- The rotor of an axis whose inertia acts as the link's own about the axis, or as its mass along it:
+  the link takes the difference.
+
+Other links that are welded to one of the chain keep their inertials; that link takes what is left.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from checked_files.xml_file import XmlFile
+from checked_files.xml_patch import XmlPatch
+from hil.errors import Mismatch
+from hil.export.exported import Exported
+from hil.export.mjcf_file import FULL, IMPEDANCE, STEP, quaternion
+from hil.export.simple_friction import friction_remarks
+from hil.export.simulated_robot import (
+    moved_to_frames,
+    number,
+    numbers,
+    simulated_robot,
+)
+from hil.export.urdf_file import (
+    INERTIA,
+    bodies_of,
+    body_of,
+    given_urdf,
+    inertial_faults,
+    stated_body,
+    urdf_remarks,
+)
+from hil.model.base_parameters import base_parameters
+from hil.model.frames import inverse, parameter_map, pseudo_inertia
+from hil.model.readers.axes_to_frames import difference
+from hil.results.consistency import with_consistent_robot
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+    from xml.etree.ElementTree import Element
+
+    from hil.arrays import Array
+    from hil.estimation.consistent.conditions import BodyBounds
+    from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
+    from hil.export.urdf_file import Given
+    from hil.model.readers.mjcf import MjcfChain, Placed
+    from hil.model.readers.urdf import UrdfChain
+    from hil.model.robot import Robot
+    from hil.results.model import Model
+
+SAME = 1e-7
+"""Difference, relative to the largest of numbers that stand together, up to which they are kept."""
+_IZZ, _MASS = 5, 9
+ORIENTATIONS = ("axisangle", "xyaxes", "zaxis", "euler")
+"""Attributes of an MJCF that a quaternion takes the place of."""
+
+
+class Body(NamedTuple):
+    """Mass [kg], centre [m] and inertia about it [kg m^2] along given axes, shapes (3,), (3, 3)."""
+
+    mass: float
+    centre: Array
+    inertia: Array
+
+    @classmethod
+    def of(cls, parameters: Array, rotation: Array) -> Body:
+        """From standard parameters, shape (10,); inertia along the columns of a rotation."""
+        J = pseudo_inertia(parameters)
+        centre = J[:3, 3] / J[3, 3]
+        spread = J[:3, :3] - J[3, 3] * np.outer(centre, centre)
+        inertia = np.trace(spread) * np.eye(3) - spread
+        return cls(float(J[3, 3]), centre, rotation.T @ inertia @ rotation)
+
+
+class Patched(Protocol):
+    """A file of a user and the chain of a robot in it."""
+
+    path: Path
+
+    @property
+    def chain(self) -> UrdfChain:
+        """Joints of the robot."""
+
+    def bodies(self) -> Array:
+        """Bodies stated for the links, shape (n_joints, 10), in the robot's frames."""
+
+    def rotors(self) -> Array:
+        """Rotor inertias that the file states, shape (n_joints,)."""
+
+    def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
+        """Write a joint and its link; yield the names of what keeps its value."""
+
+    def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
+        """Yield what the format has not, or what is to be stated beside it."""
+
+    def files(self) -> dict[str, str]:
+        """Contents of what changes, by names relative to the folder of the main file."""
+
+
+def patched_file(path: Path, robot: Robot) -> Patched:
+    """Read the file to be patched, and find the chain of a robot in it.
+
+    Raises
+    ------
+    FileError
+        Neither URDF nor MJCF, or inertials that no body has.
+    Mismatch
+        Another robot's file.
+    """
+    if XmlFile(path).root.tag == "mujoco":
+        return _Mjcf(path, robot)
+    return _Urdf(given_urdf(path, robot), robot)
+
+
+def write_patched(model: Model, given: Patched) -> Exported:
+    """Return the user's file with the values of a model that has bodies (`with_bodies_near`)."""
+    robot = simulated_robot(model, given.chain)
+    remarks = []
+    for k, joint in enumerate(robot.joints):
+        if kept := list(given.patch(k, joint)):
+            remarks.append(f"{joint.link}, {joint.name}: kept as they were: {', '.join(kept)}")
+    return Exported(given.files(), (*remarks, *given.remarks(model, robot)))
+
+
+def with_bodies_near(model: Model, given: Patched, bounds: BodyBounds) -> Model:
+    """The model with the nearest bodies to those of a file, what no torque depends on as there.
+
+    A rotor that acts as its own link does is taken for what the file states before bodies are
+    sought. Otherwise the link would be sought with the rotor's inertia.
+    """
+    robot, stated = model.robot, given.bodies()
+    base, n, rotors = base_parameters(robot), robot.n_joints, np.zeros(len(robot.added_parameters))
+    acts_as = [10 * axis + (_IZZ if robot.revolute[axis] else _MASS) for axis in range(n)]
+    links, of_rotors = np.split(base.matrix, [10 * n], axis=1)
+    axes = {}
+    for k, name in enumerate(robot.added_parameters):
+        axis = int(name[2:]) - 1 if re.fullmatch(r"Ia[0-9]+", name) else None
+        if axis is not None and np.array_equal(of_rotors[:, k], links[:, acts_as[axis]]):
+            axes[name], rotors[k] = axis, given.rotors()[axis]
+    shift = of_rotors @ rotors
+    of = f"the inertials of {given.path}"
+    shifted = replace(model, values=model.values - shift)
+    consistent = with_consistent_robot(shifted, (), bounds, stated, of).consistent
+    assert consistent is not None  # noqa: S101 - just found
+    bodies, added = consistent.bodies.copy(), dict(consistent.added)
+    for name, axis in axes.items():
+        whole = bodies[axis].copy()
+        whole[acts_as[axis] % 10] += added[name]
+        if _possible(whole):
+            bodies[axis], added[name] = whole, 0.0
+        added[name] += float(rotors[robot.added_parameters.index(name)])
+    for axis in range(n):
+        free = ~links[:, 10 * axis : 10 * axis + 10].any(axis=0)
+        kept = np.where(free, stated[axis], bodies[axis])
+        if _possible(kept):
+            bodies[axis] = kept
+    changed = {
+        "values": tuple((consistent.p + shift).tolist()),
+        "added": added,
+        "links": tuple(
+            link.model_copy(update={"parameters": tuple(body.tolist())})
+            for link, body in zip(consistent.links, bodies, strict=True)
+        ),
+    }
+    return replace(model, consistent=consistent.model_copy(update=changed))
+
+
+def _possible(body: Array) -> bool:
+    return bool(np.linalg.eigvalsh(pseudo_inertia(body))[0] > 0)
+
+
+def _own(total: Array, others: Array, place: str, names: str) -> Array:
+    """A link's body without those welded to it."""
+    own = np.asarray(total - others)
+    if not _possible(own):
+        raise Mismatch(
+            f"{place}: what was identified of this link and {names}, which are fixed to it, is less"
+            f" than the inertials of {names} alone; correct these, or export without --patch"
+        )
+    return own
+
+
+def _kept_or_new(new: Array, old: Array) -> bool:
+    """Whether numbers say the same as before."""
+    return bool(np.abs(new - old).max() <= SAME * max(np.abs(old).max(), 1e-300))
+
+
+class _Urdf:
+    """A URDF; it has no rotor inertias."""
+
+    def __init__(self, given: Given, robot: Robot) -> None:
+        self.path, self.chain, self._given = given.path, given.chain, given
+        for fault in inertial_faults(given, robot):
+            raise Mismatch(f"{fault}; or export without --patch")
+        bodies = bodies_of(given, robot)
+        assert bodies is not None  # noqa: S101 - it has no faults
+        self._bodies, self._xml = bodies, XmlPatch(given.reader.file)
+        self._elements = given.reader.file.named("joint")
+
+    def bodies(self) -> Array:
+        return self._bodies
+
+    def rotors(self) -> Array:
+        return np.zeros(len(self.chain.joints))
+
+    def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
+        reader, name = self._given.reader, self.chain.joints[k].link
+        link, names = reader.links[name], [n for n, _ in reader.attached(name, np.eye(4))]
+        element = link.find("inertial")
+        if element is None:
+            raise Mismatch(
+                f"{self.path}:{reader.file.line(link)}: link {name!r} has no <inertial>, those"
+                f" fixed to it have; give it one, or export without --patch"
+            )
+        total, own = body_of(reader, name), stated_body(reader, name)
+        assert total is not None and own is not None  # noqa: S101, PT018 - it has no faults
+        place = f"{self.path}:{reader.file.line(element)}"
+        pose = reader.origin(element)
+        old = Body.of(own, pose[:3, :3])
+        new = Body.of(_own(joint.body, total - own, place, ", ".join(names[1:])), pose[:3, :3])
+        mass, inertia, origin = (element.find(t) for t in ("mass", "inertia", "origin"))
+        assert mass is not None and inertia is not None  # noqa: S101, PT018 - it has no faults
+        if _kept_or_new(np.array([new.mass]), np.array([old.mass])):
+            yield "mass"
+        else:
+            self._xml.set(mass, {"value": number(new.mass)})
+        if _kept_or_new(new.centre, old.centre):
+            yield "origin"
+        elif origin is not None:
+            self._xml.set(origin, {"xyz": numbers(new.centre)})
+        else:
+            self._xml.insert(element, f'<origin xyz="{numbers(new.centre)}"/>')
+        size = np.abs(old.inertia).max()
+        for key, at in INERTIA.items():
+            if abs(new.inertia[at] - old.inertia[at]) <= SAME * size:
+                yield key
+            else:
+                self._xml.set(inertia, {key: number(new.inertia[at])})
+        yield from self._dynamics(self._elements[joint.name], joint)
+
+    def _dynamics(self, element: Element, joint: SimulatedJoint) -> Iterator[str]:
+        if joint.friction is None:
+            yield "damping and friction"
+            return
+        values = {
+            "damping": number(joint.friction.viscous), "friction": number(joint.friction.coulomb),
+        }  # fmt: skip
+        stands = element.find("dynamics")
+        if stands is not None:
+            self._xml.set(stands, values)
+        else:
+            said = " ".join(f'{key}="{value}"' for key, value in values.items())
+            self._xml.insert(element, f"<dynamics {said}/>")
+
+    def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
+        yield from urdf_remarks(model, robot)
+
+    def files(self) -> dict[str, str]:
+        return {self.path.name: self._xml.text}
+
+
+class _Mjcf:
+    """An MJCF with the files that it includes."""
+
+    def __init__(self, path: Path, robot: Robot) -> None:
+        self.path, self.chain = path, _chain_of(path, robot)
+        self._text, self._model = self.chain.text, self.chain.model
+        compiler = self._text.files[path].root.find("compiler")
+        if compiler is not None and compiler.get("inertiafromgeom") == "true":
+            raise Mismatch(
+                f"{self._text.files[path].wrong(compiler, 'inertiafromgeom')}: inertials would not"
+                ' count; set it to "auto"'
+            )
+        for one, other in pairwise(self.chain.bodies):
+            if one == other:
+                raise Mismatch(
+                    f"{self._text.bodies[one][0].wrong('a body with two joints')}: give each joint"
+                    " a body of its own, or export without --patch"
+                )
+        self._xml = {file: XmlPatch(each) for file, each in self._text.files.items()}
+        self._bodies = moved_to_frames(
+            self.chain, robot, [self._total(b) for b in self.chain.bodies]
+        )
+
+    def bodies(self) -> Array:
+        return self._bodies
+
+    def rotors(self) -> Array:
+        return np.array([float(self._model.dof_armature[dof]) for dof in self.chain.dofs])
+
+    def _welded(self, body: int) -> list[int]:
+        return [int(b) for b in np.flatnonzero(self._model.body_weldid == body) if b != body]
+
+    def _in_joint(self, body: int) -> Array:
+        """Pose of a body in the frame of its joint."""
+        pose = np.eye(4)
+        pose[:3, 3] = -self._model.jnt_pos[self._model.body_jntadr[body]]
+        return pose
+
+    def _stated(self, body: int) -> Array:
+        """Standard parameters of a body in its own frame."""
+        model, pose = self._model, np.eye(4)
+        pose[:3, :3] = _rotation(model.body_iquat[body])
+        pose[:3, 3] = model.body_ipos[body]
+        xx, yy, zz = model.body_inertia[body]
+        about = np.array([xx, 0.0, 0.0, yy, 0.0, zz, 0.0, 0.0, 0.0, model.body_mass[body]])
+        return np.asarray(parameter_map(pose) @ about)
+
+    def _others(self, body: int) -> Array:
+        """Standard parameters of what is welded to a body, in its frame."""
+        found = np.zeros(10)
+        for each in self._welded(body):
+            pose, here = np.eye(4), each
+            while here != body:
+                step = np.eye(4)
+                step[:3, :3] = _rotation(self._model.body_quat[here])
+                step[:3, 3] = self._model.body_pos[here]
+                pose, here = step @ pose, int(self._model.body_parentid[here])
+            found += parameter_map(pose) @ self._stated(each)
+        return found
+
+    def _total(self, body: int) -> Array:
+        both = self._stated(body) + self._others(body)
+        return np.asarray(parameter_map(self._in_joint(body)) @ both)
+
+    def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
+        body, dof = self.chain.bodies[k], self.chain.dofs[k]
+        placed, joints = self._text.bodies[body]
+        names = ", ".join(str(self._model.body(b).name) or f"body{b}" for b in self._welded(body))
+        whole = parameter_map(inverse(self._in_joint(body))) @ joint.body
+        place = str(placed.wrong(self.chain.joints[k].link))
+        turned = _rotation(self._model.body_iquat[body])
+        new = Body.of(_own(whole, self._others(body), place, names), turned)
+        old = Body.of(self._stated(body), turned)
+        values: dict[str, str | None] = {}
+        if _kept_or_new(np.array([new.mass]), np.array([old.mass])):
+            yield "mass"
+        else:
+            values["mass"] = number(new.mass)
+        if _kept_or_new(new.centre, old.centre):
+            yield "pos"
+        else:
+            values["pos"] = numbers(new.centre)
+        xml, element = self._xml[placed.file.path], placed.element.find("inertial")
+        if _kept_or_new(new.inertia, old.inertia):
+            yield "inertia"
+        else:
+            values |= _inertia(new, turned, element)
+        if element is not None:
+            xml.set(element, values)
+        elif values:
+            along = Body.of(_own(whole, self._others(body), place, names), np.eye(3))
+            full = numbers(along.inertia[at] for at in FULL)
+            xml.insert(
+                placed.element,
+                f'<inertial pos="{numbers(along.centre)}" mass="{number(along.mass)}"'
+                f' fullinertia="{full}"/>',
+            )
+        yield from self._joint(joints[0], dof, joint)
+
+    def _joint(self, placed: Placed, dof: int, joint: SimulatedJoint) -> Iterator[str]:
+        model, friction = self._model, joint.friction
+        stated: dict[str, tuple[float, float | None]] = {
+            "armature": (model.dof_armature[dof], joint.armature),
+            "damping": (
+                np.ravel(model.dof_damping[dof])[0],
+                None if friction is None else friction.viscous,
+            ),
+            "frictionloss": (
+                model.dof_frictionloss[dof],
+                None if friction is None else friction.coulomb,
+            ),
+        }
+        values = {}
+        for key, (old, new) in stated.items():
+            if new is None or _kept_or_new(np.array([new]), np.array([float(old)])):
+                yield key
+            else:
+                values[key] = number(new)
+        self._xml[placed.file.path].set(placed.element, values)
+
+    def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
+        yield (
+            "joints held by MuJoCo's default friction creep; for friction that holds, give each"
+            f' joint solreffriction="0 {number(-IMPEDANCE / STEP)}" and solimpfriction="{IMPEDANCE}'
+            f' {IMPEDANCE} 0.001 0.5 2" at a timestep of {STEP} s'
+        )
+        if robot.coupled:
+            yield "motors turn with two joints; their shared inertia is left out"
+        yield from friction_remarks(model)
+
+    def files(self) -> dict[str, str]:
+        folder = self.path.parent.resolve()
+        return {
+            os.path.relpath(file.resolve(), folder): each.text
+            for file, each in self._xml.items()
+            if each.changed or file == self.path
+        }
+
+
+def _chain_of(path: Path, robot: Robot) -> MjcfChain:
+    """The chain of a robot in an MJCF."""
+    from hil.model.readers.mjcf import chains_of  # noqa: PLC0415 - MuJoCo is an extra
+
+    why = "it has fewer joints in a row"
+    for chain in chains_of(path, robot.n_joints):
+        why = difference(chain, robot)
+        if not why:
+            return chain
+    raise Mismatch(
+        f"{path}: no chain of {robot.n_joints} joints has the frames of {robot.name}: {why}; give"
+        " the file that the robot was made from"
+    )
+
+
+def _rotation(quaternion: Array) -> Array:
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - takes long to load
+
+    return np.asarray(Rotation.from_quat(np.roll(quaternion, -1)).as_matrix())
+
+
+def _inertia(body: Body, turned: Array, element: Element | None) -> dict[str, str | None]:
+    """Attributes of an inertia: full along the body's axes, or the principal moments and axes.
+
+    Principal axes are those nearest to the old ones, `turned`, along which the inertia is given.
+    """
+    if element is not None and element.get("fullinertia") is not None:
+        along = turned @ body.inertia @ turned.T
+        return {"fullinertia": numbers(along[at] for at in FULL)}
+    moments, axes = np.linalg.eigh(body.inertia)
+    order = [int(np.argmax(np.abs(axes[i]))) for i in range(3)]
+    if sorted(order) == [0, 1, 2]:
+        moments, axes = moments[order], axes[:, order] * np.sign(np.diag(axes[:, order]))
+    if np.linalg.det(axes) < 0:
+        axes[:, 2] *= -1
+    gone = dict.fromkeys(
+        each for each in ORIENTATIONS if element is not None and each in element.attrib
+    )
+    return {**gone, "diaginertia": numbers(moments), "quat": numbers(quaternion(turned @ axes))}

@@ -1,0 +1,122 @@
+"""`hil export --patch`: the user's file back, with other values and nothing else changed."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mjcf_robots import ARM, ONE_JOINT, write_arm
+from possible_models import model_of
+from urdf_robots import ROBOTS, urdf
+
+import hil
+from hil.errors import InvalidValue, Mismatch
+from hil.export.exported import write_exported
+from hil.export.patch import patched_file
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
+from hil.tasks.exporting import exported_model
+
+mujoco = pytest.importorskip("mujoco")
+VALUE = re.compile(
+    r"\s*\b(value|xyz|mass|pos|quat|euler|diaginertia|fullinertia|armature|damping|frictionloss"
+    r"|friction|i[xyz]{2})\s*=\s*(\"[^\"]*\"|'[^']*')"
+)
+
+
+def identified(path, **changes):
+    """A model of the robot of a file, as if its bodies and rotors had been found changed."""
+    robot = hil.Robot.load(path)
+    file = patched_file(path, robot)
+    added = dict(zip(robot.added_parameters, file.rotors(), strict=False))
+    stated = np.concatenate([file.bodies().ravel(), [added[n] for n in robot.added_parameters]])
+    for name, factor in changes.items():
+        stated[robot.standard_parameters.index(name)] *= factor
+    p = base_parameters(robot).matrix @ stated
+    return model_of(robot, p, 1e-6 * np.ones(len(p)))
+
+
+def torques(path, q, qd, qdd):
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
+    data = mujoco.MjData(model)
+    found = []
+    for data.qpos[:], data.qvel[:], data.qacc[:] in zip(q, qd, qdd, strict=True):
+        mujoco.mj_inverse(model, data)
+        found.append(data.qfrc_inverse.copy())
+    return np.array(found)
+
+
+def test_mujoco_has_the_model_s_torques_after_the_patch_and_nothing_else_of_the_file_changed(
+    tmp_path,
+):
+    path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
+    model = identified(path, Izz3=1.2, sx2=1.3, Izz2=1.15, Ia2=1.5)
+    _, exported = exported_model(model, "mjcf", path, patch=path)
+    written = write_exported(exported, tmp_path / "new")
+    assert [str(each.relative_to(tmp_path / "new")) for each in written] == [
+        "arm.xml", "parts/wrist.xml",
+    ]  # fmt: skip
+    rng = np.random.default_rng(4)
+    motion = [rng.uniform(-1.0, 1.0, (6, 3)) for _ in range(3)]
+    expected = inverse_dynamics(model.robot, model.values, *motion)
+    before, after = torques(path, *motion), torques(written[0], *motion)
+    assert np.abs(before - expected).max() > 0.1
+    np.testing.assert_allclose(after, expected, atol=2e-4 * np.abs(expected).max())
+    for name, old in (("arm.xml", ARM), ("parts/wrist.xml", ONE_JOINT)):
+        assert VALUE.sub("", exported.files[name]) == VALUE.sub("", old)
+    loaded = mujoco.MjModel.from_xml_path(str(written[0]))
+    old = mujoco.MjModel.from_xml_path(str(path))
+    np.testing.assert_allclose(loaded.dof_frictionloss, 3.0)
+    np.testing.assert_allclose(np.ravel(loaded.dof_damping)[:3], 0.5)
+    for same in ("jnt_range", "body_pos", "body_quat", "jnt_pos", "qpos0", "actuator_gear"):
+        np.testing.assert_array_equal(getattr(loaded, same), getattr(old, same))
+
+
+def test_what_no_torque_depends_on_keeps_its_text_and_is_named(tmp_path):
+    arm = ARM.replace('gravity="0 0.5 -9.7"', 'gravity="0 0 -9.81"')
+    path = write_arm(tmp_path / "arm", arm, ONE_JOINT)
+    model = identified(path, Izz1=1.5)
+    _, exported = exported_model(model, "mjcf", path, patch=path)
+    (remark,) = [each for each in exported.remarks if each.startswith("upper, pan")]
+    assert "mass, pos" in remark
+    assert "armature" in remark  # the link's own inertia about the axis takes the difference
+    text = exported.files["arm.xml"]
+    assert 'pos="0.02 0.01 0.1" mass="4"' in text
+    assert "<!-- keep   me -->" in text
+
+
+def test_a_urdf_keeps_everything_but_numbers_of_inertials_and_dynamics(tmp_path):
+    text = "<!-- mine -->\n" + urdf("askew arm", ROBOTS["askew"], rigid_link=True)
+    text = text.replace('<mass value="3"/>', "<mass   value = '3' /> <!-- heavy -->")
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    model = identified(path, m4=1.25)
+    _, exported = exported_model(model, "urdf", path, patch=path)
+    (new,) = exported.files.values()
+    added = re.compile(r"\n\s*<dynamics damping=\"[^\"]*\" friction=\"[^\"]*\"/>")
+    assert len(added.findall(new)) == 4
+    assert VALUE.sub("", added.sub("", new)) == VALUE.sub("", text)
+    (tmp_path / "new.urdf").write_text(new)
+    again = identified(tmp_path / "new.urdf")
+    size = np.abs(model.values).max()
+    np.testing.assert_allclose(again.values, model.values, atol=1e-4 * size)
+
+
+def test_files_that_cannot_be_patched_are_refused_with_what_to_do(tmp_path):
+    path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
+    model = identified(path)
+    with pytest.raises(InvalidValue, match="an MJCF with --to mjcf"):
+        exported_model(model, "urdf", path, patch=path)
+    other = write_arm(
+        tmp_path / "b", ARM.replace('pos="0.1 0.05 0"', 'pos="0.1 0.06 0"'), ONE_JOINT
+    )
+    with pytest.raises(Mismatch, match="no chain of 3 joints has the frames"):
+        exported_model(model, "mjcf", path, patch=other)
+    double = write_arm(tmp_path / "c")
+    with pytest.raises(Mismatch, match="a body with two joints: give each joint a body"):
+        patched_file(double, hil.Robot.load(double))
+    heavy = write_arm(tmp_path / "d", wrist=ONE_JOINT.replace('mass="0.2"', 'mass="20"'))
+    light = replace(model, robot=hil.Robot.load(heavy))
+    with pytest.raises(Mismatch, match="is less than the inertials of tool alone"):
+        exported_model(light, "mjcf", heavy, patch=heavy)
