@@ -108,6 +108,8 @@ def changed(
     later = [(motion, replace(s, time=s.time + begin)) for motion, s in _prepared(after)]
     try:
         solver = SimultaneousFit(robot, [*earlier, *later])
+        # a model of both runs holds part of a change, one of the earlier none of what is known
+        p = (solver if known else SimultaneousFit(robot, earlier)).solve()
     except NotIdentifiable:
         return None
     evidence = measured(robot, solver, [*earlier, *later], rates=True)
@@ -115,7 +117,7 @@ def changed(
     shown = evidence.time + first >= begin
     if shown.all() or not shown.any():
         return None
-    found = excluded(robot, solver.solve(), replace(evidence, later=shown), known=known)
+    found = excluded(robot, p, replace(evidence, later=shown), known=known)
     named = {(each.cause, each.axes): each for each in reversed(found.found)}
     causes = [each for each in found.found if named.get((each.cause, each.axes)) is each]
     return found.model_copy(update={"found": tuple(causes)})

@@ -15,6 +15,7 @@ from trajectory_run import recorded as recorded_periods
 from trajectory_run import some_trajectory
 
 from hil.estimation.drive_train import directly_driven
+from hil.estimation.excluded import proof
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
 from hil.estimation.excluded.proof import changed as changed_between
@@ -306,6 +307,23 @@ def test_a_torque_constant_that_changed_between_two_runs_is_named_with_its_size(
     first, *_ = changed_between(robot, good, later).found
     assert (first.cause, first.axes) == ("torque constant", (2,))
     assert first.size == pytest.approx(5.0, abs=0.5)
+
+
+def test_a_change_is_no_part_of_the_model_by_which_its_size_is_stated(
+    robot: Robot, good: FreeRecorded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[Array] = []
+    monkeypatch.setattr(
+        proof, "excluded", lambda robot, p, *given, **more: used.append(p) or excluded(
+            robot, p, *given, **more
+        )
+    )  # fmt: skip
+    for degrees in (0.0, 8.0):
+        angle = np.array([0.0, np.radians(degrees)])
+        later = changed(heavier(robot, 0.0), lambda q, _tau, _t, angle=angle: q.__isub__(angle))
+        proof.changed(robot, good, later)
+    unchanged, off = used
+    np.testing.assert_array_equal(off, unchanged)
 
 
 def unmodelled(q: Array, tau: Array, _time: Array) -> None:
