@@ -1,9 +1,10 @@
 """A model as C99, as one Python module, or as structured text of IEC 61131-3.
 
 C: one header of static inline functions, an example, and a CMake file. No memory is allocated, no
-state is kept, and nothing is included but <math.h>, of which sin, cos and atan alone are called.
-Numbers are double, or float where ``NAME_SINGLE`` is defined before the header is included. Python:
-a module that needs numpy alone; its functions take any number of samples. Structured text: one
+state is kept, and nothing is included but <math.h>, of which sin, cos and atan alone are called
+(fabs is an instruction). Numbers are double, or float where ``NAME_SINGLE`` is defined before the
+header is included. Python: a module that needs numpy alone; its functions take any number of
+samples. Structured text: one
 function block for each function, without pointers, methods or loops, so that compilers of the
 second edition of the standard take it; one block more remembers the direction of friction; and in a
 file of its own, for CODESYS alone, a block that CODESYS SoftMotion takes as the dynamic model of an
@@ -27,15 +28,28 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 _C_BODIES = {
-    "abs": "    return (x < HIL_R(0.0)) ? -x : x;",
     "sign": """\
-    const {name}_real backward = (x < HIL_R(0.0)) ? HIL_R(-1.0) : HIL_R(0.0);
-    return (x > HIL_R(0.0)) ? HIL_R(1.0) : backward;""",
+    int turn = 0;
+
+    if (x > HIL_R(0.0)) {{
+        turn = 1;
+    }}
+    if (x < HIL_R(0.0)) {{
+        turn = -1;
+    }}
+    return ({name}_real)turn;""",
     "direction": """\
-    const {name}_real backward = (x <= HIL_R(-1.0)) ? HIL_R(-1.0) : HIL_R(0.0);
-    return (x >= HIL_R(1.0)) ? HIL_R(1.0) : backward;""",
+    int turn = 0;
+
+    if (x >= HIL_R(1.0)) {{
+        turn = 1;
+    }}
+    if (x <= HIL_R(-1.0)) {{
+        turn = -1;
+    }}
+    return ({name}_real)turn;""",
     "cbrt": """\
-    {name}_real a = (x < HIL_R(0.0)) ? -x : x, scale = HIL_R(1.0), y;
+    {name}_real a = HIL_F(fabs)(x), scale = HIL_R(1.0), y;
     int k;
 
     for (k = 0; k < 400; k++) {{
@@ -67,7 +81,9 @@ def _c(name: str) -> Syntax:
     return Syntax(
         number=lambda value: f"HIL_R({value!r})",
         function=lambda function, of: (
-            f"{name}_{function}({of})" if function in _C_BODIES else f"HIL_F({function})({of})"
+            f"{name}_{function}({of})"
+            if function in _C_BODIES
+            else f"HIL_F({function.replace('abs', 'fabs')})({of})"
         ),
     )
 

@@ -38,7 +38,7 @@ ROBOTS = {
     "base on a wall": str(ROOT / "tests/robots/ur10e-on-a-wall.yaml"),
     "URDF": str(ROOT / "examples/pan_tilt/head.urdf"),
 }
-CPPCHECK = shutil.which("cppcheck")
+CPPCHECK, NM = shutil.which("cppcheck"), shutil.which("nm")
 ADVICE = ("2.5", "12.1", "12.3", "20.5", "20.10")
 """Advisory rules of MISRA C:2012 that the header does not follow: unused macros of what its user
 calls, brackets that repeat the precedence of * and +, declarations in one line, #undef and ##."""
@@ -162,10 +162,25 @@ def test_the_header_includes_and_calls_nothing_but_sines_cosines_and_arc_tangent
     text = write_c(model, ()).files[f"{name}_dynamics.h"]
     code = re.sub(r"(?s)/\*.*?\*/", "", text)
     assert re.findall(r"#include (.*)", code) == ["<math.h>"]
-    assert {"sin", "cos", "atan"} >= set(re.findall(r"HIL_F\((?!function)(\w+)\)", code))
+    assert {"sin", "cos", "atan", "fabs"} >= set(re.findall(r"HIL_F\((?!function)(\w+)\)", code))
     called = set(re.findall(r"\b(\w+)\(", code)) - {"HIL_F", "HIL_R", "for"}
     assert all(each.startswith(f"{name}_") for each in called)
     assert f"{name}_cbrt(" in code
+
+
+@needs_compiler
+@pytest.mark.skipif(NM is None, reason="there is no nm")
+def test_of_the_library_of_mathematics_the_compiled_code_calls_three_functions(
+    tmp_path: Path,
+) -> None:
+    compiled(stated_model(Robot.load("manutec-r15"), warm=True), tmp_path)
+    command = [str(COMPILER), *STRICT, "-c", "library.c", "-o", "library.o"]
+    subprocess.run(command, cwd=tmp_path, check=True)  # noqa: S603
+    listed = [str(NM), "-u", "library.o"]
+    done = subprocess.run(listed, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
+    names = {word.lstrip("_") for word in done.stdout.split()} - {"U"}
+    # the compiler may take sine and cosine of one angle together
+    assert {"sin", "cos", "atan", "sincos", "GLOBAL_OFFSET_TABLE_"} >= names >= {"atan"}
 
 
 @needs_compiler
