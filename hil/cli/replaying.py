@@ -29,21 +29,20 @@ def replay(
     model_path: ModelPath,
     simulator: Annotated[
         Literal["builtin", "mujoco"],
-        typer.Option(help="builtin: exact stick-slip; mujoco: needs that package."),
+        typer.Option(help="Exact stick-slip of our own, or MuJoCo, which is to be installed."),
     ] = "builtin",
     friction: Annotated[
         Literal["law", "plain", "exported"] | None,
         typer.Option(
-            help="law: the model's law, the default of builtin; plain: its offset, Coulomb and"
-            " viscous terms; exported: as simulators get it, which mujoco always has."
+            help="Law of the model, its offset, Coulomb and viscous terms alone, or friction as it"
+            " is exported, which mujoco always has."
         ),
     ] = None,
     max_error: Annotated[
         list[str] | None,
         typer.Option(
             metavar="LIMIT",
-            help="Limit of the largest position error, such as 2deg, 0.03rad, 5mm or 0.005m; may"
-            " be repeated.",
+            help="Largest position error allowed, such as 2deg or 5mm; may be repeated.",
         ),
     ] = None,
     restart: Annotated[

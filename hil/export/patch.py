@@ -7,7 +7,8 @@ says the same as before keeps its text. What no torque depends on keeps its valu
 - The rotor of an axis whose inertia acts as the link's own about the axis, or as its mass along it:
   the link takes the difference.
 
-Other links that are welded to one of the chain keep their inertials; that link takes what is left.
+Other links that are welded to one of the chain keep their inertials, and that link takes what is
+left, where this is a body. Else all of them change alike.
 """
 
 from __future__ import annotations
@@ -35,19 +36,18 @@ from hil.export.simulated_robot import (
 from hil.export.urdf_file import (
     INERTIA,
     bodies_of,
-    body_of,
     given_urdf,
     inertial_faults,
     stated_body,
     urdf_remarks,
 )
 from hil.model.base_parameters import base_parameters
-from hil.model.frames import inverse, parameter_map, pseudo_inertia
+from hil.model.frames import body_parameters, inverse, parameter_map, pseudo_inertia
 from hil.model.readers.axes_to_frames import difference
 from hil.results.consistency import with_consistent_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
     from xml.etree.ElementTree import Element
 
@@ -181,15 +181,24 @@ def _possible(body: Array) -> bool:
     return bool(np.linalg.eigvalsh(pseudo_inertia(body))[0] > 0)
 
 
-def _own(total: Array, others: Array, place: str, names: str) -> Array:
-    """A link's body without those welded to it."""
-    own = np.asarray(total - others)
-    if not _possible(own):
-        raise Mismatch(
-            f"{place}: what was identified of this link and {names}, which are fixed to it, is less"
-            f" than the inertials of {names} alone; correct these, or export without --patch"
-        )
-    return own
+def _shared_out(total: Array, parts: Sequence[Array]) -> list[Array]:
+    """Bodies of which a link consists, shape (10,) each, so that they add up to another total.
+
+    The first takes the difference where it stays a body. Else all change alike: their
+    pseudo-inertias J_i become A J_i A, with the symmetric A for which A J A is the new sum.
+    """
+    own = np.asarray(total - np.sum(parts[1:], axis=0))
+    if _possible(own):
+        return [own, *parts[1:]]
+    root = _root(pseudo_inertia(np.sum(parts, axis=0)))
+    back = np.linalg.inv(root)
+    A = back @ _root(root @ pseudo_inertia(total) @ root) @ back
+    return [np.array(body_parameters(A @ pseudo_inertia(part) @ A)) for part in parts]
+
+
+def _root(J: Array) -> Array:
+    values, vectors = np.linalg.eigh(J)
+    return np.asarray((vectors * np.sqrt(values)) @ vectors.T)
 
 
 def _kept_or_new(new: Array, old: Array) -> bool:
@@ -216,28 +225,32 @@ class _Urdf:
         return np.zeros(len(self.chain.joints))
 
     def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
-        reader, name = self._given.reader, self.chain.joints[k].link
-        link, names = reader.links[name], [n for n, _ in reader.attached(name, np.eye(4))]
-        element = link.find("inertial")
-        if element is None:
-            raise Mismatch(
-                f"{self.path}:{reader.file.line(link)}: link {name!r} has no <inertial>, those"
-                f" fixed to it have; give it one, or export without --patch"
-            )
-        total, own = body_of(reader, name), stated_body(reader, name)
-        assert total is not None and own is not None  # noqa: S101, PT018 - it has no faults
-        place = f"{self.path}:{reader.file.line(element)}"
-        pose = reader.origin(element)
-        old = Body.of(own, pose[:3, :3])
-        new = Body.of(_own(joint.body, total - own, place, ", ".join(names[1:])), pose[:3, :3])
-        mass, inertia, origin = (element.find(t) for t in ("mass", "inertia", "origin"))
-        assert mass is not None and inertia is not None  # noqa: S101, PT018 - it has no faults
+        reader = self._given.reader
+        stated = [
+            (name, pose, parameter_map(pose) @ body)
+            for name, pose in reader.attached(self.chain.joints[k].link, np.eye(4))
+            if (body := stated_body(reader, name)) is not None
+        ]
+        new = _shared_out(joint.body, [body for _, _, body in stated])
+        for (name, pose, _), body in zip(stated, new, strict=True):
+            yield from self._inertial(name, parameter_map(inverse(pose)) @ body)
+        yield from self._dynamics(self._elements[joint.name], joint)
+
+    def _inertial(self, name: str, body: Array) -> Iterator[str]:
+        """Write the inertial of a link, and yield what keeps its value."""
+        reader = self._given.reader
+        element, stated = reader.links[name].find("inertial"), stated_body(reader, name)
+        assert element is not None and stated is not None  # noqa: S101, PT018 - looked at before
+        turned = reader.origin(element)[:3, :3]
+        old, new = Body.of(stated, turned), Body.of(body, turned)
+        mass, inertia, origin = (element.find(tag) for tag in ("mass", "inertia", "origin"))
+        assert mass is not None and inertia is not None  # noqa: S101, PT018 - looked at before
         if _kept_or_new(np.array([new.mass]), np.array([old.mass])):
-            yield "mass"
+            yield f"mass of {name}"
         else:
             self._xml.set(mass, {"value": number(new.mass)})
         if _kept_or_new(new.centre, old.centre):
-            yield "origin"
+            yield f"origin of {name}"
         elif origin is not None:
             self._xml.set(origin, {"xyz": numbers(new.centre)})
         else:
@@ -245,10 +258,9 @@ class _Urdf:
         size = np.abs(old.inertia).max()
         for key, at in INERTIA.items():
             if abs(new.inertia[at] - old.inertia[at]) <= SAME * size:
-                yield key
+                yield f"{key} of {name}"
             else:
                 self._xml.set(inertia, {key: number(new.inertia[at])})
-        yield from self._dynamics(self._elements[joint.name], joint)
 
     def _dynamics(self, element: Element, joint: SimulatedJoint) -> Iterator[str]:
         if joint.friction is None:
@@ -300,9 +312,6 @@ class _Mjcf:
     def rotors(self) -> Array:
         return np.array([float(self._model.dof_armature[dof]) for dof in self.chain.dofs])
 
-    def _welded(self, body: int) -> list[int]:
-        return [int(b) for b in np.flatnonzero(self._model.body_weldid == body) if b != body]
-
     def _in_joint(self, body: int) -> Array:
         """Pose of a body in the frame of its joint."""
         pose = np.eye(4)
@@ -318,57 +327,59 @@ class _Mjcf:
         about = np.array([xx, 0.0, 0.0, yy, 0.0, zz, 0.0, 0.0, 0.0, model.body_mass[body]])
         return np.asarray(parameter_map(pose) @ about)
 
-    def _others(self, body: int) -> Array:
-        """Standard parameters of what is welded to a body, in its frame."""
-        found = np.zeros(10)
-        for each in self._welded(body):
+    def _parts(self, body: int) -> Iterator[tuple[int, Array, Array]]:
+        """Yield a body and those welded to it: number, pose in the joint's frame, parameters."""
+        model = self._model
+        welded = np.flatnonzero((model.body_weldid == body) & (model.body_mass > 0)).tolist()
+        for each in sorted(welded, key=lambda other: other != body):
             pose, here = np.eye(4), each
             while here != body:
                 step = np.eye(4)
-                step[:3, :3] = _rotation(self._model.body_quat[here])
-                step[:3, 3] = self._model.body_pos[here]
-                pose, here = step @ pose, int(self._model.body_parentid[here])
-            found += parameter_map(pose) @ self._stated(each)
-        return found
+                step[:3, :3], step[:3, 3] = _rotation(model.body_quat[here]), model.body_pos[here]
+                pose, here = step @ pose, int(model.body_parentid[here])
+            pose = self._in_joint(body) @ pose
+            yield each, pose, parameter_map(pose) @ self._stated(each)
 
     def _total(self, body: int) -> Array:
-        both = self._stated(body) + self._others(body)
-        return np.asarray(parameter_map(self._in_joint(body)) @ both)
+        return np.asarray(np.sum([stated for _, _, stated in self._parts(body)], axis=0))
 
     def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
-        body, dof = self.chain.bodies[k], self.chain.dofs[k]
-        placed, joints = self._text.bodies[body]
-        names = ", ".join(str(self._model.body(b).name) or f"body{b}" for b in self._welded(body))
-        whole = parameter_map(inverse(self._in_joint(body))) @ joint.body
-        place = str(placed.wrong(self.chain.joints[k].link))
+        body = self.chain.bodies[k]
+        parts = list(self._parts(body))
+        new = _shared_out(joint.body, [stated for _, _, stated in parts])
+        for (each, pose, _), found in zip(parts, new, strict=True):
+            yield from self._inertial(each, parameter_map(inverse(pose)) @ found)
+        yield from self._joint(self._text.bodies[body][1][0], self.chain.dofs[k], joint)
+
+    def _inertial(self, body: int, found: Array) -> Iterator[str]:
+        """Write the inertial of a body, and yield what keeps its value."""
+        placed, name = self._text.bodies[body][0], str(self._model.body(body).name) or f"body{body}"
         turned = _rotation(self._model.body_iquat[body])
-        new = Body.of(_own(whole, self._others(body), place, names), turned)
-        old = Body.of(self._stated(body), turned)
+        old, new = Body.of(self._stated(body), turned), Body.of(found, turned)
         values: dict[str, str | None] = {}
+        xml, element = self._xml[placed.file.path], placed.element.find("inertial")
         if _kept_or_new(np.array([new.mass]), np.array([old.mass])):
-            yield "mass"
+            yield f"mass of {name}"
         else:
             values["mass"] = number(new.mass)
         if _kept_or_new(new.centre, old.centre):
-            yield "pos"
+            yield f"pos of {name}"
         else:
             values["pos"] = numbers(new.centre)
-        xml, element = self._xml[placed.file.path], placed.element.find("inertial")
         if _kept_or_new(new.inertia, old.inertia):
-            yield "inertia"
+            yield f"inertia of {name}"
         else:
             values |= _inertia(new, turned, element)
         if element is not None:
             xml.set(element, values)
         elif values:
-            along = Body.of(_own(whole, self._others(body), place, names), np.eye(3))
+            along = Body.of(found, np.eye(3))
             full = numbers(along.inertia[at] for at in FULL)
             xml.insert(
                 placed.element,
                 f'<inertial pos="{numbers(along.centre)}" mass="{number(along.mass)}"'
                 f' fullinertia="{full}"/>',
             )
-        yield from self._joint(joints[0], dof, joint)
 
     def _joint(self, placed: Placed, dof: int, joint: SimulatedJoint) -> Iterator[str]:
         model, friction = self._model, joint.friction
