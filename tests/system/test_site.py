@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -40,3 +41,10 @@ def test_every_command_has_its_section(site: Path) -> None:
 def test_the_keys_of_files_stand_there_with_their_meaning(site: Path) -> None:
     page = (site / "reference" / "files.html").read_text(encoding="utf-8")
     assert [key for key in Plan.model_fields if f">{key}</span>" not in page] == []
+
+
+def test_pages_need_no_network_and_formulas_are_drawn(site: Path) -> None:
+    loaded = re.compile(r'<(?:script|img)[^>]+src="https?:|<link[^>]+stylesheet[^>]+https?:')
+    pages = {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html")}
+    assert [str(page) for page, text in pages.items() if loaded.search(text)] == []
+    assert '<span class="formula"' in pages[site / "explanation" / "excluded.html"]
