@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array, Indices
-    from hil.estimation.excluded.columns import Key
+    from hil.estimation.excluded.causes import Key
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
 

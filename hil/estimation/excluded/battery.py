@@ -75,7 +75,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array, Indices, Mask
-    from hil.estimation.excluded.columns import Columns, Key
+    from hil.estimation.excluded.causes import Key
+    from hil.estimation.excluded.columns import Columns
     from hil.estimation.excluded.evidence import Evidence
 
 LEVEL = 0.05

@@ -15,6 +15,8 @@ from hil.model.drive_train_file import USUAL_BOUND
 if TYPE_CHECKING:
     from hil.model.robot import Robot
 
+Key = tuple[str, int]
+"""A cause and its axis, from 0; -1 where it concerns none. Torques that repeat bear their order."""
 FIRST_ORDER = 0.5
 """Largest size of a first-order column, as a share (of the travel of a prismatic joint) or in rad:
 of a gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""

@@ -42,11 +42,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array
+    from hil.estimation.excluded.causes import Key
     from hil.estimation.excluded.evidence import Evidence
     from hil.model.robot import Robot
 
-Key = tuple[str, int]
-"""A cause and its axis, from 0; -1 where it concerns none. Torques that repeat bear their order."""
 STEP = 1e-7
 """Of differences, in units of the column: rounding and second derivatives cost some 1e-8 each."""
 ORDERS = range(1, 13)

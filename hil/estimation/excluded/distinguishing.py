@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.battery import Battery
-    from hil.estimation.excluded.columns import Key
+    from hil.estimation.excluded.causes import Key
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementMeasurement, ParameterMeasurement
     from hil.planning.plan import Plan

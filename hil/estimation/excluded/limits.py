@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.battery import Battery
-    from hil.estimation.excluded.columns import Columns, Key
+    from hil.estimation.excluded.causes import Key
+    from hil.estimation.excluded.columns import Columns
     from hil.model.robot import Robot
 
 POWER = 0.8

@@ -11,7 +11,8 @@ from hil.estimation.excluded.causes import CAUSES
 if TYPE_CHECKING:
     from hil.estimation.excluded.alternatives import Alternative
     from hil.estimation.excluded.battery import Test
-    from hil.estimation.excluded.columns import Columns, Key
+    from hil.estimation.excluded.causes import Key
+    from hil.estimation.excluded.columns import Columns
     from hil.model.robot import Robot
 
 SI = {"I": "kg m²", "s": "kg m", "m": "kg"}
