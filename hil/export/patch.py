@@ -5,7 +5,7 @@ says the same as before keeps its text. What no torque depends on keeps its valu
 
 - Standard parameters with a column of zeros in the base parameters' matrix.
 - The rotor of an axis whose inertia acts as the link's own about the axis, or as its mass along it:
-  the link takes the difference.
+  the link takes the difference (`with_bodies_near`).
 
 Other links that are welded to one of the chain keep their inertials, and that link takes what is
 left, where this is a body. Else all of them change alike.
@@ -138,7 +138,8 @@ def with_bodies_near(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     """The model with the nearest bodies to those of a file, what no torque depends on as there.
 
     A rotor that acts as its own link does is taken for what the file states before bodies are
-    sought. Otherwise the link would be sought with the rotor's inertia.
+    sought. Otherwise the link would be sought with the rotor's inertia. Where that leaves the links
+    less than half of what the file states of them, these keep theirs and the rotor takes the rest.
     """
     robot, stated = model.robot, given.bodies()
     base, n, rotors = base_parameters(robot), robot.n_joints, np.zeros(len(robot.added_parameters))
@@ -148,7 +149,12 @@ def with_bodies_near(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     for k, name in enumerate(robot.added_parameters):
         axis = int(name[2:]) - 1 if re.fullmatch(r"Ia[0-9]+", name) else None
         if axis is not None and np.array_equal(of_rotors[:, k], links[:, acts_as[axis]]):
-            axes[name], rotors[k] = axis, given.rotors()[axis]
+            row = int(np.argmax(np.abs(of_rotors[:, k])))
+            whole, own = float(model.values[row]), float(links[row] @ stated.ravel())
+            kept = float(given.rotors()[axis])
+            # the file's rotor may leave the links less than any body has
+            axes[name] = axis
+            rotors[k] = kept if whole - kept > own / 2 else max(whole - own, 0.0)
     shift = of_rotors @ rotors
     of = f"the inertials of {given.path}"
     shifted = replace(model, values=model.values - shift)

@@ -127,3 +127,14 @@ def test_where_welded_bodies_leave_no_body_for_their_link_all_of_them_change_ali
     expected = inverse_dynamics(model.robot, model.values, *motion)
     np.testing.assert_allclose(torques(new, *motion), expected, atol=1e-3 * np.abs(expected).max())
     assert 'mass="2"' not in exported.files["parts/wrist.xml"]
+
+
+def test_a_rotor_that_leaves_its_link_no_inertia_takes_the_difference_itself(tmp_path):
+    path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
+    model = identified(path)
+    large = write_arm(tmp_path / "b", ARM.replace('armature="0.8"', 'armature="1.2"'), ONE_JOINT)
+    _, exported = exported_model(model, "mjcf", large, patch=large)
+    new = write_exported(exported, tmp_path / "new")[0]
+    motion = [np.random.default_rng(4).uniform(-1.0, 1.0, (6, 3)) for _ in range(3)]
+    expected = inverse_dynamics(model.robot, model.values, *motion)
+    np.testing.assert_allclose(torques(new, *motion), expected, atol=1e-3 * np.abs(expected).max())
