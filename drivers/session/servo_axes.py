@@ -87,7 +87,16 @@ def leave(
     """
     outcome = Outcome()
     if session is not None and session.state is not SessionState.CHECKED:
-        _switch_off_running(session, outcome)
+        stopping = session.stopping
+        stopping.stop()
+        stopping.switch_off()
+        outcome.notes += stopping.conclude()
+        if all(stopping.off):  # by now even a slow drive has refreshed its current
+            with suppress(Exception):
+                session.note_offsets("after power-off")
+        pairs = zip(connection.servers, stopping.off, strict=True)
+        outcome.off = {server for server, off in pairs if off}
+        outcome.problems += stopping.problems
     else:
         _switch_off_unpowered(connection, outcome)
     trouble = connection.life_sign.trouble
@@ -108,19 +117,6 @@ def leave(
     except FileError as error:  # the axes are off, and earlier values are on the disk
         outcome.notes.append(str(error))
     return outcome
-
-
-def _switch_off_running(session: Session, outcome: Outcome) -> None:
-    stopping = session.stopping
-    stopping.stop()
-    stopping.switch_off()
-    outcome.notes += stopping.conclude()
-    if all(stopping.off):  # by now even a slow drive has refreshed its current
-        with suppress(Exception):
-            session.note_offsets("after power-off")
-    servers = session.connection.servers
-    outcome.off = {server for server, off in zip(servers, stopping.off, strict=True) if off}
-    outcome.problems += stopping.problems
 
 
 def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:
