@@ -128,6 +128,11 @@ class ProcessData(ABC):
         -------
         Cycles or None
             SYNCs before the last, with unchanged statuswords; None if only one was sent.
+
+        Raises
+        ------
+        drivers.drive_bus.BusUnavailable
+            The bus no longer takes or delivers telegrams.
         """
         del times
         self.sync()

@@ -65,7 +65,19 @@ class FrameLog(can.BusABC):
 
     def __init__(self, bus: can.BusABC, path: Path) -> None:
         self._path = path
-        self._writer = _open_writer(path)
+        try:
+            path.open("x").close()
+        except FileExistsError as error:
+            raise FileError(f"{path}: is there already; choose another name") from error
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+        try:
+            self._writer = can.Logger(path)
+        except Exception as error:  # a format without its library raises what it likes
+            path.unlink()
+            raise FileError(
+                f"{path}: {error}; choose .asc or .log, which survive a kill best, or .blf"
+            ) from error
         self._bus = bus
         self.lock_step = find_capabilities(bus).lock_step
         self.channel_info = bus.channel_info
@@ -223,19 +235,3 @@ def log_frames(bus: can.BusABC, path: Path) -> FrameLog:
     except BaseException:
         bus.shutdown()
         raise
-
-
-def _open_writer(path: Path) -> can.io.generic.MessageWriter:
-    try:
-        path.open("x").close()
-    except FileExistsError as error:
-        raise FileError(f"{path}: is there already; choose another name") from error
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
-    try:
-        return can.Logger(path)
-    except Exception as error:  # a format without its library raises what it likes
-        path.unlink()
-        raise FileError(
-            f"{path}: {error}; choose .asc or .log, which survive a kill best, or .blf"
-        ) from error

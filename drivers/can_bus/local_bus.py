@@ -158,7 +158,19 @@ class LocalBus(can.BusABC):
         if not self._inbox:
             return None, False
         instant, frame = self._inbox.popleft()
-        return self._message(instant, frame), False
+        identifier, size, data = _FRAME.unpack(frame)
+        remote = bool(identifier & _REMOTE)
+        message = can.Message(
+            timestamp=instant,
+            arbitration_id=identifier & 0x1FFF_FFFF,
+            is_extended_id=bool(identifier & _EXTENDED),
+            is_remote_frame=remote,
+            is_error_frame=bool(identifier & _ERROR),
+            dlc=size,
+            data=None if remote else data[:size],
+            channel=self._folder.name,
+        )
+        return message, False
 
     def _receive_one(self) -> deque[tuple[float, bytes]] | None:
         """Receive a waiting frame; return the inbox, None if empty."""
@@ -187,20 +199,6 @@ class LocalBus(can.BusABC):
             pass
         except OSError as error:
             raise can.CanOperationError(f"{self.channel_info}: this bus is shut down") from error
-
-    def _message(self, instant: float, frame: bytes) -> can.Message:
-        identifier, size, data = _FRAME.unpack(frame)
-        remote = bool(identifier & _REMOTE)
-        return can.Message(
-            timestamp=instant,
-            arbitration_id=identifier & 0x1FFF_FFFF,
-            is_extended_id=bool(identifier & _EXTENDED),
-            is_remote_frame=remote,
-            is_error_frame=bool(identifier & _ERROR),
-            dlc=size,
-            data=None if remote else data[:size],
-            channel=self._folder.name,
-        )
 
     def _pass(self, frame: bytes, address: Path, peer: socket.socket, patience: float) -> None:
         """Put a frame into a peer's queue; a hanging peer is not waited for again."""

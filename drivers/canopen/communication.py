@@ -97,15 +97,10 @@ class CanopenCommunication(Communication):
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
-        """Configure the communication of a drive.
+        """Configure the communication of a drive (see `Communication`).
 
         The order matters: a drive must not produce SYNC when it gets a period, and its SYNC counter
         can be changed only without a period.
-
-        Raises
-        ------
-        DriveRefused, NodeSilent
-            The drive cannot take part.
         """
         set_up_sync(server, period)
         self.set_up_process_data(server, axis)

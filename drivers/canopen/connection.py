@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from drivers.can_bus.kernel_sync import KernelSync
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
-    from drivers.remote_dictionary import RemoteDictionary
     from drivers.sync_clock import SyncClock
 
 START_AGAIN = 0.1
@@ -166,13 +165,7 @@ class CanopenConnection(Connection):
         self.supervision.take_emergency(self._emergencies[can_id], bytes(data))
 
     def await_answers(self) -> None:
-        """Wait until each drive answers SYNC, after the command to start.
-
-        Raises
-        ------
-        NodeSilent
-            Drives without answers or heartbeat.
-        """
+        """Wait until each drive answers SYNC, after the command to start (see `Connection`)."""
         clock, data, heartbeats = self._clock, self.process_data, self.life_sign
         heartbeats.watch(starting=True)
         heartbeats.hurry()  # a drive starts to supervise with the first heartbeat
@@ -184,7 +177,17 @@ class CanopenConnection(Connection):
             pairs = zip(self.servers, data.flags, strict=True)
             silent = [server for server, flag in pairs if flag]
             if clock.now() > begun + START_TIME:
-                raise _silence(silent, heartbeats.starting)
+                labels = "; ".join(server.label for server in silent)
+                if all(server.node in heartbeats.starting for server in silent):
+                    raise NodeSilent(
+                        f"{labels}: not operational {START_TIME:g} s after NMT start, which was"
+                        " repeated; check the drive's supply and state, and that no other master"
+                        " is on the bus"
+                    )
+                raise NodeSilent(
+                    f"{labels}: does not answer each SYNC with one TPDO of the mapped length; check"
+                    " that no other master is on the bus, and the bus load"
+                )
             if clock.now() > again:
                 for server in silent:
                     server.access.go_operational()
@@ -226,16 +229,3 @@ class CanopenConnection(Connection):
         """Remove the kernel's SYNC from the bus, which stays open."""
         if self._kernel is not None:
             self._kernel.shutdown()
-
-
-def _silence(silent: Sequence[RemoteDictionary], starting: set[int]) -> NodeSilent:
-    labels = "; ".join(server.label for server in silent)
-    if all(server.node in starting for server in silent):
-        return NodeSilent(
-            f"{labels}: not operational {START_TIME:g} s after NMT start, which was repeated; check"
-            " the drive's supply and state, and that no other master is on the bus"
-        )
-    return NodeSilent(
-        f"{labels}: does not answer each SYNC with one TPDO of the mapped length; check that no"
-        " other master is on the bus, and the bus load"
-    )

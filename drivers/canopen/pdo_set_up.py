@@ -86,7 +86,17 @@ def set_up_pdos(
         A fixed PDO with other objects, or a value that reads back differently.
     """
     sent = _set_up_sending(server, axis)
-    _compare(server, axis, sent)
+    expected, found = _shown(transmitted(axis)), _shown(sent)
+    if found != expected and axis.tpdos is not None:
+        raise DriveRefused(
+            f"{server.label}: its TPDOs carry {found}, the drives file states {expected}; correct "
+            "tpdos"
+        )
+    if found != expected:
+        server.note(
+            f"status, position and current come as its TPDOs have them; state tpdos: {found} in"
+            " the drives file, for those who only listen (hil drives monitor) and for the bus load"
+        )
     inputs = _set_up_receiving(server, axis, feed_forward=feed_forward)
     others = [_switch_off(server, number) for number in range(len(sent), PDOS)]
     return sent, inputs, tuple(other for other in others if other is not None)
@@ -137,22 +147,6 @@ def _set_up_offsets(server: RemoteDictionary, pdo: Pdo, *, wanted: bool) -> Pdo 
                 " without feed-forward (hil run), or use a drive or firmware that has it"
             )
     return _set_up(server, pdo)
-
-
-def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:
-    """Check the TPDOs against the drives file, or note the entry to add there."""
-    expected, found = _shown(transmitted(axis)), _shown(sent)
-    if found == expected:
-        return
-    if axis.tpdos is not None:
-        raise DriveRefused(
-            f"{server.label}: its TPDOs carry {found}, the drives file states {expected}; correct "
-            "tpdos"
-        )
-    server.note(
-        f"status, position and current come as its TPDOs have them; state tpdos: {found} in"
-        " the drives file, for those who only listen (hil drives monitor) and for the bus load"
-    )
 
 
 def _shown(pdos: tuple[Pdo, ...]) -> str:

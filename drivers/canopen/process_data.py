@@ -130,13 +130,7 @@ class SyncProcessData(ProcessData):
             self.feed_forward(axis, 0, 0)
 
     def sync(self) -> float:
-        """Send the next SYNC when due and collect the answers; return the instant of SYNC [s].
-
-        Raises
-        ------
-        BusUnavailable
-            The bus no longer accepts or delivers frames.
-        """
+        """Send the next SYNC when due, collect answers; return its instant (see `ProcessData`)."""
         clock = self._clock
         if not self._in_lock_step:
             self._network.pump(clock.due())
@@ -150,13 +144,7 @@ class SyncProcessData(ProcessData):
         return instant
 
     def sync_ahead(self, times: int) -> Cycles | None:
-        """Send several SYNCs if the last one was answered completely (see `ProcessData`).
-
-        Raises
-        ------
-        BusUnavailable
-            The bus no longer accepts or delivers frames.
-        """
+        """Send several SYNCs if the last one was answered completely (see `ProcessData`)."""
         if times == 1 or self._blocks is None or not self._complete or self.irregular:
             self.sync()
             return None
@@ -165,11 +153,6 @@ class SyncProcessData(ProcessData):
         except Exception as error:
             self._send_again(error)
             blocks = []
-        cycles = self._cycles(blocks) if blocks else None
-        self._receive_answers(self._clock.note_sent())
-        return cycles
-
-    def _cycles(self, blocks: list[bytes]) -> Cycles:
         unpack, words = self._block.unpack, self.words
         cycles = Cycles([], [], [])
         for block in blocks:
@@ -183,8 +166,9 @@ class SyncProcessData(ProcessData):
             cycles.times.append(instant)
             cycles.positions.append(values[1::3])
             cycles.currents.append(values[2::3])
-        self._last_block = blocks[-1]
-        return cycles
+        self._last_block = blocks[-1] if blocks else self._last_block
+        self._receive_answers(self._clock.note_sent())
+        return cycles if blocks else None
 
     def _receive_answers(self, instant: float) -> None:
         clock = self._clock

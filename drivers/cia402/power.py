@@ -101,7 +101,16 @@ class Power:
         if not self.wait(lambda: self._state(server) is not State.FAULT_REACTION_ACTIVE, STEP_TIME):
             raise DriveFault(f"{server.label}: does not end its fault reaction; switch it off")
         if self._state(server) is State.FAULT:
-            self._reset(server, permitted=reset_fault)
+            reason = self._supervision.reason(server)
+            if not reset_fault:
+                raise DriveFault(f"{server.label}: {State.FAULT.value}: {reason}; {RESET}")
+            for word in Command.FAULT_RESET.value:
+                server.put(objects.CONTROLWORD, word)
+            if not self.wait(lambda: self._state(server) is not State.FAULT, STEP_TIME):
+                raise DriveFault(
+                    f"{server.label}: the fault comes back after a reset: {reason}; remove the"
+                    " cause"
+                )
         self.switch_off(server)
 
     def walk(self, goal: State, cycle: Callable[[], object]) -> None:
@@ -146,17 +155,6 @@ class Power:
 
     def _state(self, server: RemoteDictionary) -> State | None:
         return decode_state(server.get(objects.STATUSWORD))
-
-    def _reset(self, server: RemoteDictionary, *, permitted: bool) -> None:
-        reason = self._supervision.reason(server)
-        if not permitted:
-            raise DriveFault(f"{server.label}: {State.FAULT.value}: {reason}; {RESET}")
-        for word in Command.FAULT_RESET.value:
-            server.put(objects.CONTROLWORD, word)
-        if not self.wait(lambda: self._state(server) is not State.FAULT, STEP_TIME):
-            raise DriveFault(
-                f"{server.label}: the fault comes back after a reset: {reason}; remove the cause"
-            )
 
     def _step(
         self, axis: int, server: RemoteDictionary, state: State | None, goal: State, *, late: bool

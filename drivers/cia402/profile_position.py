@@ -95,7 +95,16 @@ class ProfilePosition:
     def start(self, moves: Mapping[int, Move]) -> None:
         """Send checked set-points to axes."""
         for axis, move in moves.items():
-            self._write_profile(axis, move)
+            scale, server = self._axes[axis].scale, self._axes[axis].server
+            velocity, acceleration = self._profiles[axis]
+            if move.velocity != velocity:
+                server.put(PROFILE_VELOCITY, scale.velocity_to_counts(move.velocity))
+            if move.acceleration != acceleration:
+                counts = scale.acceleration_to_counts(move.acceleration)
+                server.put(PROFILE_ACCELERATION, counts)
+                if PROFILE_DECELERATION not in server.missing:
+                    server.put(PROFILE_DECELERATION, counts)
+            self._profiles[axis] = (move.velocity, move.acceleration)
         for axis, move in moves.items():
             self._offer(axis, move)
 
@@ -150,18 +159,6 @@ class ProfilePosition:
                     motion.still = position, time
                 # a waiting set-point tests one bit of the statusword, which is clear
                 motion.command.step(0, position)
-
-    def _write_profile(self, axis: int, move: Move) -> None:
-        scale, server = self._axes[axis].scale, self._axes[axis].server
-        velocity, acceleration = self._profiles[axis]
-        if move.velocity != velocity:
-            server.put(PROFILE_VELOCITY, scale.velocity_to_counts(move.velocity))
-        if move.acceleration != acceleration:
-            counts = scale.acceleration_to_counts(move.acceleration)
-            server.put(PROFILE_ACCELERATION, counts)
-            if PROFILE_DECELERATION not in server.missing:
-                server.put(PROFILE_DECELERATION, counts)
-        self._profiles[axis] = (move.velocity, move.acceleration)
 
     def _offer(self, axis: int, move: Move) -> None:
         each, word = self._axes[axis], self._process_data.words[axis]

@@ -100,22 +100,19 @@ class SetPoint:
         """Evaluate statusword (6041) and position (6064); return a controlword to send, if any."""
         if self.phase is not Phase.TRAVELLING:
             self.rest.update(position)
-            return self._shake_hands(statusword & _ACKNOWLEDGE)
+            match self.phase, bool(statusword & _ACKNOWLEDGE):
+                case Phase.WAITING, False:
+                    self.phase = Phase.OFFERED
+                    return RAISED
+                case Phase.OFFERED, True:
+                    self.phase = Phase.TAKEN
+                    return ENABLED
+                case Phase.TAKEN, False:
+                    self.phase = Phase.TRAVELLING
+            return None
         arrived = abs(position - self.target) <= self.window and self.rest.update(position)
         if arrived and statusword & _REACHED:
             self.phase = Phase.REACHED
-        return None
-
-    def _shake_hands(self, acknowledged: int) -> int | None:
-        match self.phase:
-            case Phase.WAITING if not acknowledged:
-                self.phase = Phase.OFFERED
-                return RAISED
-            case Phase.OFFERED if acknowledged:
-                self.phase = Phase.TAKEN
-                return ENABLED
-            case Phase.TAKEN if not acknowledged:
-                self.phase = Phase.TRAVELLING
         return None
 
 

@@ -128,26 +128,23 @@ class Shutdown:
             return
         self._process_data.hurry(True)
         self._longest = Deadline(LONGEST + max(axis.drive.brake_delay for axis in self._axes))
-        self._stopped = tuple(
-            self._make_stop(axis, speeds[axis.index], decelerations[axis.index])
+        data = self._process_data
+        stops = (
+            AxisStop(
+                data.now(),
+                data.time,
+                data.positions[axis.index],
+                speed=speeds[axis.index] / axis.per_count,
+                deceleration=decelerations[axis.index] / axis.per_count,
+                window=axis.window,
+                rest=Standstill(axis.band, self._settled),
+                settling=self._settling,
+                delay=2 * self._period,
+            )
             for axis in self._axes
         )
+        self._stopped = tuple(map(_Stopped, self._axes, stops))
         self._step(synced=False)
-
-    def _make_stop(self, axis: Axis, speed: float, slowing: float) -> _Stopped:
-        data = self._process_data
-        stop = AxisStop(
-            data.now(),
-            data.time,
-            data.positions[axis.index],
-            speed=speed / axis.per_count,
-            deceleration=slowing / axis.per_count,
-            window=axis.window,
-            rest=Standstill(axis.band, self._settled),
-            settling=self._settling,
-            delay=2 * self._period,
-        )
-        return _Stopped(axis, stop)
 
     def await_rest(self) -> None:
         """Let time pass while an axis may still be moving under power."""
@@ -169,7 +166,19 @@ class Shutdown:
             self.supervise()
         if not all(self.off):
             self._life_sign.cease()
-            self._ask_unseen()
+        over = Deadline(ASK_TIME)
+        for each in self._stopped:  # silent drives are asked, and switched off, by objects
+            if each.stop.phase is StopPhase.UNSEEN and not over.passed:
+                server = each.axis.server
+                try:
+                    try:
+                        self._switch_off_by_objects(server)
+                    except NodeSilent:  # a drive may answer in pre-operational only
+                        server.access.leave_operational()
+                        self._switch_off_by_objects(server)
+                    each.stop.phase = StopPhase.OFF
+                except Exception as error:
+                    each.reason = str(error)
 
     def conclude(self) -> list[str]:
         """Watch axes after power-off, and wait for the reaction of those still on.
@@ -182,7 +191,16 @@ class Shutdown:
         sagged = self._watch_rest()
         if not all(self.off):
             self._life_sign.cease()
-            self._await_reactions()
+            lost = [each for each in self._stopped if not each.off]
+            over = Deadline(self._reaction_time, self._process_data.now, real=self._reaction_time)
+            while not (all(each.off for each in lost) or over.passed):
+                self.supervise()
+            self.problems += [
+                f"{each.axis.label}: did not switch off when commanded; its own reaction to the"
+                f" loss of {self._life_sign.name} did it"
+                for each in lost
+                if each.off
+            ]
         self.problems[:0] = self._list_powered()
         return sagged
 
@@ -242,25 +260,6 @@ class Shutdown:
         if taken:
             each.stop.note_sent(data.now())
 
-    def _ask_unseen(self) -> None:
-        """Read the state of silent drives by objects, and switch them off that way."""
-        over = Deadline(ASK_TIME)
-        for each in self._stopped:
-            if each.stop.phase is StopPhase.UNSEEN and not over.passed:
-                try:
-                    self._switch_off_silent(each.axis.server)
-                    each.stop.phase = StopPhase.OFF
-                except Exception as error:
-                    each.reason = str(error)
-
-    def _switch_off_silent(self, server: RemoteDictionary) -> None:
-        """Switch a drive off by objects, if necessary after NMT pre-operational."""
-        try:
-            self._switch_off_by_objects(server)
-        except NodeSilent:
-            server.access.leave_operational()
-            self._switch_off_by_objects(server)
-
     def _watch_rest(self) -> list[str]:
         """Watch axes after power-off; an axis that does not come to rest is not off."""
         data = self._process_data
@@ -287,18 +286,6 @@ class Shutdown:
                         " state how long it takes to close as brake_delay in the drives file"
                     )
         return sagged
-
-    def _await_reactions(self) -> None:
-        lost = [each for each in self._stopped if not each.off]
-        over = Deadline(self._reaction_time, self._process_data.now, real=self._reaction_time)
-        while not (all(each.off for each in lost) or over.passed):
-            self.supervise()
-        self.problems += [
-            f"{each.axis.label}: did not switch off when commanded; its own reaction to the loss of"
-            f" {self._life_sign.name} did it"
-            for each in lost
-            if each.off
-        ]
 
     def _list_powered(self) -> Iterable[str]:
         alike: dict[tuple[str, str], list[str]] = {}

@@ -209,20 +209,23 @@ def effective_limits(
     holds = {"velocity": stated.velocity, "torque": stated.torque}
     holds |= {"acceleration": stated.acceleration, _STOP: stated.acceleration}
     for bound in bounds(axis):
-        present, ours = find(bound.entry), bound.measure.counts(bound.stated)
+        entry, unit = bound.entry, bound.measure.unit
+        present, ours = find(entry), bound.measure.counts(bound.stated)
         if present is not None and not ours:
-            raise DriveRefused(_too_small(label, bound))
-        values[bound.entry] = ours
-        if present is None or not is_set(present, bound.entry) or present >= ours:
+            raise DriveRefused(
+                f"{label}: limits.{bound.key} {bound.stated:.4g} {unit} is less than one count of"
+                f" {entry}, {bound.measure.per_count:.4g} {unit}, and 0 would mean no limit; raise"
+                " it, or set a finer unit in the drive"
+            )
+        values[entry] = ours
+        if present is None or not is_set(present, entry) or present >= ours:
             continue
-        values[bound.entry] = present
+        values[entry] = present
         value = bound.measure.value(present)
-        for key in _KEYS.get(bound.entry, (bound.key,)):
+        for key in _KEYS.get(entry, (bound.key,)):
             if value < holds[key]:
-                holds[key] = value
-                own[key] = f"{bound.entry.index:04X}"
+                holds[key], own[key] = value, f"{entry.index:04X}"
         if value < bound.stated * (1 - SLACK):
-            unit, entry = bound.measure.unit, bound.entry
             notes.append(
                 f"the drive's own {entry.name} ({entry.index:04X}) is {value:.4g} {unit}, tighter"
                 f" than the drives file's limits.{bound.key} {bound.stated:.4g} {unit}; the drive's"
@@ -230,7 +233,13 @@ def effective_limits(
             )
     stop = holds.pop(_STOP) if find(_QUICK_STOP) is not None else None
     if stop is not None and stop < SLOWEST_STOP * stated.acceleration:
-        notes.append(_slow_stop(stop, axis))
+        notes.append(
+            f"its quick stop slows down by {stop:.4g} {axis.unit}/s^2 (6085, 60C6), which takes"
+            f" {stated.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
+            f" limits.acceleration {stated.acceleration:.4g} {axis.unit}/s^2 is not waited for, its"
+            " voltage is disabled sooner: raise 6085 with the maker's commissioning tool, or state"
+            " this ramp as quick_stop_deceleration"
+        )
     limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})
     own.pop(_STOP, None)
     return EffectiveLimits(limits, stop, values, own, tuple(notes), wrap)
@@ -287,34 +296,14 @@ def _range(
 
 def _unlimited(find: Callable[[Entry], int | None], wrap: Wrap, label: str) -> dict[Entry, int]:
     """Return software limits that permit every position, if possible those of the drive."""
-    ends = (wrap.low, wrap.low + wrap.size - 1)
+    first, last = wrap.low, wrap.low + wrap.size - 1
     low, high = (find(entry) for entry in _RANGE)
     if low is None or high is None:
-        low, high = ends
-    elif low < high and not (low <= ends[0] and ends[1] <= high):
+        low, high = first, last
+    elif low < high and not low <= first < last <= high:
         raise DriveRefused(
             f"{label}: software limits (607D) [{low}, {high}] cut positions that wrap around in"
-            f" [{ends[0]}, {ends[1]}] (607B) within the limits of the drives file; switch them off"
+            f" [{first}, {last}] (607B) within the limits of the drives file; switch them off"
             " with the maker's commissioning tool, or have the drive count from another zero"
         )
     return dict(zip(_RANGE, (low, high), strict=True))
-
-
-def _too_small(label: str, bound: Bound) -> str:
-    unit = bound.measure.unit
-    return (
-        f"{label}: limits.{bound.key} {bound.stated:.4g} {unit} is less than one count of"
-        f" {bound.entry}, {bound.measure.per_count:.4g} {unit}, and 0 would mean no limit; raise"
-        " it, or set a finer unit in the drive"
-    )
-
-
-def _slow_stop(stop: float, axis: AxisDrive) -> str:
-    unit, limits = axis.unit, axis.limits
-    return (
-        f"its quick stop slows down by {stop:.4g} {unit}/s^2 (6085, 60C6), which takes"
-        f" {limits.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
-        f" limits.acceleration {limits.acceleration:.4g} {unit}/s^2 is not waited for, its voltage"
-        " is disabled sooner: raise 6085 with the maker's commissioning tool, or state this ramp as"
-        " quick_stop_deceleration"
-    )

@@ -75,13 +75,7 @@ class EthercatCommunication(Communication):
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
-        """Configure cycle time and process data of a drive.
-
-        Raises
-        ------
-        DriveRefused, NodeSilent
-            The drive cannot take part.
-        """
+        """Configure cycle time and process data of a drive (see `Communication`)."""
         del drives
         self.set_up_process_data(server, axis)
         for entry in CYCLES:

@@ -253,13 +253,7 @@ class EthercatProcessData(ProcessData):
     # cycle
 
     def sync(self) -> float:
-        """Exchange process data when due; return the instant of the inputs [s].
-
-        Raises
-        ------
-        BusUnavailable
-            The interface no longer accepts or delivers frames.
-        """
+        """Exchange process data when due; return the instant of the inputs (see `ProcessData`)."""
         clock, line = self._clock, self._line
         while (due := clock.due()) > 0:  # oversleeping skips this deadline
             time.sleep(due)

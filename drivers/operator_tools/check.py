@@ -125,7 +125,17 @@ def _unpowered(bus: Fieldbus, drives: DrivesFile, keeper: SettingsKeeper) -> Ite
         if serves:
             held = partial(keeper.found, server)
             yield from _list_changes(server, axis, drives, communication, held)
-    yield _load(bus, drives)
+    cycle, most = bus.load(drives)
+    load = cycle / drives.sync_period
+    yield grade_check(
+        load <= most,
+        Grade.REFUSED,
+        "bus",
+        "load",
+        f"{load:.1%} at {1 / drives.sync_period:.4g} Hz and {drives.bitrate // 1000} kbit/s",
+        f"at most {most:.0%}",
+        f"lengthen sync_period to {cycle / most:.4g} s",
+    )
 
 
 def _find_strangers(bus: Fieldbus, drives: DrivesFile) -> Sequence[RemoteDictionary]:
@@ -219,17 +229,3 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
             f"at most {axis.position_window:g} {unit}",
             "the axis sinks when it is switched off: check the brake before anything else",
         )
-
-
-def _load(bus: Fieldbus, drives: DrivesFile) -> Verdict:
-    cycle, most = bus.load(drives)
-    load = cycle / drives.sync_period
-    return grade_check(
-        load <= most,
-        Grade.REFUSED,
-        "bus",
-        "load",
-        f"{load:.1%} at {1 / drives.sync_period:.4g} Hz and {drives.bitrate // 1000} kbit/s",
-        f"at most {most:.0%}",
-        f"lengthen sync_period to {cycle / most:.4g} s",
-    )

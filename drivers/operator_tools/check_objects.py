@@ -171,21 +171,10 @@ def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdi
             advice = "" if consequence is None else f"{when} {consequence}: {remedy}"
             name, found = f"{check} ({entry.index:04X})", f"{present}, {meaning}"
             yield Verdict(grade, server.label, name, found, remedy=advice)
-    yield from _judge_brake(server, axis)
-    active = safe_torque_off(server)
-    if active:
-        remedy = "release it before you agree to motion: while it is active nothing powers on"
-        yield Verdict(Grade.WARNING, server.label, "interlock", active, remedy=remedy)
-    elif server.find(objects.DIGITAL_INPUTS) is not None:
-        yield Verdict(Grade.OK, server.label, "interlock (60FD)", "none")
-
-
-def _judge_brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Compare the closing time of a brake, if the maker has an object for it."""
     maker = MAKERS.get(axis.identity.vendor)
-    counts = server.find(maker.brake_delay.entry) if maker else None
-    if maker and counts:
-        delay = maker.brake_delay
+    delay = maker.brake_delay if maker else None
+    counts = server.find(delay.entry) if delay else None
+    if delay and counts:  # not every maker has an object for the closing time of a brake
         yield grade_check(
             delay.value(counts) <= axis.brake_delay * (1 + 1e-9),
             Grade.WARNING,
@@ -196,6 +185,12 @@ def _judge_brake(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]
             "the voltage goes before the brake has closed: an axis that hangs sags; state it as "
             "brake_delay",
         )
+    active = safe_torque_off(server)
+    if active:
+        remedy = "release it before you agree to motion: while it is active nothing powers on"
+        yield Verdict(Grade.WARNING, server.label, "interlock", active, remedy=remedy)
+    elif server.find(objects.DIGITAL_INPUTS) is not None:
+        yield Verdict(Grade.OK, server.label, "interlock (60FD)", "none")
 
 
 def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:

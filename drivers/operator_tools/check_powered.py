@@ -261,21 +261,17 @@ def _rest(axes: ServoAxes, drives: DrivesFile, operator: Operator) -> Iterator[V
     tau = np.array([sample.tau for sample in samples])
     gaps = np.array([sample.flags for sample in samples]) & _GAPS
     for number, (server, axis) in enumerate(zip(axes.servers, drives.axes, strict=True)):
-        yield _judge_gaps(server.label, gaps[:, number], axes.period)
+        good = int(np.count_nonzero(gaps[:, number] == 0))
+        yield grade_check(
+            good >= ANSWERED * len(gaps),
+            Grade.REFUSED,
+            server.label,
+            "TPDOs at each SYNC",
+            f"{good} of {len(gaps)} at {1 / axes.period:.4g} Hz",
+            f"at least {ANSWERED:.0%}",
+            "lengthen sync_period, check wiring and termination",
+        )
         yield from judge_rest(server.label, axis, q[:, number], tau[:, number])
-
-
-def _judge_gaps(place: str, gaps: NDArray[np.int64], period: float) -> Verdict:
-    good = int(np.count_nonzero(gaps == 0))
-    return grade_check(
-        good >= ANSWERED * gaps.size,
-        Grade.REFUSED,
-        place,
-        "TPDOs at each SYNC",
-        f"{good} of {gaps.size} at {1 / period:.4g} Hz",
-        f"at least {ANSWERED:.0%}",
-        "lengthen sync_period, check wiring and termination",
-    )
 
 
 def _move(

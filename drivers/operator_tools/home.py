@@ -162,7 +162,15 @@ def home(
     keeper.later = objects.HOMING
     with ServoAxes(bus, alone, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
-        _configure(session.server, axis, homing)
+        scale, entries = AxisScale.derive(axis), session.server
+        entries.set(objects.HOMING_METHOD, homing.method)
+        entries.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
+        for entry, value in (
+            (objects.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
+            (objects.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
+            (objects.HOMING_ACCELERATION, scale.acceleration_to_counts(homing.acceleration)),
+        ):
+            entries.set_if_present(entry, value, "the drive's own homing value is used")
         session.change_mode(Mode.HOMING)
         session.run(homing.method, patience)
         session.change_mode(Mode.PROFILE_POSITION)
@@ -189,18 +197,6 @@ def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
                 f"{axis.name}: homing.{key} {format_coordinate(axis, value)}/s must be at most "
                 f"{format_coordinate(axis, fastest)}/s, {SLOW:.0%} of its limit"
             )
-
-
-def _configure(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
-    scale = AxisScale.derive(axis)
-    server.set(objects.HOMING_METHOD, homing.method)
-    server.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
-    for entry, value in (
-        (objects.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
-        (objects.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
-        (objects.HOMING_ACCELERATION, scale.acceleration_to_counts(homing.acceleration)),
-    ):
-        server.set_if_present(entry, value, "the drive's own homing value is used")
 
 
 class _Session:

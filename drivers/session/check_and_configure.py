@@ -8,7 +8,6 @@ operator gets all messages at once. Only when all have passed and their values h
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from drivers.commissioning.announcement import Announcement
-    from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.found_settings.keeping import SettingsKeeper
@@ -98,13 +96,19 @@ def check_and_configure(
         holding, communication = expected[place], communications[place]
         wait = connection.power.wait
         identity, mode = commission(server, axis, drives, period, wait, holding, communication)
-        held = _limits_in_force(server, axis, holding)
+
+        def find(entry: Entry) -> int | None:  # a drive may keep a tighter value than ours
+            if entry in server.missing:
+                return None
+            return server.kept.get(entry, holding.values.get(entry))
+
+        held = effective_limits(find, axis, server.label)
         return Axis(
             place,
             axis,
             held.apply_to(axis),
             server,
-            own=held.own,
+            own={**held.own, **holding.own},
             stop_deceleration=held.stop_deceleration,
             identity=identity,
             planned=mode is not Mode.PROFILE_POSITION,
@@ -117,20 +121,6 @@ def check_and_configure(
         raise join_errors(conflicts)
     keeper.confirm(servers)
     return tuple(configured)
-
-
-def _limits_in_force(
-    server: RemoteDictionary, axis: AxisDrive, expected: EffectiveLimits
-) -> EffectiveLimits:
-    """Return the limits in force after writing: a drive may keep a tighter value."""
-
-    def find(entry: Entry) -> int | None:
-        if entry in server.missing:
-            return None
-        return server.kept.get(entry, expected.values.get(entry))
-
-    kept = effective_limits(find, axis, server.label)
-    return replace(kept, own={**kept.own, **expected.own}, notes=())
 
 
 def _visit_all(

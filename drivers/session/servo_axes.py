@@ -87,32 +87,36 @@ def leave(
     """
     outcome = Outcome()
     if session is not None and session.state is not SessionState.CHECKED:
-        _switch_off_running(session, outcome)
+        stopping = session.stopping
+        stopping.stop()
+        stopping.switch_off()
+        outcome.notes += stopping.conclude()
+        if all(stopping.off):  # by now even a slow drive has refreshed its current
+            with suppress(Exception):
+                session.note_offsets("after power-off")
+        pairs = zip(connection.servers, stopping.off, strict=True)
+        outcome.off = {server for server, off in pairs if off}
+        outcome.problems += stopping.problems
     else:
         _switch_off_unpowered(connection, outcome)
     trouble = connection.life_sign.trouble
     if session is not None and isinstance(trouble, Tripped) and trouble != session.stopping.trip:
         outcome.notes.append(str(trouble))  # a foreign command with an interrupt, or after it
     outcome.complete = set(connection.written) <= outcome.off
-    _restore(connection, keeper, order, outcome)
+    over = Deadline(RESTORING)
+    # axes of one node share its supervision of the master
+    on = {server.node for server in connection.written if server not in outcome.off}
+    for server in connection.written:
+        if server.node not in on and not over.passed:
+            try:
+                keeper.restore(server, order)
+            except Exception as error:  # `SettingsKeeper.close` reports drives not restored
+                outcome.notes.append(str(error))
     try:
         outcome.notes += keeper.close(connection.servers, connection.written)
     except FileError as error:  # the axes are off, and earlier values are on the disk
         outcome.notes.append(str(error))
     return outcome
-
-
-def _switch_off_running(session: Session, outcome: Outcome) -> None:
-    stopping = session.stopping
-    stopping.stop()
-    stopping.switch_off()
-    outcome.notes += stopping.conclude()
-    if all(stopping.off):  # by now even a slow drive has refreshed its current
-        with suppress(Exception):
-            session.note_offsets("after power-off")
-    servers = session.connection.servers
-    outcome.off = {server for server, off in zip(servers, stopping.off, strict=True) if off}
-    outcome.problems += stopping.problems
 
 
 def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:
@@ -127,20 +131,6 @@ def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:
                 f"{server.label}: not shown to be off ({error}); its watchdog stays armed and "
                 f"{connection.life_sign.name} has ceased"
             )
-
-
-def _restore(
-    connection: Connection, keeper: SettingsKeeper, order: RestoringOrder, outcome: Outcome
-) -> None:
-    over = Deadline(RESTORING)
-    # axes of one node share its supervision of the master
-    on = {server.node for server in connection.written if server not in outcome.off}
-    for server in connection.written:
-        if server.node not in on and not over.passed:
-            try:
-                keeper.restore(server, order)
-            except Exception as error:  # `SettingsKeeper.close` reports drives not restored
-                outcome.notes.append(str(error))
 
 
 log = logging.getLogger(__name__)
@@ -252,7 +242,23 @@ class ServoAxes:
             self._connection = self._bus.connect(
                 self._drives, self._period, feed_forward=self._feed_forward
             )
-            self._session = self._configure(self._connection)
+            servers = self._connection.servers
+            axes = check_and_configure(
+                self._connection,
+                self._drives,
+                self._period,
+                self._keeper,
+                reset_faults=self._reset_faults,
+            )
+            self._note(str(note) for server in servers for note in server.notes)
+            self._session = Session(
+                self._connection,
+                self._period,
+                axes,
+                self._note,
+                anywhere=self._anywhere,
+                feed_forward=self._feed_forward,
+            )
             self._session.start()
         except BaseException as error:
             self._leave_safely(error)
@@ -319,21 +325,6 @@ class ServoAxes:
                 "the drives are not powered: enter the bus first, in a with statement"
             )
         return self._session
-
-    def _configure(self, connection: Connection) -> Session:
-        """Check and configure all drives; return the session for power-on."""
-        axes = check_and_configure(
-            connection, self._drives, self._period, self._keeper, reset_faults=self._reset_faults
-        )
-        self._note(str(note) for server in connection.servers for note in server.notes)
-        return Session(
-            connection,
-            self._period,
-            axes,
-            self._note,
-            anywhere=self._anywhere,
-            feed_forward=self._feed_forward,
-        )
 
     def _note(self, notes: Iterable[str]) -> None:
         new = tuple(notes)

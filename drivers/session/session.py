@@ -33,8 +33,6 @@ from drivers.session.stopping import Stopping
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from drivers.axis import Axis
     from drivers.drive_bus import Move, Sample
     from drivers.session.connection import Connection
@@ -206,9 +204,21 @@ class Session:
         here = self._samples.sample(self._process_data.now(), self._process_data, reached=True).q
         points = np.asarray(path, dtype=float)
         check_path(points, self.axes, here, self._period)
-        measure_offsets = self._offsets(points, velocity, torque, holding)
+        offsets, stated = None, (velocity, torque, holding)
+        if any(values is not None for values in stated):
+            if not self._feed_forward:
+                raise DriveRefused(
+                    "the drives were not set up to take what is fed forward; open the bus with"
+                    " feed_forward=True"
+                )
+            fed = [
+                np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
+                for values in stated
+            ]
+            check_feed_forward(points, fed, self.axes, self._period)
+            offsets = offsets_in_counts(fed, self.axes)
         try:
-            self._cyclic_position.begin(points, measure_offsets)
+            self._cyclic_position.begin(points, offsets)
         except DriveError as error:
             self.stopping.fail(error)
 
@@ -218,23 +228,19 @@ class Session:
 
     def samples(self, limit: int) -> Sequence[Sample]:
         """Return the samples of the next SYNCs (see `drivers.drive_bus.DriveBus`)."""
-        return self._step(self._idle(limit))
-
-    def _idle(self, limit: int) -> int:
-        """Return the number of SYNCs until the next action, at most `limit`."""
         data, profile = self._process_data, self._profile_position
-        if (
+        if (  # the next SYNC needs an action
             self._cyclic_position.cyclic
             or self._missing.open
             or data.words != self._words
             or self._supervision.emergency
             or self._life_sign.trouble
         ):
-            return 1
+            return self._step(1)
         until = min(self._life_sign.due, profile.quiet_until(data.words))
         # the last SYNC is checked separately
         times = (until - data.time) / self._period + 1 - ROUNDED
-        return int(max(1.0, min(limit, AHEAD, times)))
+        return self._step(int(max(1.0, min(limit, AHEAD, times))))
 
     def _step(self, limit: int) -> Sequence[Sample]:
         """Let up to `limit` SYNCs pass; check all of them, and the last completely."""
@@ -360,24 +366,6 @@ class Session:
     @property
     def _moving(self) -> bool:
         return bool(self._profile_position.active) or self._cyclic_position.moving
-
-    def _offsets(
-        self, points: NDArray[np.float64], *stated: Sequence[Sequence[float]] | None
-    ) -> NDArray[np.float64] | None:
-        """Return the checked feed-forward in the drives' units, None if there is none."""
-        if not any(values is not None for values in stated):
-            return None
-        if not self._feed_forward:
-            raise DriveRefused(
-                "the drives were not set up to take what is fed forward; open the bus with"
-                " feed_forward=True"
-            )
-        fed = [
-            np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
-            for values in stated
-        ]
-        check_feed_forward(points, fed, self.axes, self._period)
-        return offsets_in_counts(fed, self.axes)
 
     def _attend(self, words: Sequence[int]) -> None:
         self._words = words
